@@ -127,7 +127,7 @@ def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[fl
     else:
         raise ValueError(f"EPSG {epsg} is neither UTM on WGS84 nor 4326")
     if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
-        raise ValueError(f"{easting_m}, {northing_m} is not a place on earth")
+        raise ValueError(f"{easting_m}, {northing_m} is not a position on earth")
     return lat, math.remainder(lon, 360.0)
 
 

@@ -453,6 +453,14 @@ class ProcessStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StatusText:
+    """A short text for the operator, as MAVLink severity 0 (emergency) to 7 (debug)."""
+
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SystemStatus:
     """State of the whole drone side, published once a second."""
 
@@ -466,6 +474,8 @@ class SystemStatus:
     """Source of accepted commands: ``"mavlink 255/190"``; None before the first."""
     ending: bool = False
     """True from the stop command until the last pulses are recorded."""
+    faults: tuple[StatusText, ...] = ()
+    """Lasting faults of the computer, such as a full disk, which are reported repeatedly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -513,14 +523,6 @@ class Operation:
     step_count: int = 0
     """Total number of steps; 0: unknown."""
     message: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatusText:
-    """A short text for the operator, with MAVLink severity 0 (emergency) to 7 (debug)."""
-
-    severity: int
-    text: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

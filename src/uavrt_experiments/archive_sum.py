@@ -17,54 +17,55 @@ GB = 10**9
 BYTES_A_SAMPLE, HOUR_S = 4, 3600.0
 ARCHIVE_BYTES, MACHINES, CORES = 100e12, 50, 8
 DISK, LINE, STORE = 0.75e9, 1.25e9, 5e9
-"""Bytes a second of a machine's own disk, of 10 Gbit/s, of one store."""
+"""Reading speed [B/s] of a machine's own disk, of a line of 10 Gbit/s, and of one store."""
 LEAD_IN_S, SHORT_CELL_S = 120.0, 900.0
 INTERVAL_S = 1.2
 WRITING_S, TASK_S = 16e-6, 1e-3
-"""Time to join and write a pulse, and of Dask's scheduler for a task; measured separately."""
+"""Time to join and write one pulse, and of Dask's scheduler for one task [s]; measured
+separately."""
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One way of running the benchmark."""
+    """One configuration of the archive benchmark: one process, several, or a Dask cluster."""
 
     name: str
     cpu_s: float
-    """CPU time of all recordings."""
+    """CPU time of all recordings together [s]."""
     worker_mb: float
-    """Largest memory of a worker."""
+    """Largest memory of a worker [MB]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Results of the benchmark."""
+    """Figures of the archive benchmark."""
 
     machine: str
     signal_s: float
-    """Total length of all recordings."""
+    """Total length of all recordings [s]."""
     rate_hz: float
     tags: int
     ways: tuple[Way, ...]
-    """The first uses one process, which also writes."""
+    """Configurations measured; the first uses one process, which also writes."""
 
     @property
     def bytes_a_second(self) -> float:
-        """Bytes of a second of a recording."""
+        """Bytes in one second of a recording."""
         return BYTES_A_SAMPLE * self.rate_hz
 
     @property
     def hour_cpu_s(self) -> float:
-        """CPU for an hour of recording."""
+        """CPU time for an hour of recording [s]."""
         return HOUR_S * self.ways[0].cpu_s / self.signal_s
 
     @property
     def core_bytes_a_second(self) -> float:
-        """Bytes a second that one core processes."""
+        """Bytes that one core processes in a second."""
         return self.bytes_a_second * HOUR_S / self.hour_cpu_s
 
 
 def measured(results: str) -> Measured:
-    """Read the archive section."""
+    """Read the figures from the archive section of ``benchmarks/results.md``."""
     section = results.partition("<!-- begin archive -->")[2].partition("<!-- end archive")[0]
     machine = re.search(r"UTC; (.+?), Linux", section)
     table = section.partition("### Cores side by side")[2]
@@ -83,7 +84,7 @@ def measured(results: str) -> Measured:
 
 
 def render(results: str) -> str:
-    """Write the tables, and the text below them."""
+    """Write the estimate's tables and text as Markdown."""
     found = measured(results)
     return "\n\n".join([BEGIN, _measured_table(found), _sum_table(found), _so(found), END])
 
@@ -163,13 +164,13 @@ def _so(found: Measured) -> str:
 
 
 def in_page(page: str, text: str) -> str:
-    """Replace the text between the marks."""
+    """Replace the text between the page's two marks."""
     before, _, rest = page.partition(BEGIN)
     return f"{before}{text}{rest.partition(END)[2]}"
 
 
 def main() -> None:
-    """Write the estimate into the page."""
+    """Write the estimate into the manual's page."""
     page = PAGE.read_text(encoding="utf-8")
     text = render(RESULTS.read_text(encoding="utf-8"))
     PAGE.write_text(in_page(page, text), encoding="utf-8")

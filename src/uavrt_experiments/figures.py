@@ -1,4 +1,4 @@
-"""Figures over many runs, with intervals, as rows of a table."""
+"""Figures computed over many runs, with intervals, as rows of a table."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,12 +21,12 @@ def measured(
     most: float | None = None,
     bound: float | None = None,
 ) -> Row:
-    """Row of a figure over runs, with its 95 % interval.
+    """Make the row of a figure over runs, with its 95 % interval.
 
     `experiment`, `condition`, `quantity`: description of the measurement.
     `values`: one for each run. Without any, the figure is not a number, and misses its bar.
-    `figure`: values to the figure: a median, a root of mean squares …
-    `least`, `most`, `bound`: bar and bound.
+    `figure`: computes the figure from values: a median, a root of mean squares …
+    `least`, `most`, `bound`: required range, and theoretical bound.
     """
     array = np.asarray(values, np.float64)
     low, high = (
@@ -52,17 +52,17 @@ def measured(
 
 
 def rms(values: NDArray[np.float64]) -> float:
-    """Root of the mean of squares."""
+    """Root of the mean square of values."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def median(values: NDArray[np.float64]) -> float:
-    """Middle value."""
+    """Median of values."""
     return float(np.median(values))
 
 
 def mean(values: NDArray[np.float64]) -> float:
-    """Arithmetic mean."""
+    """Arithmetic mean of values."""
     return float(np.mean(values))
 
 
@@ -72,5 +72,5 @@ def tenth_worst(values: NDArray[np.float64]) -> float:
 
 
 def share(values: NDArray[np.float64]) -> float:
-    """Share of runs that are true."""
+    """Share of runs with a true value."""
     return float(np.mean(values))

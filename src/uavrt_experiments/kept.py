@@ -12,13 +12,13 @@ from uavrt.errors import FormatError, RecordingError, UsageError
 class KeptOutcomes:
     """Outcomes by the names of their trials; with a file, each is written at once.
 
-    A trial must follow from its name and from `made_with` alone. The file has a line of JSON
-    for each; a last line broken by a crash is cut off.
+    A trial's outcome must depend only on its name and on `made_with`. The file has a line of
+    JSON for each; a last line broken by a crash is cut off.
 
-    `path`: created if missing; None keeps in memory.
-    `made_with`: seed, code and all else that the outcomes follow from.
+    `path`: created if missing; None keeps the outcomes in memory.
+    `made_with`: seed, code and everything else that the outcomes depend on.
     Raises `UsageError`: the file's outcomes were made with something else.
-    Raises `FormatError`: it is no such file.
+    Raises `FormatError`: the file does not contain outcomes.
     Raises `RecordingError`: it cannot be read or written.
     """
 
@@ -52,14 +52,14 @@ class KeptOutcomes:
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the outcomes' file."""
         if self._file is not None:
             self._file.close()
 
     def take(self, name: str, trial: Callable[[], Any]) -> Any:
-        """Get the outcome of a trial, which is run if it is not stored yet.
+        """Get the outcome of a trial; run it if it is not stored yet.
 
-        `trial`: returns a value that JSON can hold.
+        `trial`: returns a value that JSON can represent.
         """
         if name not in self._outcomes:
             outcome = trial()
@@ -72,7 +72,7 @@ class KeptOutcomes:
         return name in self._outcomes
 
     def of(self, beginning: str) -> list[Any]:
-        """Outcomes of all trials whose names begin with this."""
+        """Outcomes of all trials whose names begin with a text."""
         return [one for name, one in self._outcomes.items() if name.startswith(beginning)]
 
     def _write(self, record: dict[str, Any]) -> None:
@@ -81,7 +81,7 @@ class KeptOutcomes:
         self._file.flush()
 
     def _begin(self, path: Path, made_with: str) -> None:
-        """Read whole lines, and cut off the rest."""
+        """Read the complete lines of the file, and cut off the rest."""
         assert self._file is not None
         self._file.seek(0)
         *lines, _ = self._file.read().split(b"\n")

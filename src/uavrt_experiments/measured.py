@@ -1,8 +1,9 @@
 """Code, date and machine of a table of results.
 
-Beneath the title of each part of a table stands the commit, the date, the machine, and a digest
-of the folders that its figures depend on, with that of the compiled kernels where these do part
-of the work. The digest is of the code alone: comments, docstrings and layout do not count.
+Below the title of each part of a table is a line with the commit, the date, the machine, and a
+digest of the folders that its figures depend on. The digest includes the compiled kernels if
+these do part of the work. It covers the code only: comments, docstrings and layout do not
+count.
 
 ``python -m uavrt_experiments.measured`` lists the parts that are older than their code.
 """
@@ -75,7 +76,8 @@ def digest(folders: Sequence[str], source: Path = SOURCE, native: Path = NATIVE)
     """Digest of the code of some folders of the package: 12 hexadecimal digits.
 
     `folders`: names below `source`.
-    `native`: where the compiled kernels' sources are; they count with what uses them.
+    `native`: folder of the compiled kernels' sources, which are included if the folders use
+    them.
     """
     found = hashlib.sha256()
     for folder in sorted(folders):
@@ -123,7 +125,7 @@ def _tokens(node: object) -> Iterator[str]:
 
 
 def commit() -> str:
-    """Commit of the source, with -dirty appended when files differ; else the version."""
+    """Commit of the source, with -dirty appended if files differ; without git, the version."""
     command = ("git", "-C", str(ROOT), "describe", "--always", "--dirty")
     if not (ROOT / ".git").exists() or shutil.which("git") is None:
         return uavrt.__version__
@@ -134,8 +136,8 @@ def commit() -> str:
 def in_history(named: str, root: Path = ROOT) -> bool | None:
     """True if a commit that a table names is in this clone's history.
 
-    `named`: as written beneath a title; -dirty behind it does not count.
-    Returns: None where unknown: without git, or in a shallow clone.
+    `named`: commit as written below a title; -dirty after it does not count.
+    Returns: None if unknown: without git, or in a shallow clone.
     """
     if not (root / ".git").exists() or shutil.which("git") is None:
         return None
@@ -159,7 +161,7 @@ def processor() -> str:
 
 
 def measured_now(folders: Sequence[str]) -> str:
-    """Line beneath the title of a measurement with the present code."""
+    """Line below the title of a measurement with the present code."""
     day = f"{datetime.now(tz=UTC):%Y-%m-%d}"
     machine = f"{os.cpu_count()} cores of {processor()}"
     code = f"code `{digest(folders)}` of {', '.join(folders)}"
@@ -208,7 +210,7 @@ def _name(path: str, before: str) -> str:
 
 
 def main() -> int:
-    """List the parts of all tables; 1 when some are older than their code."""
+    """List the parts of all tables; returns 1 if some are older than their code."""
     parts = read_parts()
     elsewhere = {one for one in {part.commit for part in parts} if in_history(one) is False}
     for part in parts:

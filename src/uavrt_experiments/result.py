@@ -9,12 +9,14 @@ from uavrt_experiments.statistics import Interval
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """A measured figure with its bar, the original's figure and the bounds of theory."""
+    """A measured figure with its required range (bar), the original's figure and theoretical
+    bounds.
+    """
 
     experiment: str
-    """E1, B2, L3 …"""
+    """Name of the experiment: E1, B2, L3 …"""
     quantity: str
-    """With its unit."""
+    """Name of the quantity, with its unit."""
     case: str
     figure: float
     low: float
@@ -24,23 +26,24 @@ class Row:
     """Number of decisions, decision intervals, pulses or streams behind the figure."""
     least: float | None = None
     most: float | None = None
-    """The bar."""
+    """Largest allowed figure; with `least` it is the bar."""
     original: float | None = None
     """The original's figure, measured on its own program."""
     genie: float | None = None
-    """Bound: time, frequency and interval known."""
+    """Bound if time, frequency and interval are known."""
     union: float | None = None
-    """Bound: perfectly aligned pulses, the whole volume searched."""
+    """Bound of perfectly aligned pulses, searched over the whole volume."""
     single: float | None = None
     """Bound of an energy detector of single pulses."""
     bound: float | None = None
-    """Bound of any estimator, where it is known."""
+    """Bound of any estimator, if it is known."""
     at: float | None = None
-    """Place of the figure on the axis of its plot: ENR in dB, nominal share, K."""
+    """Place of the figure on the horizontal axis of its plot: ENR in dB, nominal
+    share, or K."""
     note: str = ""
     shown: bool = True
-    """False: too few measurements to confirm the bar, and none against it; `note` explains
-    it."""
+    """False: too few measurements to confirm that the bar is met, and none against it; `note`
+    gives the reason."""
 
     @classmethod
     def with_interval(
@@ -70,15 +73,16 @@ class Row:
 
     @property
     def met(self) -> bool:
-        """True if the figure itself keeps within the bar."""
+        """True if the figure itself meets the bar."""
         above = self.least is None or self.figure >= self.least - 1e-9
         return above and (self.most is None or self.figure <= self.most + 1e-9)
 
     @property
     def contradicted(self) -> bool:
-        """True if the whole 95 % interval lies on the wrong side of the bar.
+        """True if the whole 95 % interval misses the bar.
 
-        Also if there was nothing to make a figure of: no pulse that the bar requires was heard.
+        Also true if there was no data for the figure, such as no pulse although the bar
+        requires some.
         """
         if self.barred and not self.met and (not self.n or not math.isfinite(self.figure)):
             return True
@@ -87,13 +91,13 @@ class Row:
 
     @property
     def sure(self) -> bool:
-        """True if the whole 95 % interval keeps within the bar."""
+        """True if the whole 95 % interval meets the bar."""
         above = self.least is None or self.low >= self.least
         return above and (self.most is None or self.high <= self.most)
 
     @property
     def verdict(self) -> str:
-        """In words; empty without a bar."""
+        """Verdict on the bar in words; empty without a bar."""
         if not self.barred:
             return ""
         if self.met and not self.shown:

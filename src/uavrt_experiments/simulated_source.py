@@ -76,5 +76,5 @@ class SimulatedSource:
         )
 
     def close(self) -> None:
-        """Stop the samples; harmless when repeated."""
+        """Stop the samples; repeated calls do no harm."""
         self._closed = True

@@ -11,8 +11,8 @@ Interval = tuple[float, float, float]
 Z95 = 1.96
 _RESAMPLES = 400
 _NEAR_DB = 1.5
-"""Range about the requested level in which a Pd curve is a logistic function of the ENR in
-dB."""
+"""Range around the requested level in which a Pd curve is fitted by a logistic function of the
+ENR [dB]."""
 
 
 def wilson_interval(hits: float, trials: int) -> tuple[float, float]:
@@ -94,7 +94,7 @@ def share_of(hits: int, trials: int) -> Interval:
 def share_by_flight(hits: Sequence[int], trials: Sequence[int]) -> Interval:
     """Mean share over flights; the wider of the interval over flights and over pulses.
 
-    The pulses of a flight are not independent: one late lock costs many.
+    The pulses of a flight are not independent: one late confirmation costs many.
     """
     shares = [h / t for h, t in zip(hits, trials, strict=True) if t]
     if not shares:
@@ -194,5 +194,5 @@ def _logistic(points: Sequence[tuple[float, int, int]], share: float) -> tuple[f
 def _likelihood(
     logits: NDArray[np.float64], hits: NDArray[np.float64], trials: NDArray[np.float64]
 ) -> float:
-    """Log-likelihood of this number of hits."""
+    """Log-likelihood of a number of hits."""
     return float(hits @ logits - trials @ np.logaddexp(0.0, logits))

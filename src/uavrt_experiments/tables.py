@@ -8,19 +8,19 @@ from pathlib import Path
 from uavrt_experiments.result import Row
 
 HEADER = ("measured", "95 %", "n", "bar", "", "original", "theory", "remarks")
-"""Headings of `cells`."""
+"""Column headings of `cells`."""
 COLUMNS = (
     *("experiment", "condition", "quantity", "value", "low", "high"),
     *("least", "most", "bound", "runs", "passed"),
 )
-"""Columns of a CSV file of rows."""
+"""Column names of a CSV file of rows."""
 
 
 def aligned(lines: Sequence[Sequence[str]], *, numbers_from: int | None = None) -> str:
     """Lay out cells in columns, two spaces apart.
 
     `lines`: headings and rows, all of the same length.
-    `numbers_from`: the first of the columns that are flush right; by default none is.
+    `numbers_from`: index of the first right-aligned column; by default there is none.
     """
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
@@ -41,7 +41,7 @@ def markdown(lines: Sequence[Sequence[str]]) -> str:
 
 
 def drawn(rows: Sequence[Row], title: str = "") -> str:
-    """Rows as plain text; empty columns are left out."""
+    """Format rows as plain text; empty columns are left out."""
     several = len({row.experiment for row in rows}) > 1
     lines: list[tuple[str, ...]] = [("", "quantity", "case", *HEADER)]
     lines += [
@@ -53,7 +53,7 @@ def drawn(rows: Sequence[Row], title: str = "") -> str:
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """A row as text, under `HEADER`."""
+    """Format a row as cells under `HEADER`."""
     bounds = (
         *(("genie", row.genie), ("union", row.union), ("single", row.single)),
         ("bound", row.bound),
@@ -82,7 +82,7 @@ def number(value: float) -> str:
 
 
 def bars_kept(rows: Sequence[Row]) -> str:
-    """Sentence on the number of bars that were met."""
+    """Sentence with the number of requirements that are met."""
     asked = [row for row in rows if row.barred]
     barred = [row for row in asked if row.shown or not row.met]
     missed = [row for row in barred if not row.met]

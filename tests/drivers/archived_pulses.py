@@ -53,7 +53,7 @@ def put(
         ]
         name = f"{PULSES}/{key}.parquet"
         files[name] = write_pulses(output / name, found, flight, flight)
-    ledger.settle(
+    ledger.record(
         recording_row(
             flight, pulses, path=flight, fingerprint=key, state=state, start_time_ns=start_ns
         ),

@@ -14,7 +14,7 @@ from typing import Any
 import made
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance.manners import manners_of
+from uavrt.guidance.autopilot_behaviour import behaviour_of
 from uavrt.guidance.orders import Limits, Order
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
@@ -111,7 +111,7 @@ class Guided:
         self.order_id += 1
         order = Order(order_id=self.order_id, action="goto", places=request.places)
         limits = Limits(battery_wh=120.0)
-        plan = plan_of(order, now, limits, manners_of(self.report.autopilot))
+        plan = plan_of(order, now, limits, behaviour_of(self.report.autopilot))
         self._offered = Pilot(order, plan, limits)
         offer = MotionOffer(
             request_id=request.request_id,

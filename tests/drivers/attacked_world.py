@@ -35,7 +35,7 @@ from uavrt.tunnel.motion import (
     number_of,
 )
 from uavrt.tunnel.private import MOTION_TYPE, PROVEN_STATE_TYPE, SESSION_TYPE
-from uavrt.tunnel.seal import ALIVE_INSIDE, Key, SealKeeper, Session, alive_of, session_of
+from uavrt.tunnel.seal import ALIVE_INSIDE, Key, SealKeeper, Session, read_keepalive, session_of
 
 KEY = Key(bytes(range(32)))
 GROUND, DRONE = (254, 190), (1, 191)
@@ -275,7 +275,7 @@ class AttackedWorld(World):
         super(AttackedWorld, self).beat()
         WorldClock.now_s = self.now_s
         self._announce()
-        for sealed in self.link.station.signs_of_life():
+        for sealed in self.link.station.keepalives():
             self._send_up(sealed, "alive")
         self._try()
         for session, payload in self.link.announced.items():
@@ -362,7 +362,7 @@ class AttackedWorld(World):
         link = self.link
         try:
             if kind == SESSION_TYPE:
-                link.station.hear(payload, DRONE)
+                link.station.accept_session(payload, DRONE)
                 session = link.station._session
                 used = None if session is None else session.number
                 assert used != YESTERDAY, "the station uses a session of yesterday"
@@ -397,11 +397,11 @@ class AttackedWorld(World):
         link.accepted(payload)
         kind, inside = opened
         if kind == ALIVE_INSIDE:
-            echo = link.drone.sign_of_life(inside, GROUND, DRONE)
+            echo = link.drone.keepalive(inside, GROUND, DRONE)
             if echo is not None:
                 fresh = {one for one, _ in link._fresh(self.now_s)}
                 link.echoes = {n: one for n, one in link.echoes.items() if n in fresh}
-                link.echoes[alive_of(inside)[0]] = echo
+                link.echoes[read_keepalive(inside)[0]] = echo
                 self._send_down(SESSION_TYPE, echo)
             return
         with link.drone.order(inside, GROUND, sealed=True) as refusal:

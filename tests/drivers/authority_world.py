@@ -11,7 +11,7 @@ from explored import Keys, copied
 
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.observed import (
     BootTimeSeen,
     HomeSeen,
@@ -21,7 +21,7 @@ from uavrt.guidance.observed import (
     TargetSeen,
 )
 from uavrt.guidance.order_watch import OrderWatch
-from uavrt.guidance.wishes import CommandWriter
+from uavrt.guidance.vehicle_commands import CommandWriter
 from uavrt.messages import FlyThere, GoHome
 from uavrt.simulation.airframe import Flavour
 from uavrt.simulation.flying import MODES
@@ -53,7 +53,9 @@ def _offer(order: OrderWatch) -> object:
 
 KEYS = Keys(
     {
-        **dict.fromkeys((".counters", ".reason", ".out_s", ".nearest_m", ".manners", ".now_s")),
+        **dict.fromkeys(
+            (".counters", ".reason", ".out_s", ".nearest_m", ".behaviour", ".now_s")
+        ),
         # Here no message is late, each mode is a heartbeat, and home and landing do not change.
         **dict.fromkeys(
             [f"ObservedVehicle.{one}" for one in ("_lateness", "heartbeat", "landed", "home")]
@@ -118,7 +120,7 @@ class World:
         return self.mode == MODES[self.flavour]["hold"]
 
     def restart(self) -> None:
-        self.authority = Authority(CommandWriter(manners=MANNERS[self.flavour]))
+        self.authority = Authority(CommandWriter(behaviour=BEHAVIOURS[self.flavour]))
         self.confirmed = self.offered = self.stopped_s = None
         self.used.clear()
 

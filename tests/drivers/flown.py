@@ -9,13 +9,13 @@ import made
 
 from uavrt.errors import CommandRefused, PlanError
 from uavrt.guidance.authority import Authority, Standing
-from uavrt.guidance.lessons import Lessons
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
+from uavrt.guidance.energy_learning import EnergyLearning
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.reports import now_of
-from uavrt.guidance.wishes import CommandWriter
+from uavrt.guidance.vehicle_commands import CommandWriter
 from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
@@ -65,14 +65,14 @@ class Flown:
         self.flavour = flavour
         self.limits = limits or Limits(battery_wh=120.0)
         self.authority = Authority(
-            CommandWriter(manners=MANNERS[flavour], farthest_m=self.limits.fence_m),
+            CommandWriter(behaviour=BEHAVIOURS[flavour], farthest_m=self.limits.fence_m),
             may_take_off=may_take_off,
             unwatched_channels=unwatched_channels,
         )
         self.through: Through = lambda _, told: told
         self.each_step: Callable[[], None] = lambda: None
         self.pilot: Pilot | None = None
-        self.lessons = Lessons(self.limits.hover_w, self.limits.battery_wh)
+        self.lessons = EnergyLearning(self.limits.hover_w, self.limits.battery_wh)
         self.wind_m_s: tuple[float, float] | None = None
         """As told."""
         self.time_s = 100.0
@@ -169,7 +169,7 @@ class Flown:
             wind_m_s=self.wind_m_s,
         )
         now = now_of(report, self.time_s)
-        return None if now is None else self.lessons.taught(now)
+        return None if now is None else self.lessons.learn(now)
 
     def order(self, action: Any, **values: Any) -> Pilot:
         """Ask for a motion and confirm it."""
@@ -178,7 +178,7 @@ class Flown:
         now = self.now()
         if now is None:
             raise PlanError("no position")
-        plan = plan_of(order, now, self.limits, MANNERS[self.flavour])
+        plan = plan_of(order, now, self.limits, BEHAVIOURS[self.flavour])
         self.confirm(order)
         self.pilot = Pilot(order, plan, self.limits)
         return self.pilot

@@ -3,15 +3,16 @@
 from some import some
 
 from uavrt.tunnel.gate import Gate, Sealer
-from uavrt.tunnel.seal import Place, SealKeeper, alive_of
+from uavrt.tunnel.seal import SealKeeper, read_keepalive
+from uavrt.tunnel.wire import Ids
 
 
-def introduce(sealer: Sealer, drone: Gate | SealKeeper, station: Place, place: Place) -> None:
+def introduce(sealer: Sealer, drone: Gate | SealKeeper, station: Ids, place: Ids) -> None:
     """Announce the session, and return the nonce that the station seals for it."""
     announced = some(drone.announcement(place))
-    sealer.hear(announced, place)
-    sealed = sealer.signs_of_life()[-1]
+    sealer.accept_session(announced, place)
+    sealed = sealer.keepalives()[-1]
     opened = some(drone.open(sealed, station, place))
-    echo = some(drone.announcement(place, alive_of(opened[1])[0]))
-    sealer.hear(echo, place)
+    echo = some(drone.announcement(place, read_keepalive(opened[1])[0]))
+    sealer.accept_session(echo, place)
     assert sealer.ready

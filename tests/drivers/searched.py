@@ -12,7 +12,7 @@ from some import some
 
 from uavrt.geodesy import distance_m
 from uavrt.guidance.authority import Standing
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.search_task import Equipment
@@ -91,7 +91,7 @@ class Searched:
     def seeker_of(self, order: Order) -> Seeker:
         now = some(self.flown.now())
         equipment = Equipment(pattern=PATTERN, seed=self.seed)
-        return Seeker(order, self.tags, now, self.limits, MANNERS[self.flavour], equipment)
+        return Seeker(order, self.tags, now, self.limits, BEHAVIOURS[self.flavour], equipment)
 
     def begin(self) -> Pilot:
         """Ask for the search and confirm it."""

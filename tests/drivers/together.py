@@ -77,7 +77,7 @@ class Among(Searched):
         if self.out:
             self.shared.end()
             return
-        self.pilot.among = self.shared.has_others(now.time_s)
+        self.pilot.shared = self.shared.has_others(now.time_s)
         if self.pilot.returning:
             self.shared.go(now.home, returning=True)
         if self.shared.waits:
@@ -92,7 +92,7 @@ class Among(Searched):
                 self.not_given += 1
                 self.seeker.withdraw()
         elif self.is_time:
-            others = self.shared.thinks(now.time_s)
+            others = self.shared.begin_decision(now.time_s)
             idle = self.pilot.idle
             choice = self.seeker.think(self.time_ns, now, idle=idle, others=others)
             flown_now = choice.steps is None or self.shared.choose(choice, now)
@@ -104,7 +104,7 @@ class Among(Searched):
     def course(self) -> Course | None:
         """What is due to be told."""
         now = self.flown.now()
-        if now is None or not self.shared.speaks(now.time_s):
+        if now is None or not self.shared.must_report(now.time_s):
             return None
         if now.time_s < self._course_s + (0.4 if self.shared.waits else 1.0):
             return None

@@ -1,8 +1,9 @@
-"""From recordings and flights to results.
+"""Turn recordings and flights into results: bearings, positions, reports and exports.
 
 `survey` reads a flight or an archive with all its estimates; `bearings`, `positions` and
-`whole_flight` are single steps. `measure` works on recordings, `tracks` reads autopilots' logs;
-`export` and `report` write results, `coverage` says what was heard of an area.
+`whole_flight` are single steps. `measure` works on recordings, and `tracks` reads logs of
+autopilots. `export` and `report` write results, and `coverage` maps where a tag would have been
+detected.
 """
 
 from typing import TYPE_CHECKING

@@ -11,7 +11,6 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.localization.bearing.estimate import ADDED_METHODS
 from uavrt.localization.flight_estimates import (
-    LEAST_TURNS,
     HeardInTurn,
     ReadAs,
     TagBearing,
@@ -22,6 +21,7 @@ from uavrt.localization.flight_estimates import (
 )
 from uavrt.localization.heard import Heard
 from uavrt.localization.results import BearingMethod
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import PulsePose
 from uavrt.recording.flight_order import flights_in_order, flown_before, flown_name
 from uavrt.recording.flight_reader import Flight, read_flight
@@ -46,24 +46,21 @@ class Recorded:
 
     @property
     def name(self) -> str:
-        """Name of the flight or log for the operator, with the vehicle if a ground station
-        noted it.
-        """
+        """Name of the flight or log shown to the operator, with the vehicle if recorded."""
         vehicle = None if self.flight is None else vehicle_of(self.flight.notes)
         return self.path.name if vehicle is None else f"{self.path.name} (vehicle {vehicle})"
 
     @property
     def antenna(self) -> str:
-        """Antenna's name, a whip for logs without headings; raises `UsageError` if unknown."""
+        """Antenna pattern's name, a whip for logs without headings; raises `UsageError`."""
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the antenna pattern for bearings; the usual one for a log that does not name
-        it.
+        """Name of the directional antenna for bearings; RA-23K for a log that names none.
 
-        Raises `UsageError`: the antenna is a whip, or is not known here.
+        Raises `UsageError` if the antenna is a whip or unknown.
         """
         if self.flight is None:
             return USUAL_ANTENNA
@@ -75,7 +72,7 @@ class Recorded:
         return self.antenna
 
     def heard(self, antenna: str) -> Heard:
-        """Pulses and poses in columns; raises `UsageError` where no pulse has a pose."""
+        """Convert pulses and poses to columns; raises `UsageError` if no pulse has a pose."""
         if self.flight is not None:
             return heard_in_flight(self.flight, name=self.name, antenna=antenna)
         return Heard.of_records(self.log.pulse_poses, name=self.name, antenna=antenna)
@@ -100,7 +97,7 @@ def heard_in_flight(
     name: str = "this flight",
     antenna: str = USUAL_ANTENNA,
 ) -> Heard:
-    """Put a flight into columns, with its own pulses or the given ones; raises `UsageError`."""
+    """Convert a flight to columns, with its own or the given pulses; raises `UsageError`."""
     return Heard.of_records(
         flight.pulse_poses if pulse_poses is None else pulse_poses,
         flight.poses,
@@ -116,15 +113,13 @@ def read_bearings(
     how: ReadAs | None = None,
     warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagBearing]:
-    """Estimate the bearings of flights or pulse logs; turns of one antenna share a learnt
-    pattern.
+    """Estimate the bearings of flights or pulse logs that share one antenna.
 
-    `*paths`: flight directories, or logs in any known format, all of one antenna.
-    `how`: how they are read. The method ``pattern_ml`` corrects the pattern by all turns, those
-    of past flights included.
-    `warn`: called with the origin of the pattern where more than one flight contributed.
-    Raises `FormatError`: one of them is neither flight nor log.
-    Raises `UsageError`: no pulse has a pose, or method or antenna is unknown.
+    `*paths` are flight directories or logs of any known format. The method ``pattern_ml`` first
+    corrects the antenna pattern by all turns, also those of past flights.
+    `warn` receives a sentence on the flights that contributed to the pattern, if more than one.
+    Raises `FormatError` for a file of another kind, and `UsageError` if no pulse has a pose or
+    the method or antenna is unknown.
     """
     return bearings_together([read_recorded(path) for path in paths], how or ReadAs(), warn)
 
@@ -132,7 +127,7 @@ def read_bearings(
 def bearings_together(
     recorded: Sequence[Recorded], how: ReadAs, warn: Callable[[str], None]
 ) -> list[TagBearing]:
-    """Estimate bearings of flights and logs that have been read; see `read_bearings`."""
+    """Estimate the bearings of flights and logs in memory, as `read_bearings` does."""
     check_bearing_method(how.bearing_method)
     antennas = [one.turning() if how.antenna is None else how.antenna for one in recorded]
     heard = [one.heard(USUAL_ANTENNA) for one in recorded]
@@ -148,8 +143,8 @@ def bearings_together(
             if other != number and antennas[other] == antenna
         ]
         if one.flight is not None and how.learn:
-            others += past_turns(one.flight, antenna, how.offset_deg, besides=here)
-        if teaches and (text := taught_in_words([turns[number], *others])):
+            others += past_turns(one.flight, antenna, how.offset_deg, excluded=here)
+        if teaches and (text := pattern_origin([turns[number], *others])):
             taught.add(text)
         past = [turn for flight in others for turn in flight]
         as_flown = replace(how, antenna=antenna)
@@ -162,9 +157,9 @@ def bearings_together(
 
 
 MOST_PAST_FLIGHTS = 6
-"""Most past flights read for the pattern; each costs about as much as the flight itself."""
+"""Most past flights read to learn a pattern; each takes as long as the flight itself."""
 ENOUGH_TURNS = 12
-"""Turns at which a learnt pattern hardly improves any more."""
+"""Number of turns above which a learnt antenna pattern hardly improves."""
 
 
 def past_turns(
@@ -172,19 +167,17 @@ def past_turns(
     antenna: AntennaPattern | str,
     offset_deg: float = 0.0,
     *,
-    besides: Sequence[Flight] = (),
+    excluded: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
     """Pulses of turns in the same drone's past flights with the same antenna.
 
-    Flights in the same folder are read, newest first, until there are enough turns. Flights
-    that cannot be read, or are another drone's, are skipped. Past flights are those before it
-    in the noted order, or else those that began earlier.
-
-    `offset_deg`: boresight clockwise from the heading that the pulses carry.
-    `besides`: flights that contribute in any case.
+    Flights in the same folder are read, newest first, until there are enough turns. Unreadable
+    flights and those of other drones are skipped.
+    `offset_deg` is the boresight, clockwise from the heading in the poses [deg]. Flights in
+    `excluded` are excluded, since the caller has their turns already.
     """
     place = Path(flight.info.directory).resolve()
-    names = {Path(one.info.directory).resolve().name for one in besides}
+    names = {Path(one.info.directory).resolve().name for one in excluded}
     before = flown_before(place)
     neighbours = flights_in_order(place.parent) if before is None else before
     others = [path for path in neighbours if flown_name(path.name) != flown_name(place.name)]
@@ -206,23 +199,23 @@ def past_turns(
 
 
 def _set_up(flight: Flight) -> tuple[Hashable, ...]:
-    """Drone, antenna and mounting, as far as the flight records them."""
+    """Drone, antenna and mounting of a flight, for comparison with other flights."""
     settings = flight_settings(flight)
     mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
     return vehicle_of(flight.notes), mounted
 
 
-def taught_in_words(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
-    """Sentence on the flights that the pattern was learnt from; empty for a single flight."""
+def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
+    """Sentence on how many turns and flights a pattern was learnt from; None for one flight."""
     turns = teaching(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
-    if used < 2 or len(turns) < LEAST_TURNS:
+    if used < 2 or len(turns) < FLIGHT.least_turns:
         return None
     return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
 
 
 def check_bearing_method(method: str) -> None:
-    """Reject an unknown bearing method even where no turn was flown; raises `UsageError`."""
+    """Reject an unknown bearing method before any turn is read; raises `UsageError`."""
     known = [*get_args(BearingMethod), *ADDED_METHODS]
     if method not in known:
         raise UsageError(
@@ -231,17 +224,16 @@ def check_bearing_method(method: str) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct an antenna pattern by the turns of a flight or log, for the antenna on this
-    airframe.
+    """Correct an antenna pattern by the turns of a flight or log, to include the airframe's
+    effect.
 
-    `offset_deg`: antenna clockwise from the heading that the pulses carry.
-
-    Raises `UsageError`: it has fewer than three turns past a tag.
+    `offset_deg` is the antenna's direction, clockwise from the heading in the poses [deg].
+    Raises `UsageError` for fewer than three turns in which a tag was received.
     """
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
-    if len(turns) < LEAST_TURNS:
+    if len(turns) < FLIGHT.least_turns:
         raise UsageError(
             f"{len(turns)} turns past a tag are too few to learn a pattern",
-            remedy=f"Turn in place {LEAST_TURNS} times or more, or hear more tags",
+            remedy=f"Turn in place {FLIGHT.least_turns} times or more, or hear more tags",
         )
     return antenna_as_shown(turns, antenna)

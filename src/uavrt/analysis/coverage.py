@@ -1,4 +1,4 @@
-"""Maps of where a tag would be heard: the ground, outlines, and plans before a flight."""
+"""Coverage maps: the probability of detecting a tag at each place, for plans and outlines."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from uavrt.config.text_files import read_text
 from uavrt.errors import UsageError
 from uavrt.foreign import SHAPES
 from uavrt.guidance.area_text import area_in
-from uavrt.guidance.way_text import way_in
+from uavrt.guidance.path_text import path_in
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.messages import Tag
 from uavrt.planning.area import Polygon, survey_lines
@@ -26,13 +26,13 @@ from uavrt.terrain.squares import GroundGrid, ground_grid
 _Floats = NDArray[np.float64]
 _Places = tuple[tuple[float, float], ...]
 _ELSEWHERE_M = 50e3
-"""Outlines farther than this from the map belong to other ground [m]."""
+"""Distance of an outline from the map above which its coordinates are presumed wrong [m]."""
 MOST_PULSES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapArea:
-    """The map's grid and ground, and notes on missing elevation data."""
+    """Grid and terrain of a coverage map, with notes on missing elevation data."""
 
     ground: GroundGrid
     hills: bool
@@ -41,27 +41,26 @@ class MapArea:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapSize:
-    """Extent of a map beyond the flown path, and its cell size."""
+    """Margin of a map around the flown path, and its cell size."""
 
     margin_m: float = 2000.0
     cell_m: float = 20.0
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read the path of a plan; for an area, the lines of its survey.
+    """Read the path of a flight plan; for an area, the lines of its survey.
 
-    Returns: `corners`: (east, north) of each corner in the plane [m].
-    Raises `FormatError`: the file holds neither.
-    Raises `PlanError`: the area cannot be surveyed.
+    Returns the tangent plane, and east and north of each corner in it [m]. Raises `FormatError`
+    if the file holds neither, and `PlanError` if the area cannot be surveyed.
     """
     text = read_text(path, SHAPES)
-    places = way_in(text, str(path))
+    places = path_in(text, str(path))
     if places:
-        return corners_of_way(places)
+        return corners_of_path(places)
     return corners_over_area(area_in(text, str(path)), spacing_m)
 
 
-def corners_of_way(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
+def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
     """Convert a path of latitudes and longitudes [deg] to a plane; returns as `read_places`."""
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
@@ -72,14 +71,13 @@ def corners_of_way(places: _Places) -> tuple[TangentPlane, list[tuple[float, flo
 def corners_over_area(
     outline: _Places, spacing_m: float, *, most: int | None = None
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Lay survey lines over an outline; returns as `read_places`.
+    """Lay survey lines over an outline given as latitudes and longitudes [deg]; returns as
+    `read_places`.
 
-    `outline`: latitude and longitude of each corner [deg].
-    `spacing_m`: between the lines.
-    `most`: lines.
-    Raises `PlanError`: the area cannot be surveyed, or takes more lines.
+    `spacing_m` is the distance between lines, and `most` the largest number of lines. Raises
+    `PlanError` if the area cannot be surveyed, or needs more lines.
     """
-    plane, corners = corners_of_way(outline)
+    plane, corners = corners_of_path(outline)
     area = Polygon(corners=tuple(corners), name="area")
     return plane, survey_lines(area, spacing_m, most=most)
 
@@ -91,7 +89,7 @@ def assumed_tag(
     interval_s: float = 1.254,
     k: int = 3,
 ) -> Tag:
-    """Make a typical tag for maps of a plan without a tag list."""
+    """Make a typical tag, for coverage maps without a tag list."""
     return Tag(
         tag_id=2,
         frequency_hz=frequency_hz,
@@ -104,7 +102,7 @@ def assumed_tag(
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
-    """Read one outline into plane coordinates; raises `FormatError` for none or several."""
+    """Read one outline into plane coordinates [m]; raises `FormatError` for none or several."""
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
@@ -112,7 +110,7 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
 
 
 def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
-    """Mask of the map's cells that lie in a polygon; raises `UsageError` if none does."""
+    """Mask of map cells whose middle lies in a polygon; raises `UsageError` if none does."""
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():
         return np.asarray(cells)
@@ -126,13 +124,13 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
     away_m = float(np.hypot(*beyond).min())
     if not away_m:
         raise UsageError(
-            f"the {polygon.name} holds the middle of no square of the map",
-            remedy="Choose smaller squares with --cell",
+            f"the {polygon.name} contains the middle of no map cell",
+            remedy="Choose a smaller --cell",
         )
     if away_m > _ELSEWHERE_M:
         raise UsageError(
             f"the {polygon.name} lies {away_m / 1e3:,.0f} km beyond the map",
-            remedy="Name an outline of this ground; maybe its coordinates are swapped",
+            remedy="Give an outline near the flight; maybe its coordinates are swapped",
         )
     raise UsageError(
         f"the {polygon.name} lies {math.ceil(away_m):,} m beyond the map",
@@ -147,7 +145,7 @@ def map_around(
     elevation: Elevation | None,
     size: MapSize,
 ) -> MapArea:
-    """Lay a map around a path; raises `UsageError` if too large, `FormatError` for heights."""
+    """Make a map's grid and terrain around a path; raises `UsageError`, `FormatError`."""
     area = {
         "west_m": float(east_m.min()) - size.margin_m,
         "east_m": float(east_m.max()) + size.margin_m,
@@ -196,7 +194,7 @@ def plan_coverage(
     level_sigma_db: float,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability of detection along a planned path; raises `UsageError` if it is too long."""
+    """Compute detection probability along a planned path; raises `UsageError` if too long."""
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = listening_way(
         corners_m,
@@ -209,7 +207,7 @@ def plan_coverage(
 
 
 def pulses_on(corners_m: list[tuple[float, float]], tag: Tag, speed_m_s: float) -> float:
-    """Approximate number of pulses that a tag sends while a path is flown at a given speed."""
+    """Approximate number of pulses that a tag sends during a path flown at a given speed."""
     length_m = float(np.hypot(*np.diff(np.array(corners_m, np.float64), axis=0).T).sum())
     return length_m / (speed_m_s * tag.pulse_intervals_s[0]) + 1.0
 
@@ -223,7 +221,7 @@ def _check_pulses(count: float, tag: Tag) -> None:
 
 
 def has_boresight(pattern: AntennaPattern | None) -> bool:
-    """True if the antenna's heading matters; false for an upright whip."""
+    """True for a directional antenna, false for an upright whip."""
     return pattern is not None and pattern.name != MONOPOLE
 
 
@@ -240,7 +238,7 @@ def covered_by(
     whole_flight: bool = False,
     most_drift: float = 0.0,
 ) -> Coverage:
-    """Compute coverage along a path; raises `UsageError` where it is too long."""
+    """Compute a coverage map along a path; raises `UsageError` if the path is too long."""
     _check_pulses(len(way.time_s), tag)
     own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
     found = coverage_of(
@@ -267,5 +265,5 @@ def covered_by(
 
 
 def best_of(covered: Sequence[Coverage]) -> int:
-    """Index of the map with the greatest mean probability."""
+    """Index of the coverage map with the greatest mean probability."""
     return int(np.argmax([one.mean for one in covered]))

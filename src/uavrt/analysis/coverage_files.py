@@ -16,15 +16,13 @@ from uavrt.recording.formats.whole_file import write_whole
 
 
 def write_maps(
-    directory: Path, name: str, coverage: Coverage, way: Sequence[tuple[float, float]]
+    directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a map as GeoTIFF (probabilities) and PNG (picture).
+    """Write a coverage map as GeoTIFF (probabilities) and PNG (picture).
 
-    The picture looks as in a report; without matplotlib it shows the map's squares alone.
-
-    `directory`, `name`: folder, and file name without ending.
-    `way`: longitude and latitude of each corner of the flown path [deg].
-    Raises `RecordingError`: they cannot be written.
+    The picture looks as in a report; without matplotlib it shows only the map's cells. `name`
+    is the file name without ending, and `path` the longitude and latitude of the flown path
+    [deg]. Raises `RecordingError` if they cannot be written.
     """
     ground = coverage.ground
     grid = PositionGrid(
@@ -36,7 +34,7 @@ def write_maps(
     )
     files = {
         f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
-        f"{name}.png": _picture(coverage, way),
+        f"{name}.png": _picture(coverage, path),
     }
     written = []
     for file, content in files.items():
@@ -45,31 +43,28 @@ def write_maps(
     return written
 
 
-def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
+def _picture(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
     if find_spec("matplotlib") is None:
         return png_bytes(chance(coverage.heard[::-1]))
     from uavrt.analysis.report.silences import coverage_png
 
-    return coverage_png(coverage, way)
+    return coverage_png(coverage, path)
 
 
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write coverage maps of tags not found as GeoTIFF and PNG; remove files of other judged
-    tags.
+    """Write coverage maps of tags not found as GeoTIFF and PNG, and remove outdated ones.
 
-    `flight`: whose path is drawn.
-    `maps`: from `silent_maps`, by tag.
-    `tag_ids`: all judged tags.
-    Raises `RecordingError`: they cannot be written.
+    `maps` come from `silent_maps`, by tag id. Files of the other tags in `tag_ids` are removed.
+    Raises `RecordingError` if they cannot be written.
     """
     for tag_id in set(tag_ids) - set(maps):
         for ending in ("tif", "png"):
             (directory / f"{_map_name(tag_id)}.{ending}").unlink(missing_ok=True)
-    way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
+    path = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
     return {
-        tag_id: write_maps(directory, _map_name(tag_id), one.coverage, way)
+        tag_id: write_maps(directory, _map_name(tag_id), one.coverage, path)
         for tag_id, one in maps.items()
     }
 

@@ -41,7 +41,7 @@ class Facts:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Lines printed below the report's title."""
+        """Lines printed below the report's title, such as operator and permit."""
         labelled = (
             ("Operator", self.operator),
             ("Aircraft", self.aircraft),
@@ -58,19 +58,19 @@ class Facts:
         return f"{_utc(time_ns).astimezone(ZoneInfo(self.time_zone)):%Y-%m-%d %H:%M:%S %Z}"
 
     def clock(self, time_ns: int) -> str:
-        """Time of day for a table: UTC, then local time."""
+        """Time of day for a table: UTC, then local time if a time zone is set."""
         local = self.local_time(time_ns)
         utc = f"{_utc(time_ns):%H:%M:%S}"
         return utc if local is None else f"{utc} ({local.split()[1]})"
 
     def clock_in_words(self, time_ns: int) -> str:
-        """Time of day for a sentence, with the names of its zones."""
+        """Time of day for a sentence, with the names of its time zones."""
         local = self.local_time(time_ns)
         utc = f"{_utc(time_ns):%H:%M:%S} UTC"
         return utc if local is None else f"{utc} ({local.partition(' ')[2]})"
 
     def zones(self, time_ns: int) -> str:
-        """Names of the zones that `clock` prints, for a column's heading."""
+        """Names of the time zones that `clock` prints, for a column heading."""
         local = self.local_time(time_ns)
         return "UTC" if local is None else f"UTC ({local.split()[2]})"
 
@@ -82,7 +82,7 @@ def facts_path(flight: Path) -> Path | None:
 
 
 def facts_of(flight: Path) -> Facts:
-    """Read a flight's facts; raises `ConfigError` that names a wrong field, or if damaged."""
+    """Read a flight's report.toml; raises `ConfigError` if damaged or a field is wrong."""
     path = facts_path(flight)
     if path is None:
         return Facts()
@@ -90,7 +90,7 @@ def facts_of(flight: Path) -> Facts:
 
 
 def read_facts(path: Path) -> Facts:
-    """Read a report.toml; raises as `facts_of` does."""
+    """Read one report.toml; raises `ConfigError` if damaged or a field is wrong."""
     try:
         text = read_file(path, SETTINGS).decode()
         check_toml(text, SETTINGS)
@@ -101,7 +101,7 @@ def read_facts(path: Path) -> Facts:
 
 
 def write_facts(folder: Path, facts: Facts) -> None:
-    """Write report.toml for flights of a folder without their own; raises `ConfigError`."""
+    """Write report.toml for all flights of a folder without their own; raises `ConfigError`."""
     path = folder / NAME
     fields = {name: text for name, text in asdict(facts).items() if text is not None}
     _judged(fields, path)

@@ -1,8 +1,8 @@
 """Find copies of one flight: the drone's own record and those of ground stations.
 
-Records with pulses are compared by these, records without by their times. To keep the time
-proportional to the number of flights, each is compared only with flights that share some
-randomly chosen pulses, or its span.
+Records with pulses are compared by these, records without by their times. To keep the run time
+proportional to the number of flights, each flight is compared with few others: those that share
+some randomly chosen pulses, or its time span.
 """
 
 from bisect import bisect_left, bisect_right
@@ -17,22 +17,21 @@ from uavrt.errors import FormatError
 from uavrt.recording.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Least share of the shorter copy's pulses that the longer one must have; a ground station may
-connect late."""
+"""Least share of the shorter record's pulses in the longer; a station may connect late."""
 _SAME_NS = 500_000
 """Tolerance of pulse starts [ns]: a start received over the link has lost its nanoseconds."""
 SAME_LEVEL_DB = 0.1
-"""Largest level difference of one pulse in two copies [dB]; two drones differ by some 5 dB."""
+"""Largest level difference of one pulse in two copies [dB]; two drones differ by about 5 dB."""
 SAME_SPAN = 0.9
-"""Least overlap of two flights without pulses, as a share of the longer."""
+"""Least time overlap of two records of one flight without pulses, as a share of the longer."""
 _PROBES = 32
-"""Pulses of a flight that are looked up in all others. Of the least alike copies, a quarter of
-whose pulses agree in time and level, one pair in 900 shares less than two of them."""
+"""Pulses of a flight that are looked up in all others. If a quarter of the pulses agree, one
+pair of records in 900 shares fewer than two of them."""
 _FEW = 8
-"""Flights with fewer pulses than this are compared when a single pulse agrees."""
+"""Number of pulses below which two flights are compared if a single pulse agrees."""
 
 CopiesOfFlight = tuple[FlightOutline, ...]
-"""Copies of one flight, the one with the most pulses first."""
+"""All records of one flight, the one with the most pulses first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +45,7 @@ class _Pulses:
 
 
 def without_copies(outlines: Sequence[FlightOutline]) -> list[CopiesOfFlight]:
-    """Group the copies of each flight, in the order of their starts."""
+    """Group the records of each flight, in order of start time."""
     outlines = sorted(outlines, key=lambda one: one.info.start_time_ns)
     pulses = {
         number: found
@@ -97,7 +96,6 @@ def _pulses_of(outline: FlightOutline) -> _Pulses | None:
 
 
 def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]:
-    """Pairs of flights that share several of the sampled pulses."""
     if not pulses:
         return
     numbers, rng = [*pulses], np.random.default_rng(0)
@@ -129,9 +127,9 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Pairs of flights, at least one without pulses, whose spans allow them to be copies.
+    """Pairs of records, at least one without pulses, whose times allow them to be one flight.
 
-    Two records of a drone are copies only if they began in the same nanosecond: many drone
+    Two records of drones are copies only if they began in the same nanosecond, since many drone
     clocks start in 1970.
     """
     by_start: dict[int, list[int]] = defaultdict(list)
@@ -159,7 +157,7 @@ def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, in
 def _is_same(
     outlines: Sequence[FlightOutline], first: int, second: int, pulses: Mapping[int, _Pulses]
 ) -> bool:
-    """True if two are copies of one flight, by their pulses or else by their times."""
+    """True if two records are of one flight, by their pulses or else by their times."""
     one, other = outlines[first], outlines[second]
     begin = max(one.info.start_time_ns, other.info.start_time_ns)
     overlap = min(one.end_time_ns, other.end_time_ns) - begin
@@ -174,9 +172,9 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records hold the same pulses: those of a tag within half a millisecond.
+    """True if two records share enough pulses: same tag, starts within half a millisecond.
 
-    Times are not rounded: pulses an exact interval apart could all lie on a rounding edge.
+    Times are compared without rounding, since pulses could all lie on a rounding edge.
     """
     common = same = 0
     for tag_id in np.intersect1d(one.tag_id, other.tag_id):
@@ -194,11 +192,11 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if one recorder wrote both as separate flights; pulses are better evidence.
+    """True if one recorder wrote both records as separate flights.
 
-    A drone's recording is the same only if it began in the same nanosecond, in whatever folder.
-    Stations are distinguished by folder, since each starts when it first receives a flight. So
-    flights of a clock that restarts in 1970 are not merged.
+    Recordings of drones are the same only if they began in the same nanosecond. Recordings of
+    ground stations are distinguished by folder. So flights of a clock that restarts in 1970 are
+    not merged.
     """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False
@@ -207,7 +205,7 @@ def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
 
 
 def may_be_one_vehicle(one: str | None, other: str | None) -> bool:
-    """True unless the recorded vehicle names differ; not every station records one."""
+    """True unless two records name different vehicles; a missing name matches any."""
     if one is None or other is None:
         return True
     numbers, names = zip(*(each.partition(", ")[::2] for each in (one, other)), strict=True)

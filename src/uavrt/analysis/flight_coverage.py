@@ -1,4 +1,4 @@
-"""Maps of where a tag would have been heard in a flight, from its poses and its noise."""
+"""Map where a flight would have detected a tag, from the flight's poses and noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -40,13 +40,13 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability that a flight would have heard a tag, by groups of pulses or by all together.
+    """Probability that a flight detected a tag at each place, by pulse groups or by the whole
+    flight.
 
-    Pulses outside of `listened`, where given, cannot be heard. All pulses together are judged
-    as they were `searched`, where given.
-    Raises `UsageError`: the flight is too long.
+    Times outside of `listened` count as not received, where given. `searched` gives the
+    settings of a whole-flight search. Raises `UsageError` if the flight is too long.
     """
-    way, limitations = flown_way(area, flight, tag, noise, listened)
+    way, limitations = flown_path(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)
     if whole_flight and searched is not None:
         window_hz = searched.frequency_window_hz
@@ -68,13 +68,13 @@ def flight_coverage(
 
 
 def frequency_window_hz(flight: Flight) -> float:
-    """Half-width of the search that the flight's detectors made around a tag's frequency."""
+    """Half-width of the band that a flight's detectors searched around a tag's frequency."""
     settings = flight_settings(flight)
     return 500.0 if settings is None else settings.detection.frequency_window_hz
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
-    """Tangent plane around a flight, and its path; raises `RecordingError` without poses."""
+    """Make a plane around a flight, and its path in it [m]; raises `RecordingError`."""
     poses = PoseColumns.of(flight.poses)
     if len(poses.time_ns) < 2:
         raise RecordingError(
@@ -85,16 +85,17 @@ def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
     return (plane, *plane.to_local(poses.latitude_deg, poses.longitude_deg))
 
 
-def flown_way(
+def flown_path(
     area: MapArea,
     flight: Flight,
     tag: Tag,
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[ListeningWay, tuple[str, ...]]:
-    """Place a tag's pulses along a flight, one for each interval, at heights above the ground.
+    """Positions and heights above ground at which a flight could receive a tag, one for each
+    pulse interval.
 
-    Only times that were listened to are used, where those are known.
+    If the times with samples are known, only these are used.
     """
     poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)

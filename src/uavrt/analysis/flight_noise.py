@@ -1,6 +1,6 @@
-"""Noise of the drone itself in a flight, from what its detectors measured.
+"""Noise that the drone itself causes in a flight, measured by its detectors.
 
-A receiver does not measure watts. Noise is given relative to the quietest time of the same
+A receiver does not measure watts. So noise is given relative to the quietest time of the same
 receiver in the same flight: on the ground with motors off, or else the lowest tenth.
 """
 
@@ -20,13 +20,13 @@ _LEAST = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightNoise:
-    """Noise density with motors running, over that of the receiver at rest."""
+    """Noise density with motors running, relative to the receiver at rest."""
 
     tag_id: NDArray[np.int64]
-    """(n,) tag on whose frequency it was measured."""
+    """(n,) number of the tag on whose frequency each value was measured."""
     time_ns: NDArray[np.int64]
     rise_db: NDArray[np.float64]
-    """(n,) noise over the quiet noise at that frequency [dB]."""
+    """(n,) noise above the quiet reference at that frequency [dB]."""
     in_the_air: NDArray[np.bool_]
     quiet: str
     """Description of the quiet reference."""
@@ -37,7 +37,7 @@ class FlightNoise:
         return float(np.median(self.rise_db[self.in_the_air]))
 
     def at(self, tag_id: int, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(n,) rise [dB] for a tag at given times; the median where it was not measured."""
+        """(n,) noise rise [dB] for a tag at given times; the median where not measured."""
         own = self.tag_id == tag_id
         if not own.any():
             return np.full(len(time_ns), self.median_db)
@@ -46,7 +46,7 @@ class FlightNoise:
 
 
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
-    """Noise of a flight in the air; raises `FormatError`, or `RecordingError` if none."""
+    """Read a flight's noise in the air; raises `FormatError`, or `RecordingError` if none."""
     flight = read_flight(directory) if flight is None else flight
     measured = [
         (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)
@@ -58,8 +58,8 @@ def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNois
     poses = PoseColumns.of(flight.poses)
     if not measured or not len(poses.time_ns):
         raise RecordingError(
-            f"{directory} does not contain its noise level",
-            remedy="Take a flight of uavrt in which a detector ran, with poses",
+            f"{directory} has no noise measurements",
+            remedy="Choose a flight recorded by uavrt with poses and a running detector",
         )
     tag_id = np.array([one[0] for one in measured], np.int64)
     time_ns = np.array([one[1] for one in measured], np.int64)
@@ -73,8 +73,8 @@ def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNois
     air = height > _ON_GROUND_M
     if not air.any():
         raise RecordingError(
-            f"{directory} does not contain its noise level in the air",
-            remedy="Take another flight",
+            f"{directory} has no noise measurements in the air",
+            remedy="Choose another flight",
         )
     tags = np.unique(tag_id)
     on_ground = all(np.count_nonzero(before & (tag_id == one)) >= _LEAST for one in tags)

@@ -1,8 +1,8 @@
-"""Judge a flight while it is in progress, from the channels that it keeps.
+"""Analyse a flight in progress as a whole, from the radio channels recorded so far.
 
-The judgement is that of `uavrt.analysis.whole_flight` on the samples so far; energies are
-measured once (`uavrt.integration.growing`). Each repetition is another chance of a false alarm.
-The k-th therefore uses p / (k (k + 1)), which add up to p (Boole's inequality).
+The method is that of `uavrt.analysis.whole_flight`, and pulse energies are computed once
+(`uavrt.integration.growing`). Each repetition adds a chance of a false alarm. The k-th
+therefore uses p / (k (k + 1)), which sum to p (Boole's inequality).
 """
 
 from contextlib import closing
@@ -38,16 +38,17 @@ from uavrt.recording.flight_reader import read_flight
 
 
 class FlightSoFar:
-    """Judges tags of a flight in progress; `directory` is the flight's."""
+    """Searches the samples of a flight in progress, in `directory`, for tags."""
 
     def __init__(self, directory: Path, how: JudgeAs) -> None:
         self._directory, self._how = directory, how
         self._heard: dict[int, _Heard] = {}
 
-    def judge(self, tag: Tag) -> IntegratedTag | None:
-        """Judge a tag by all samples so far; None if there are too few or no new ones.
+    def search(self, tag: Tag) -> IntegratedTag | None:
+        """Search all samples recorded so far for one tag; None if there are too few or no new
+        ones.
 
-        Raises `FormatError`: the flight's database cannot be read.
+        Raises `FormatError` if the flight's database cannot be read.
         """
         channel = channel_of(kept_channels(self._directory), tag)
         if channel is None:
@@ -138,7 +139,7 @@ def _reaching(paths: tuple[Path, ...], needed_ns: int) -> tuple[Path, ...]:
 
 
 def found_in_flight(one: IntegratedTag) -> str:
-    """Summarise a tag that a flight has found so far, in one short line."""
+    """Status text, one line, for a tag that the flight in progress has found."""
     chance = chance_in_words(one.train.false_alarm_probability)
     place = one.place
     assert place is not None

@@ -1,4 +1,4 @@
-"""The drone's settings in a flight, and its antenna."""
+"""Read which settings and antenna a flight was flown with."""
 
 from dataclasses import replace
 
@@ -13,11 +13,11 @@ from uavrt.pose.mounting import Mounting
 from uavrt.recording.flight_reader import Flight
 
 USUAL_ANTENNA = "RA-23K"
-"""Antenna of flights that do not record one: the system's first drone carried it."""
+"""Antenna assumed for flights that record none: that of the system's first drone."""
 
 
 def flight_settings(flight: Flight) -> Settings | None:
-    """The flight's settings, None if not recorded; raises `FormatError` if damaged."""
+    """Settings recorded in a flight; None if not recorded. Raises `FormatError` if damaged."""
     if flight.settings_json is None:
         return None
     try:
@@ -45,9 +45,9 @@ def _settings_in(text: str) -> Settings:
 
 
 def antenna_poses(flight: Flight) -> list[Pose]:
-    """Poses of the antenna, as the flight's settings mount it.
+    """Convert the vehicle's poses to those of the antenna, using its mounting in the settings.
 
-    Raises `FormatError`: the settings are damaged, or there are poses and none has an attitude.
+    Raises `FormatError` if the settings are damaged, or if no pose has an attitude.
     """
     mounting = Mounting.from_settings((flight_settings(flight) or Settings()).antenna)
     posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
@@ -65,10 +65,10 @@ def antenna_is_recorded(flight: Flight) -> bool:
 
 
 def flight_antenna(flight: Flight) -> str:
-    """Name of the antenna pattern the drone was configured with; RA-23K where not recorded.
+    """Name of the antenna pattern in the flight's settings; RA-23K where not recorded.
 
-    Raises `UsageError`: this computer does not know that pattern.
-    Raises `FormatError`: the flight's settings are damaged.
+    Raises `UsageError` for a pattern unknown on this computer, and `FormatError` for damaged
+    settings.
     """
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna

@@ -1,4 +1,4 @@
-"""Whole flights folded at a tag's interval, as numbers and as pictures."""
+"""Fold whole flights at a tag's pulse interval, as arrays and as pictures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,12 +17,10 @@ _ROWS: Final = 32
 
 
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
-    """Draw the fold of every tag.
+    """Write a picture of each tag's fold, named ``tag_2_fold.png``, and return the files.
 
-    `directory`: created if missing.
-    Returns: the files, ``tag_2_fold.png`` and so on.
-    Raises `UsageError`: matplotlib is not installed.
-    Raises `RecordingError`: they cannot be written.
+    Raises `UsageError` if matplotlib is not installed, and `RecordingError` if they cannot be
+    written.
     """
     from uavrt.analysis.report.folds import draw_fold
     from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled
@@ -48,10 +46,10 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 
 
 def fold_of(one: IntegratedTag) -> FlightFold:
-    """Fold a flight at a tag's interval, its energies weighed as in the search.
+    """Fold a flight at a tag's interval, with energies weighted as in the search.
 
-    The search leaves out pulses loud enough to be detected alone. Here loud pulses of any
-    source count as in `train_pulses`, a little more than others.
+    The search excludes pulses loud enough to be detected singly. Here loud pulses of any source
+    count as in `train_pulses`, slightly more than others.
     """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
@@ -83,7 +81,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """Index of the most likely place; for a tag not found, that of the search."""
+    """Index of a tag's most likely place; of one not found, its strongest train's place."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

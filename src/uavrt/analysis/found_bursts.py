@@ -1,6 +1,6 @@
-"""Group pulses found by another program into bursts of listed codes.
+"""Group pulses found by another program into bursts of listed coded tags.
 
-This serves where the samples are gone. With the samples, the search for whole bursts
+This is for logs without samples. With the samples, the search for whole bursts
 (`uavrt.detection.coded`) is 3 dB more sensitive.
 """
 
@@ -18,39 +18,35 @@ from uavrt.messages import PulsePose, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 FREQUENCY_REACH_HZ = 10_000.0
-"""Largest offset of receiver and tag crystals together [Hz]: 67 ppm at 150 MHz."""
+"""Largest frequency error of receiver and tag crystals together [Hz]: 67 ppm at 150 MHz."""
 SAME_BURST_HZ = 500.0
-"""Largest frequency spread of a burst's pulses [Hz]; each is measured to some 100 Hz."""
+"""Largest frequency spread of a burst's pulses [Hz]; each is measured to about 100 Hz."""
 _MOST_APART = 20
-"""Largest number of intervals between two bursts that confirm each other."""
+"""Largest number of burst intervals between two bursts that confirm each other."""
 _SAME_PULSE_S = 1e-3
-"""Pulses of one carrier closer than this are one pulse received by several antennas [s]."""
+"""Time within which two records at one frequency are one pulse at two antennas [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
     off_s: float
-    """Sum of the deviations of the gaps from the code's [s]."""
+    """Sum of the deviations of the measured gaps from the code's gaps [s]."""
     tag: Tag
     pulses: tuple[int, ...]
 
 
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
-    """Find the bursts of listed codes among pulses.
+    """Find the bursts of listed codes among pulses, whose tag numbers are ignored.
 
-    A pulse that several antennas of a station received counts once, where it is strongest.
-    Each pulse belongs to one burst at most, to that whose gaps fit best. Of several tags whose
-    gaps fit, the bursts before and after it show by their intervals which one it is; if that is
-    open, the others are named in it. A burst is confirmed where another of its tag lies whole
-    burst intervals away.
-
-    `pulse_poses`: pulses, whatever numbers they have.
-    `tags`: those with codes are looked for.
-    Raises `UsageError`: no listed tag has a code.
+    A pulse that several antennas of a station received counts once, where it is strongest. Each
+    pulse belongs to one burst at most: the one whose gaps fit best. If the gaps of several tags
+    fit, the interval to other bursts decides; if that is unclear, the burst lists the others. A
+    burst is confirmed if another of its tag lies whole burst intervals away.
+    Raises `UsageError` if no tag in `tags` has a code.
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:
-        raise UsageError("no tag of the list has a code", remedy="Give a list with gaps")
+        raise UsageError("no listed tag is coded", remedy="Give a tag list with gaps")
     ordered = _of_one_antenna(sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns))
     if not ordered:
         return []
@@ -76,7 +72,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
 
 def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
-    """Keep the strongest of simultaneous pulses of one carrier."""
+    """Of simultaneous pulses at one frequency, keep the strongest."""
     kept: list[PulsePose] = []
     for one in ordered:
         for place in range(len(kept) - 1, -1, -1):
@@ -97,8 +93,8 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Assign bursts to tags by interval; returns the other possible ids and which are
-    confirmed.
+    """Assign bursts to tags by burst interval; returns other possible ids, and the confirmed
+    bursts.
     """
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {
@@ -133,7 +129,7 @@ def _named(
 def _candidates(
     tag: Tag, times_s: NDArray[np.float64], frequencies_hz: NDArray[np.float64]
 ) -> list[_Candidate]:
-    """Find where all pulses of a code lie at their places after the first."""
+    """Find all sets of pulses whose spacing matches the gaps of a listed code."""
     starts = np.flatnonzero(np.abs(frequencies_hz - tag.frequency_hz) <= FREQUENCY_REACH_HZ)
     places = [starts]
     for after_s in np.cumsum(tag.gaps_s):

@@ -1,4 +1,4 @@
-"""A tag's result of a whole flight, as pulses marked *integrated*."""
+"""Convert whole-flight results to verdicts, and to pulses with the status *integrated*."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -29,12 +29,12 @@ PLACE_FIELDS = (
     *("level_db", "bearing_deg", "arc50_deg", "arc95_deg"),
     *("latitude_deg", "longitude_deg", "radius50_m", "radius95_m"),
 )
-"""Numbers of a place that records of it hold, too."""
+"""Names of the fields that describe a tag's place in result records."""
 _DECIMALS = 7
 """Decimals of a degree in coordinates: a centimetre."""
 _SAME = 0.25
-"""Share of the interval within which a pulse heard in flight belongs to a slot. Where samples
-were lost, times noted in flight are off by tens of milliseconds."""
+"""Share of the pulse interval within which a pulse detected in flight belongs to a slot. Where
+samples were lost, times recorded in flight are off by tens of milliseconds."""
 
 
 def save_integrated(
@@ -42,16 +42,12 @@ def save_integrated(
     results: Sequence[IntegratedTag],
     silent: Mapping[int, SilentMap] | None = None,
 ) -> Path:
-    """Write a flight's verdicts and integrated pulses into its folder ``integrated/``.
+    """Write a flight's whole-flight results and pulses into its folder ``integrated/``.
 
-    Pulses that the flight's own log has are not written again, so nothing is counted twice.
-
-    `flight`: with `info.directory` where it lies.
-    `results`: from `integrate_flight` or `integrate_kept`.
-    `silent`: coverage maps of tags that were not found, by tag; their sums are kept.
-    Returns: the directory written.
-    Raises `RecordingError`: it cannot be written.
-    Raises `FormatError`: the present contents cannot be read.
+    Pulses that the flight's own log has are left out, so nothing is counted twice. `silent` has
+    coverage maps of tags not found, by tag id; their summaries are saved.
+    Returns the folder. Raises `RecordingError` if it cannot be written, and `FormatError` if
+    existing results cannot be read.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -65,16 +61,12 @@ def save_integrated(
 
 
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
-    """Pulses of a train that was found, without those heard in flight.
+    """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    A slot gives a pulse if the tag was at that rate and noise alone reaches its energy in at
-    most one slot of twenty (`slots_of`).
-
-    `snr_db` is the energy in the pulse's slot less the mean of noise. Single values are rough,
-    and up to 2 dB too great where the jitter leaves a choice. Score, group and noise density
-    are unknown.
-
-    `result`: no pulses are made for a tag that was not found.
+    A slot gives a pulse if the tag was at that rate, and noise alone reaches its energy in at
+    most one slot of twenty (`slots_of`). `snr_db` is the slot's energy above the mean of noise,
+    and up to 2 dB too great if the jitter allows a choice. Score, group and noise density are
+    unknown.
     """
     if not result.found:
         return []
@@ -114,7 +106,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Energy and significance of each slot of a train that was found."""
+    """Energy and significance of each slot of a tag's pulse train."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
@@ -125,7 +117,7 @@ def slots_of(result: IntegratedTag) -> SlotEvidence:
 def _heard_live(
     flight: Flight, result: IntegratedTag
 ) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Mask of a train's slots for which the flight's own log has a pulse of the tag."""
+    """Mask of a train's slots that contain a pulse of the tag from the flight's own log."""
     live_ns = np.sort(_live_ns(flight, result.tag.tag_id))
     reach_ns = ns_from_s(_SAME * result.pulses.interval_s)
     times_ns = result.pulse_times_ns
@@ -134,7 +126,7 @@ def _heard_live(
 
 
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
-    """Summarise the result of a whole flight for a tag."""
+    """Make the verdict record of a whole-flight result for one tag."""
     return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
@@ -161,7 +153,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
 
 
 def _placed(place: PlaceBelief | None) -> dict[str, Any]:
-    """Fields of a verdict about the place; none without one."""
+    """Verdict fields that describe the tag's place; empty without one."""
     if place is None:
         return {}
     parts = parts_of(place)
@@ -175,7 +167,7 @@ def _placed(place: PlaceBelief | None) -> dict[str, Any]:
 
 
 def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
-    """Name the train that a tag not found may be."""
+    """Sentence on a pulse train that may be that of a tag not found."""
     other = one.ambiguous
     if other is None or other.ratio is None:
         return ()
@@ -189,7 +181,7 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
 def parts_of(
     place: PlaceBelief, least_probability: float = LEAST_PART
 ) -> tuple[IntegratedPart, ...]:
-    """Places that the flight cannot distinguish, most likely first."""
+    """Separate places that fit the flight equally well, most likely first."""
     return tuple(
         IntegratedPart(
             latitude_deg=part.latitude_deg,
@@ -203,7 +195,7 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines of the smallest region that holds a tag with a probability."""
+    """Outlines of the smallest region that contains a tag with a given probability."""
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))

@@ -1,4 +1,4 @@
-"""Result of a whole flight for a tag, as ``uavrt integrate --json`` prints it."""
+"""Whole-flight results for a tag, as printed by ``uavrt integrate --json``."""
 
 import math
 from collections.abc import Sequence
@@ -36,22 +36,22 @@ class SlotRecord:
     at_rate: bool
     """True while the tag was at this rate."""
     stands_out: bool
-    """True if noise alone reaches this energy in at most one slot of twenty."""
+    """True if noise alone reaches the slot's energy in at most one slot of twenty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Place of a tag; all None where it was not found, or has no common place."""
+    """Place of a tag; all None if the tag was not found, or moved between flights."""
 
     enr_db: float | None = None
-    """Energy over noise density of its strongest pulse [dB]."""
+    """Energy of the tag's strongest pulse over noise density [dB]."""
     latitude_deg: float | None = None
-    """Latitude; of several places, the middle (`places` has each)."""
+    """Latitude [deg]; with several possible places, that of their middle (see `places`)."""
     longitude_deg: float | None = None
     radius50_m: float | None = None
     radius95_m: float | None = None
     level_db: float | None = None
-    """`enr_db` by its name in earlier versions."""
+    """Same value as `enr_db`, under its name in earlier versions."""
     bearing_deg: float | None = None
     arc50_deg: float | None = None
     arc95_deg: float | None = None
@@ -61,7 +61,7 @@ class PlaceRecord:
 
     @classmethod
     def of(cls, place: PlaceBelief | None) -> "PlaceRecord":
-        """Summarise a place."""
+        """Make a record of a place estimate."""
         if place is None:
             return cls()
         return cls(
@@ -75,30 +75,29 @@ class PlaceRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilenceRecord:
-    """Coverage for a tag that was not found: the map of ``uavrt coverage`` in numbers."""
+    """Coverage map for a tag that was not found, in summary figures."""
 
     tag_power_dbm: float
     whole_flight: bool
-    """True if the map is for judging the whole flight; else for groups of pulses (`limitations`
-    say why)."""
+    """True if the map is for whole-flight analysis; false: for groups of pulses."""
     mean_probability: float | None
-    """Mean probability of finding the tag, over the map; None where no ground is known."""
+    """Mean probability of finding the tag, over the map; None if no terrain is known."""
     share50: float | None
-    """Share of the map where the tag is found with probability .5 or more."""
+    """Share of the map where the tag would be found with probability .5 or more."""
     share90: float | None
     sure_within_m: float | None
     """Distance from the flight within which the tag is found everywhere with probability .9 or
-    more; None: nowhere."""
+    more [m]; None: nowhere."""
     noise: str
-    """Description of the noise measurement used."""
+    """Sentence on the noise measurement that the map uses."""
     antenna: str
     limitations: tuple[str, ...]
     files: tuple[str, ...]
-    """GeoTIFF and PNG; empty where nothing is saved."""
+    """Names of the map files, GeoTIFF and PNG; empty if none was saved."""
 
     @classmethod
     def of(cls, one: SilentMap, files: Sequence[Path]) -> "SilenceRecord":
-        """Summarise a map."""
+        """Make a record of a coverage map."""
         coverage = one.coverage
         return cls(
             tag_power_dbm=one.tag_power_dbm,
@@ -130,7 +129,7 @@ class IntegratedRecord(PlaceRecord):
     """Interval of the train found, or else of the strongest candidate."""
     frequency_hz: float
     pulses: int
-    """Pulses of the train at its rate; 0 where it was not found."""
+    """Number of pulses of the train while at the tag's rate; 0 if not found."""
     score: float
     rate: int
     drift: float
@@ -139,17 +138,17 @@ class IntegratedRecord(PlaceRecord):
     confirmed_alone: int
     antenna: str
     antenna_assumed: bool
-    """True if the flight does not record the antenna, so one was assumed."""
+    """True if the flight records no antenna, so one was assumed."""
     limitations: tuple[str, ...]
     integrated_pulses: tuple[SlotRecord, ...]
     silence: SilenceRecord | None = None
-    """None for a tag that was heard or perhaps heard, and where no map was made."""
+    """Coverage for a tag that was not found; None if perhaps received, or without a map."""
 
 
 def integrated_record(
     one: IntegratedTag, silence: SilenceRecord | None = None
 ) -> IntegratedRecord:
-    """Summarise the result of a flight for a tag."""
+    """Make the JSON record of a whole-flight result for one tag."""
     slots = _slots(one) if one.found else ()
     place = PlaceRecord.of(one.place)
     return IntegratedRecord(

@@ -1,4 +1,4 @@
-"""A whole flight judged from arrays: ``uavrt.analysis.integrated_samples.integrate``."""
+"""Analyse a whole flight given as arrays of samples and poses."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ _BLOCK = 262_144
 
 
 class _Array:
-    """Samples in memory as a source; values that are not finite are missing samples."""
+    """A sample source over an array in memory; non-finite values are missing samples."""
 
     def __init__(
         self,
@@ -80,33 +80,30 @@ def integrate(
     most_drift: float = 0.0,
     elevation: Elevation | None = None,
 ) -> IntegratedRecord:
-    """Judge a whole flight at once for a tag below the noise of any group of pulses.
+    """Find a tag too weak for single groups of pulses, from all samples of a flight.
 
-    All pulses are judged together: interval, phase, frequency and place at once, as
-    ``uavrt integrate`` does.
-
-    `samples` (samples,): of the band or of the tag's channel. Lost ones are NaN.
-    `poses`: of the antenna, in the order of time. What was heard more than 2 s from any is left
-    out.
-    `tag`: as it is listed: its interval and how well that is known.
+    All pulses are judged together: interval, phase, frequency and place at once, as in ``uavrt
+    integrate``.
+    `samples`: shape (n,), of the band or of the tag's channel; lost samples are NaN.
+    `poses`: of the antenna, in order of time. Samples more than 2 s from any pose are left out.
+    `tag`: with its nominal interval and that interval's tolerance.
     `antenna`: pattern, or the name of a known one; ``"monopole"`` is an upright whip.
-    `time_ns`: of the first sample [ns, UTC].
-    `sample_rate_hz`, `center_frequency_hz`: of the samples.
+    `time_ns`: time of the first sample [ns, UTC].
+    `sample_rate_hz`, `center_frequency_hz`: rate and centre frequency of the samples.
     `frequency_window_hz`: half-width of the search around the tag's frequency.
-    `false_alarm_probability`: with which noise alone shows the tag in a flight.
+    `false_alarm_probability`: probability that noise alone passes for the tag in a flight.
     `most_drift`: largest relative change of the interval over the flight, up or down.
-    `elevation`: heights of the ground (`uavrt.terrain.elevation_files.open_elevation`); None is
-    level.
-    Returns: what ``uavrt integrate --json`` prints of a tag.
-    Raises `UsageError`: there is no such antenna, the samples are no row, or not of the time of
-    the poses.
-    Raises `RecordingError`: there are too few samples or poses.
+    `elevation`: terrain heights (`uavrt.terrain.elevation_files.open_elevation`); None is level
+    ground.
+    Returns the record that ``uavrt integrate --json`` prints for a tag.
+    Raises `UsageError` if the antenna is unknown, the samples have another shape, or samples
+    and poses are of different times; `RecordingError` for too few samples or poses.
     """
     pattern = pattern_named(antenna)
     row = np.asarray(samples, np.complex64)
     if row.ndim != 1:
         raise UsageError(
-            f"the samples have the shape {row.shape}", remedy="Give one row of complex64"
+            f"the samples have the shape {row.shape}, not (n,)", remedy="Give one dimension"
         )
     flight = Flight(
         info=FlightInfo(

@@ -1,8 +1,8 @@
-"""The integrator process: finds tags below the noise while the drone is still in the air.
+"""The integrator process finds tags too weak for the detectors while the drone is in the air.
 
-It reads the channels that the flight has kept, judges one tag after another by all samples so
-far, writes the results into the flight's directory as ``uavrt integrate`` does, and reports
-finds to the ground. It runs at the lowest priority and takes a tenth of a core.
+It reads the recorded radio channels and searches all samples so far for one tag after another.
+It writes the results into the flight's directory as ``uavrt integrate`` does, and reports finds
+to the ground. It runs at the lowest priority and takes a tenth of a core.
 """
 
 import os
@@ -29,21 +29,20 @@ from uavrt.terrain.elevation_files import open_elevation
 log = get_logger()
 
 NICENESS = 15
-"""Nice level: lower priority than the detectors and the estimator."""
+"""Unix nice level of the process, lower in priority than detectors and estimator."""
 TICK_S = 0.5
 SHARE = 9.0
-"""Idle time per working time: a tenth of a core."""
-LOOK_AGAIN_S = 5.0
+"""Idle time per working time; 9 means a tenth of a core."""
+RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""A tag with this many confirmed pulses counts as found by the detectors and is not
-reported."""
+"""Confirmed pulses from which a tag counts as found by the detectors, and is not reported."""
 CLOSER = 0.5
-"""A place is reported again when its radius has shrunk to this share of the reported one."""
+"""Factor by which a reported position's radius must shrink before it is reported again."""
 
 
-class Looks:
-    """Schedule of tags to judge; pure."""
+class SearchSchedule:
+    """Schedule that decides which tag to search for next, and when."""
 
     def __init__(self, tags: Sequence[Tag]) -> None:
         self._due_s = dict.fromkeys((tag.tag_id for tag in tags), 0.0)
@@ -51,26 +50,26 @@ class Looks:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Tag that has waited longest, if one is due and the pause is over."""
+        """Tag that has waited longest, if one is due and the pause after working is over."""
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
         return self._tags[tag_id] if due_s <= now_s else None
 
-    def looked(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
-        """Record that judging a tag has ended, and its cost [s of a core]."""
+    def searched(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
+        """Record that the search for a tag has ended, and its CPU time [s]."""
         self._rest_until_s = now_s + SHARE * worked_s
-        self._due_s[tag.tag_id] = now_s + (ENERGY.block_s if new else LOOK_AGAIN_S)
+        self._due_s[tag.tag_id] = now_s + (ENERGY.block_s if new else RETRY_S)
 
 
-class Teller:
-    """Selects reports for the ground: a tag that is found, and a much more accurate place."""
+class FindReporter:
+    """Selects what to report to the ground: newly found tags, and far better positions."""
 
     def __init__(self) -> None:
         self._radius_m: dict[int, float] = {}
 
     def text(self, one: IntegratedTag) -> str | None:
-        """Text to report; None if there is no news."""
+        """Status text for a search result; None if there is nothing new to report."""
         place = one.place
         if place is None or one.heard_alone >= FEW_PULSES:
             return None
@@ -82,7 +81,7 @@ class Teller:
 
 
 class Integration:
-    """State of the integrator process; raises `UsageError` if there is no such antenna."""
+    """State of the integrator process; raises `UsageError` if the antenna is unknown."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
@@ -94,7 +93,7 @@ class Integration:
         )
         self._flight: FlightSoFar | None = None
         self._directory = Path()
-        self._looks, self._teller = Looks(()), Teller()
+        self._schedule, self._reporter = SearchSchedule(()), FindReporter()
         self._jobs: queue.SimpleQueue[tuple[FlightSoFar, Path, Tag] | None]
         self._jobs = queue.SimpleQueue()
         self._done: queue.SimpleQueue[tuple[FlightSoFar, Tag, IntegratedTag | None, float]]
@@ -108,14 +107,14 @@ class Integration:
         threading.Thread(target=self._work, name="integration", daemon=True).start()
 
     def take(self, topic: str, record: object) -> None:
-        """Handle a record of the hub."""
+        """Handle a record received from the hub."""
         if isinstance(record, FlightInfo) and topic == "flight":
             self._begin(record)
         elif topic == "flight_end":
             self._flight = None  # the whole of it is judged on the ground
 
     def _ground(self, settings: Settings) -> Elevation | None:
-        """Ground model that motion orders are checked against; level if unknown."""
+        """Terrain model from the settings; None (level ground) if unknown."""
         terrain = settings.guidance.terrain
         if terrain is None:
             return None
@@ -128,20 +127,20 @@ class Integration:
     def _begin(self, flight: FlightInfo) -> None:
         self._directory = Path(flight.directory)
         self._flight = FlightSoFar(self._directory, self._how)
-        self._looks, self._teller = Looks(flight.tags), Teller()
+        self._schedule, self._reporter = SearchSchedule(flight.tags), FindReporter()
 
     def tick(self) -> None:
-        """Report finished results, and start judging the next tag."""
+        """Report finished results, and start the search for the next due tag."""
         while not self._done.empty():
             flight, tag, result, worked_s = self._done.get()
             self._working = False
             self.longest_s = max(self.longest_s, worked_s)
             if flight is not self._flight:
                 continue
-            self._looks.looked(tag, monotonic_s(), worked_s, new=result is not None)
+            self._schedule.searched(tag, monotonic_s(), worked_s, new=result is not None)
             if result is not None:
                 self._report(result)
-        tag_due = self._looks.due(monotonic_s())
+        tag_due = self._schedule.due(monotonic_s())
         if self._flight is not None and tag_due is not None and not self._working:
             self._working = True
             self._jobs.put((self._flight, self._directory, tag_due))
@@ -149,32 +148,32 @@ class Integration:
     def _report(self, result: IntegratedTag) -> None:
         self.judged += 1
         self.found += result.found
-        text = self._teller.text(result)
+        text = self._reporter.text(result)
         if text is not None:
             self._frame.notify(5, text)
 
     def _work(self) -> None:
-        """Judge tags in a thread, so that the process continues to send heartbeats."""
+        """Search for tags in a thread, while the process continues to send heartbeats."""
         while (job := self._jobs.get()) is not None:
             flight, directory, tag = job
             began_s = cpu_s()
             result = None
             try:
-                result = flight.judge(tag)
+                result = flight.search(tag)
                 if result is not None:
                     save_integrated(read_flight(directory), [result])
                 self.fault = None
             except (UavrtError, OSError, MemoryError) as error:
                 if str(error) != self.fault:
-                    log.warning("not judged", tag=tag.tag_id, reason=str(error))
+                    log.warning("tag not searched", tag=tag.tag_id, reason=str(error))
                 self.fault = str(error)
             except Exception as error:  # ours: other tags are judged all the same
-                log.exception("not judged")
+                log.exception("tag not searched")
                 self.fault = f"tag {tag.tag_id} cannot be judged: {error}"
             self._done.put((flight, tag, result, cpu_s() - began_s))
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counters by name, for the process's health record."""
         return {
             "looks": self.judged,
             "looks_that_found": self.found,
@@ -183,14 +182,14 @@ class Integration:
 
 
 def main() -> None:
-    """Run until stopped."""
+    """Run the integrator process until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         try:
             integration = Integration(frame)
         except UsageError as error:
-            log.error("nothing is integrated", reason=str(error))
-            frame.notify(4, f"nothing is integrated on the drone: {error.message}")
+            log.error("no whole-flight search", reason=str(error))
+            frame.notify(4, f"no whole-flight search on the drone: {error.message}")
             frame.idle(error.message)
             return
         while frame.running:

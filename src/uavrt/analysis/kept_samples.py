@@ -1,4 +1,4 @@
-"""The channels that a flight kept, and a source of samples for each tag."""
+"""Find the radio channels that a flight recorded, and read each tag's samples from them."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
@@ -16,29 +16,29 @@ from uavrt.recording.layout import FlightLayout
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptChannel:
-    """One channel of a flight, in pieces."""
+    """One recorded radio channel of a flight, split into several files."""
 
     center_frequency_hz: float
     sample_rate_hz: float
     paths: tuple[Path, ...]
-    """Metadata files, ordered by name."""
+    """SigMF metadata files, ordered by name."""
     samples: int
     bytes: int
 
     @property
     def length_s(self) -> float:
-        """Duration of the kept samples [s]."""
+        """Duration of the recorded samples [s]."""
         return self.samples / self.sample_rate_hz
 
     def holds(self, tag: Tag) -> bool:
-        """True if the channel contains a tag's frequency."""
+        """True if a tag's frequency lies inside the channel."""
         return abs(tag.frequency_hz - self.center_frequency_hz) < self.sample_rate_hz / 2
 
 
 def kept_channels(
     flight: Path, on_fault: Callable[[str], None] | None = None
 ) -> tuple[KeptChannel, ...]:
-    """Find the kept channels of a flight by frequency; `on_fault` receives damaged pieces."""
+    """Find a flight's recorded channels by frequency; `on_fault` receives damaged files."""
     found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
     for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
         try:
@@ -65,7 +65,7 @@ def kept_channels(
 
 
 def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
-    """The channel whose centre is nearest to a tag's frequency, if it holds it."""
+    """Recorded channel with the centre nearest to a tag's frequency, if the tag lies in it."""
     holding = [one for one in channels if one.holds(tag)]
     return min(
         holding, key=lambda one: abs(tag.frequency_hz - one.center_frequency_hz), default=None
@@ -73,16 +73,13 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
 
 
 def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[IntegratedTag]:
-    """Judge a whole flight for each tag from the channels that it kept.
+    """Search a whole flight for each tag, in the radio channels that it recorded.
 
-    Channels are read one at a time to save memory. Ring pieces are joined; missing samples
-    between them are gaps. Unreadable pieces are limitations of the result.
-
-    `flight`: with `info.directory` where it lies now.
-    Raises `ConfigError`: there are no tags.
-    Raises `RecordingError`: no channel was kept for one of them, too little of it, or the
-    flight has no poses.
-    Raises `UsageError`: samples and poses are not of the same time.
+    Channels are read one at a time to save memory. Files of one channel are joined; missing
+    samples between them are gaps. Unreadable files are noted as limitations of the result.
+    `flight` needs its present place in `info.directory`. Raises `ConfigError` without tags,
+    `RecordingError` without poses or enough samples, and `UsageError` if samples and poses are
+    of different times.
     """
     unread: list[str] = []
     channels = kept_channels(Path(flight.info.directory), unread.append)
@@ -122,12 +119,12 @@ def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[In
 
 
 def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
-    """Messages about unreadable pieces, each once."""
+    """Sentences on unreadable files, without repetitions."""
     return tuple(
         f"a piece of the kept samples was left out: {fault}" for fault in dict.fromkeys(faults)
     )
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
-    """Progress callback that counts on from the tags of earlier channels."""
+    """Make a progress callback that adds the tags of earlier channels."""
     return None if on_tag is None else lambda done: on_tag(before + done)

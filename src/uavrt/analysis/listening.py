@@ -1,7 +1,7 @@
-"""Times in which a flight listened for a tag.
+"""Find the times at which a flight has samples for a tag.
 
-Coverage must exclude times without samples: a channel's ring overwrites its beginning, a full
-card ends it, and a recording may be shorter than the flight.
+Coverage excludes times without samples: the ring buffer of a channel overwrites its beginning,
+a full card ends it, and a recording may be shorter than the flight.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from uavrt.localization.heard import PoseColumns
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 Stretch = tuple[int, int]
-"""Start and end [ns, UTC]."""
+"""Start and end of a time span [ns, UTC]."""
 _SECOND = NANOSECONDS_PER_SECOND
 _COMPLETE_SHARE = 0.95
-"""Share of the flight's time above which missing samples are not mentioned."""
+"""Share of the flight with samples above which missing ones are not mentioned."""
 _POSELESS_SHARE = 0.02
 _POSE_REACH_NS = 2 * _SECOND
 
 
 def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
-    """Whole seconds with data in at least half of their slots, merged into stretches."""
+    """Time spans of whole seconds that have data in at least half of their slots."""
     per_second = max(1, round(1.0 / energies.slot_s))
     seconds = len(energies.heard) // per_second
     heard = energies.heard[: seconds * per_second].reshape(seconds, per_second)
@@ -41,7 +41,7 @@ def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
 
 
 def within(time_ns: NDArray[np.float64], stretches: Sequence[Stretch]) -> NDArray[np.bool_]:
-    """Mask of times inside any of some stretches."""
+    """Mask of the times that lie in any of the given time spans."""
     inside = np.zeros(len(time_ns), bool)
     for begin, end in stretches:
         inside |= (time_ns >= begin) & (time_ns < end)
@@ -49,14 +49,14 @@ def within(time_ns: NDArray[np.float64], stretches: Sequence[Stretch]) -> NDArra
 
 
 def missing_in_words(share: float) -> tuple[str, ...]:
-    """Sentence on the share of the flight that was listened to; empty where it was most."""
+    """Sentence on the share of the flight with samples; empty if nearly complete."""
     if share >= _COMPLETE_SHARE:
         return ()
     return (f"there are samples of {share:.0%} of the flight: of the rest nothing is known",)
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Leave out pulses more than 2 s from any pose, whose place is unknown."""
+    """Exclude energies more than 2 s from any pose, where the drone's place is unknown."""
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies
@@ -70,7 +70,7 @@ def _away_from_poses(time_ns: NDArray[np.int64], poses: PoseColumns) -> NDArray[
 
 
 def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
-    """Sentences on samples without poses and poses without samples."""
+    """Sentences on samples without poses, and on poses without samples."""
     seconds = np.concatenate(
         [np.arange(*one, _SECOND) for one in listened_in(energies)] or [np.zeros(0, np.int64)]
     )

@@ -1,4 +1,4 @@
-"""Checks of the clocks of logs that are combined: a mast's, a person's, a drone's."""
+"""Compare the clocks of logs that are analysed together, such as a mast's and a drone's."""
 
 from collections.abc import Mapping, Sequence
 from datetime import timedelta
@@ -18,19 +18,19 @@ _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
 _SAME_PULSE_S = 0.1
 """Longest time between the records of one pulse in two logs [s]."""
 _LEAST_PULSES = 20
-"""Least pulses of a tag in both logs at the same time to compare their clocks."""
+"""Least number of a tag's pulses in both logs for a comparison of their clocks."""
 _LEAST_ALIKE = 0.5
-"""Least share of these that both logs have where the clocks agree."""
+"""Least share of simultaneous pulses in two logs whose clocks agree."""
 _SAME_INTERVAL = 0.03
-"""Largest relative difference between the intervals of one tag."""
+"""Largest relative difference between two measurements of one tag's interval."""
 _LEAST_REGULAR = 0.8
-"""Least share of a tag's intervals in a log without many false pulses."""
+"""Least share of regular intervals in a log; false pulses make them irregular."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
-    """Warnings about logs whose clock was never set, or differs from the others' by far.
+    """Warnings about logs whose clock was never set, or is far from all others.
 
-    `logs`: each with the times of its data [ns, UTC].
+    `logs` has the name and the times [ns, UTC] of each log.
     """
     spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []
@@ -57,11 +57,10 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Name pairs of logs in which the pulses of a tag come at different times.
+    """Warnings about pairs of logs that have one tag's pulses at different times.
 
-    So a wrong clock shows in logs that overlap all the same, as those of a mast of a whole day.
-
-    `logs`: each with the times of its pulses [ns, UTC], by a key of the tag.
+    This finds wrong clocks in logs that overlap, such as those of a mast that records all day.
+    `logs` has the name of each log, and its pulse times [ns, UTC] by tag.
     """
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
@@ -79,7 +78,7 @@ def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]])
 
 
 def _is_apart(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool | None:
-    """Whether two logs have the pulses of a tag at different times; None: not known."""
+    """True if two logs have a tag's pulses at different times; None if that is unclear."""
     intervals = [interval for each in (one, other) if (interval := _interval_ns(each))]
     if len(intervals) < 2 or abs(intervals[0] / intervals[1] - 1.0) > _SAME_INTERVAL:
         return None
@@ -93,7 +92,7 @@ def _is_apart(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool | None:
 
 
 def _interval_ns(times_ns: NDArray[np.int64]) -> float | None:
-    """Get a tag's interval; None of few pulses, of many false ones, and of rounded times."""
+    """Pulse interval [ns]; None for few pulses, irregular ones, or rounded times."""
     steps = np.diff(times_ns)
     if len(steps) < _LEAST_PULSES or not np.any(times_ns % (NANOSECONDS_PER_SECOND // 10)):
         return None

@@ -1,8 +1,8 @@
-"""Map files, PMTiles 3 and MBTiles: metadata and tiles.
+"""Read metadata and tiles of map files, PMTiles 3 and MBTiles.
 
-PMTiles by its specification, version 3 (header §3, directories §4, tile ids on a Hilbert curve
-§4.1); MBTiles by its specification, version 1.3. The files are foreign input: sizes are bounded
-before anything is read.
+PMTiles follows its specification, version 3 (header §3, directories §4, tile ids on a Hilbert
+curve §4.1), and MBTiles version 1.3. The files are untrusted: sizes are checked before anything
+is read.
 """
 
 import math
@@ -17,17 +17,17 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.foreign import MAP_PART, read_json, require_plain_file
-from uavrt.recording.plain_database import watch
+from uavrt.recording.plain_database import limit_queries
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
-"""Tile formats that are pictures; ``mvt`` is lines and areas."""
+"""Tile formats that are pictures; the other format, ``mvt``, holds lines and areas."""
 MOST_TILE = 2_000_000
 _MOST_CREDIT = 4000
 MAP_QUERY_S = 0.7
-"""Longest query of a map [s]; a tile takes a millisecond."""
+"""Longest duration of a database query on a map [s]; a tile takes a millisecond."""
 _MOST_FACTS = 500
-"""Most rows read from MBTiles' metadata; the specification has fourteen."""
+"""Most rows read from an MBTiles file's metadata; the specification has fourteen."""
 _MOST_ZOOM = 30
 _MOST_LONGITUDE = 180.1
 _EARTH = "-180,-85,180,85"
@@ -43,17 +43,17 @@ _NOT_COMPRESSED, _GZIP = 1, 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFile:
-    """A map file and its metadata."""
+    """An open map file and its metadata."""
 
     path: Path
     format: str
-    """``pmtiles`` or ``mbtiles``."""
+    """File format, ``pmtiles`` or ``mbtiles``."""
     tiles: str
-    """``png``, ``jpg``, ``webp`` or ``mvt``."""
+    """Tile format: ``png``, ``jpg``, ``webp`` or ``mvt``."""
     min_zoom: int
     max_zoom: int
     bounds: tuple[float, float, float, float]
-    """West, south, east, north [deg]."""
+    """West, south, east and north edge of the map [deg]."""
     attribution: str | None
 
     @property
@@ -62,7 +62,7 @@ class MapFile:
         return self.attribution or self.path.name
 
     def tile(self, z: int, x: int, y: int) -> bytes | None:
-        """Get a tile as stored, None where there is none; raises `FormatError` if damaged."""
+        """Bytes of a tile as stored, None if missing; raises `FormatError` if damaged."""
         if not 0 <= z <= _MOST_ZOOM:
             return None
         try:
@@ -92,13 +92,12 @@ def read_map(path: Path) -> MapFile:
         return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
     except _DAMAGED as error:
         raise FormatError(
-            f"{path.name} is not a map: {_said(error)}",
+            f"{path.name} is not a map: {_fault_text(error)}",
             remedy="Give an MBTiles or PMTiles file: QGIS, Generate XYZ tiles (MBTiles)",
         ) from error
 
 
-def _said(error: BaseException) -> str:
-    """Describe a fault in terms of map files instead of SQLite's."""
+def _fault_text(error: BaseException) -> str:
     if isinstance(error, FileNotFoundError):
         return "it does not exist"
     if isinstance(error, sqlite3.Error):
@@ -107,7 +106,7 @@ def _said(error: BaseException) -> str:
 
 
 def maps_in(directory: Path) -> tuple[MapFile, ...]:
-    """All picture maps in a folder; other files are skipped."""
+    """Find all picture maps in a folder; other files are skipped."""
     found = []
     for path in sorted(directory.iterdir()) if directory.is_dir() else []:
         if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
@@ -117,7 +116,7 @@ def maps_in(directory: Path) -> tuple[MapFile, ...]:
 
 
 def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[float, float]:
-    """Column and row of a place, with fractions (web Mercator)."""
+    """Tile column and row of a position, with fractions (web Mercator)."""
     count = float(2**zoom)
     sine = math.sin(math.radians(max(-85.05, min(85.05, latitude_deg))))
     row = (0.5 - math.log((1.0 + sine) / (1.0 - sine)) / (4.0 * math.pi)) * count
@@ -125,7 +124,7 @@ def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[fl
 
 
 def tile_corner(column: float, row: float, zoom: int) -> tuple[float, float]:
-    """Latitude and longitude of a column and row."""
+    """Latitude and longitude of a tile's north-western corner, from column and row."""
     count = float(2**zoom)
     latitude = math.degrees(math.atan(math.sinh(math.pi * (1.0 - 2.0 * row / count))))
     return latitude, column / count * 360.0 - 180.0
@@ -160,7 +159,7 @@ def _mbtiles(path: Path) -> MapFile:
 
 
 def _bounds(edges: Iterable[float]) -> tuple[float, float, float, float]:
-    """West, south, east and north; raises `ValueError` for impossible coordinates."""
+    """Parse west, south, east and north; raises `ValueError` for impossible coordinates."""
     west, south, east, north = edges
     # So that a number that is none is refused, too.
     if not (
@@ -181,11 +180,11 @@ def _mbtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _opened(path: Path) -> "closing[sqlite3.Connection]":
-    """Open a database whose queries are time-limited: many MBTiles hold views."""
+    """Open a map's database with a time limit for queries, as many MBTiles use views."""
     require_plain_file(path)
     address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     database = sqlite3.connect(address, uri=True)
-    watch(database, MAP_QUERY_S)
+    limit_queries(database, MAP_QUERY_S)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 2 * MOST_TILE)
     database.execute("PRAGMA trusted_schema=OFF")
     return closing(database)
@@ -222,9 +221,7 @@ def _header(path: Path) -> bytes:
 
 
 def _check_parts(header: bytes, size: int) -> None:
-    """Raise `ValueError` where directories, metadata or tiles extend beyond the end of the
-    file.
-    """
+    """Check that directories, metadata and tiles end inside the file; raises `ValueError`."""
     parts = struct.unpack_from("<8Q", header, 8)
     if (
         max(place + length for place, length in zip(parts[::2], parts[1::2], strict=True))
@@ -235,7 +232,7 @@ def _check_parts(header: bytes, size: int) -> None:
 
 def _part(path: Path, place: int, length: int, most: int = MAP_PART.bytes) -> bytes:
     if length > most:
-        raise ValueError(f"{length} bytes in one piece")
+        raise ValueError(f"a part of it has {length} bytes")
     with path.open("rb") as file:
         file.seek(place)
         return file.read(length)
@@ -267,7 +264,7 @@ def _pmtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _tile_id(z: int, x: int, y: int) -> int:
-    """Tile number: the tiles of lower zooms, then along a Hilbert curve."""
+    """PMTiles number of a tile: lower zoom levels first, then along a Hilbert curve."""
     number, side = ((1 << 2 * z) - 1) // 3, (1 << z) // 2
     while side:
         right, below = int(bool(x & side)), int(bool(y & side))
@@ -281,7 +278,7 @@ def _tile_id(z: int, x: int, y: int) -> int:
 
 
 def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
-    """Offset, length and run (0: a leaf directory) of a tile's directory entry."""
+    """Find a tile's directory entry: offset, length, run length (0 is a leaf directory)."""
     numbers = iter(_varints(directory))
     count = next(numbers, 0)
     if count > len(directory):

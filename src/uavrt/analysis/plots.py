@@ -1,4 +1,4 @@
-"""Pictures of a detection for each tag: waterfall with pulses, beat, SNR over time.
+"""Draw a detection run for each tag: waterfall with pulses, folded pulses, SNR over time.
 
 Matplotlib, from the extra ``uavrt[analysis]``, is used through its objects, without pyplot and
 without a display. Colours are those of Okabe and Ito (2008), distinct for people with any kind
@@ -31,11 +31,11 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
     "subthreshold": ("#000000", "x", "below the threshold"),
     "integrated": ("#CC79A7", "+", "seen in hindsight"),
 }
-"""Colour, shape and name of each pulse status."""
+"""Colour, marker shape and legend text of each pulse status."""
 CIRCLED: Final = 40
-"""Most pulses circled in a waterfall; more would hide it."""
+"""Most pulses that are circled in a waterfall; more would hide the picture."""
 TICKED: Final = 400
-"""Most pulses with a tick of their own above a waterfall."""
+"""Most pulses that are ticked singly above a waterfall; more would touch."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0
@@ -43,12 +43,11 @@ LOWEST_SPAN_DB: Final = 15.0
 
 
 class DetectionPlots:
-    """Collects the data for plots while a detection runs, in almost constant memory.
+    """Collects the data for plots during a detection run, in almost constant memory.
 
-    `directory`: created if missing.
-    `frequency_window_hz`: half-width of the search, shown with a margin.
-    Raises `UsageError`: matplotlib is not installed.
-    Raises `RecordingError`: the directory cannot be made.
+    `directory` is created if missing. `frequency_window_hz` is the half-width of the search,
+    drawn with a margin. Raises `UsageError` without matplotlib, and `RecordingError` if the
+    directory cannot be made.
     """
 
     def __init__(
@@ -65,7 +64,7 @@ class DetectionPlots:
         self._pulses: dict[int, list[Pulse]] = {tag.tag_id: [] for tag in tags}
 
     def add_block(self, block: ChannelBlock) -> None:
-        """Process a block of a channel; each tag is plotted from the channel nearest to it."""
+        """Add a channel's block; each tag is plotted from the channel nearest to it."""
         for tag in self._tags:
             offset_hz = tag.frequency_hz - block.center_frequency_hz
             known = self._waterfalls.get(tag.tag_id)
@@ -83,15 +82,14 @@ class DetectionPlots:
                 known[2].add(block)
 
     def add_pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Add pulses."""
+        """Add detected pulses to the plots."""
         for pulse in pulses:
             self._pulses[pulse.tag_id].append(pulse)
 
     def write(self) -> list[Path]:
-        """Draw the pictures of every tag that has samples.
+        """Draw the pictures of every tag that has samples, and return their files.
 
-        Returns: the files.
-        Raises `RecordingError`: they cannot be written.
+        Raises `RecordingError` if they cannot be written.
         """
         written = []
         for tag in self._tags:
@@ -114,7 +112,7 @@ class DetectionPlots:
 
 
 def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
-    """Level over time and frequency, with the pulses circled and ticked above."""
+    """Draw level over time and frequency; pulses are circled, or ticked above."""
     figure = _figure(5.2)
     ticks, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1, 14))
     level_db = levels_over_noise_db(waterfall.power)
@@ -162,7 +160,7 @@ def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "
 
 
 def _draw_counts(axes: "Axes", pulses: Sequence[Pulse], begin: float, end: float) -> None:
-    """Number of pulses in each of 200 stretches, where ticks would touch."""
+    """Draw the number of pulses in each of 200 time spans, where ticks would touch."""
     groups = [[p for p in pulses if p.detection_status == status] for status in STYLES]
     axes.hist(
         [[_date(pulse.start_time_ns) for pulse in group] for group in groups],
@@ -174,7 +172,7 @@ def _draw_counts(axes: "Axes", pulses: Sequence[Pulse], begin: float, end: float
 
 
 def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
-    """SNR and frequency of each pulse over time."""
+    """Draw SNR and frequency of each pulse over time."""
     figure = _figure(5.2)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for status, (colour, shape, name) in STYLES.items():
@@ -202,7 +200,7 @@ def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure
 
 
 def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
-    """Fold everything at the interval of the pulses; pictures of the rates in a row."""
+    """Draw levels and pulses folded at the pulse interval; one picture for each interval."""
     rates = sorted({pulse.rate for pulse in pulses}) or [1]
     figure = _figure(5.2 * len(rates))
     grid = figure.subplots(len(rates), 2, width_ratios=(3, 2), sharey="row", squeeze=False)
@@ -232,7 +230,7 @@ def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figur
 
 
 def _draw_raster(axes: "Axes", waterfall: Waterfall, interval_s: float, first_s: float) -> None:
-    """One row for each interval (or several), the level along it."""
+    """Draw the level along each interval as a row; several intervals may share a row."""
     trace, step_s = waterfall.trace, waterfall.trace_s
     at = np.arange(trace.size) * step_s + waterfall.frame_center_s
     phase = (at - first_s) / interval_s + 0.5
@@ -264,7 +262,6 @@ def _draw_raster(axes: "Axes", waterfall: Waterfall, interval_s: float, first_s:
 def _draw_residuals(
     axes: "Axes", pulses: Sequence[Pulse], times_s: NDArray[np.float64], beat: Beat | None
 ) -> None:
-    """Deviation of each pulse from the regular beat."""
     axes.axvline(0.0, color="0.6", linewidth=0.8)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -295,10 +292,7 @@ def _draw_residuals(
 
 
 def levels_over_noise_db(power: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Level of each cell over the noise, NaN where samples are missing.
-
-    Noise is the median of all cells with samples: pulses fill a few percent of them.
-    """
+    """Level of each cell over the noise [dB]; NaN where samples are missing."""
     present = power > 0.0
     level = np.full(power.shape, np.nan)
     if present.any():

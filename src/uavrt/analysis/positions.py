@@ -1,4 +1,4 @@
-"""From flights, pulse logs or a bearings.csv to one position for each tag."""
+"""Estimate one position for each tag from flights, pulse logs or a bearings.csv."""
 
 import math
 import os
@@ -47,12 +47,12 @@ from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, ta
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
-"""Two bearings of one turn differ by fewer standard deviations than this, even from two
+"""Difference below which two bearings are of the same turn [standard deviations], even from two
 programs."""
 _USUAL_SIGMA_DEG = 6.0
-"""Assumed standard deviation of a bearing without one [deg]."""
+"""Standard deviation assumed for a bearing that has none [deg]."""
 _FIRST_LINES = 100
-"""Lines read to recognise a file's format; comments may come first."""
+"""Most lines read to recognise a file's format; comments may come first."""
 
 
 def read_positions(
@@ -62,20 +62,20 @@ def read_positions(
 ) -> list[TagPosition]:
     """Estimate the positions of tags from flights, logs and files of bearings.
 
-    `*paths`: flights, pulse logs of any kind, folders of them, and files of bearings
-    (bearings.csv, or noted by hand). All bearings of a tag give one position, assuming that it
-    rests. A positions.csv, and an estimate CSV of UCSD's tracker, are returned as they are.
-    `how`: how they are read. Without an antenna that of each flight's settings, RA-23K for logs
-    without, and a monopole for UCSD's pings.
-    `warn`: called with warnings about a log.
-    Raises `FormatError`: one of them has none of these formats.
-    Raises `UsageError`: there is no such method, or the inputs cannot be combined.
+    `*paths` are flights, pulse logs of any kind, folders of them, and files of bearings
+    (bearings.csv, or noted by hand). All bearings of a tag give one position, on the assumption
+    that it rests. Positions in a positions.csv, or an estimate CSV of UCSD's tracker, are
+    returned unchanged.
+    Without an antenna in `how`, each flight's own is used, RA-23K for other logs, and a
+    monopole for UCSD's pings. `warn` receives warnings about a log.
+    Raises `FormatError` for a file of another kind, and `UsageError` for an unknown method or
+    inputs that cannot be combined.
     """
     how = how or ReadAs()
     check_position_method(how.method)
     if how.offset_deg and any(_is_result(path) for path in paths):
         raise UsageError(
-            "an antenna offset turns bearings as they are estimated; this file has results",
+            "an antenna offset cannot be applied to a file of results",
             remedy="Name the flight or the pulse log that it came from",
         )
     if len(paths) == 1:
@@ -125,7 +125,7 @@ def read_positions(
 
 
 def _times(log: Recorded, keys: Mapping[int, int]) -> dict[int, list[int]]:
-    """Collect the times of a log's pulses [ns, UTC], by the key of the tag."""
+    """Pulse times of a log [ns, UTC] by the key of the tag."""
     times = defaultdict[int, list[int]](list)
     for one in log.log.pulse_poses:
         times[keys[one.pulse.tag_id]].append(one.pulse.start_time_ns)
@@ -162,7 +162,7 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
 def _without_repeats(
     files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
 ) -> list[tuple[str, list[TagBearing]]]:
-    """Leave out repeats of an earlier file: same tag, place, time and bearing."""
+    """Remove bearings that an earlier file also has: same tag, place, time and angle."""
     key = attrgetter(
         "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
     )
@@ -177,7 +177,7 @@ def _without_repeats(
 
 
 def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
-    """Bearings of a file by heard tags' keys; raises `UsageError` for an ambiguous number."""
+    """Assign a file's bearings to tags; raises `UsageError` for an ambiguous number."""
     keys: dict[int, list[int]] = {}
     for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)
@@ -209,7 +209,7 @@ class _Log:
 
     @property
     def usable(self) -> bool:
-        """True if bearings may be estimated from its poses."""
+        """True if the log's poses allow bearings to be estimated."""
         return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
@@ -273,9 +273,10 @@ def _positions_of_turns(
     over: OverGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Positions from bearings and from signal strengths; the reason for tags without either.
+    """Estimate positions from bearings and signal strengths; a tag without either gets the
+    reason.
 
-    `standing`: logs of a whip at one place, which give no bearing.
+    `standing` has logs of a whip at one place, which give no bearing.
     """
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
@@ -300,7 +301,6 @@ def _positions_of_turns(
 
 
 def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
-    """True if a file's bearing was made from a turn that was also read."""
     places = (noted.latitude_deg, noted.longitude_deg), (own.latitude_deg, own.longitude_deg)
     off_deg = abs(difference_deg(noted.bearing.bearing_deg, own.bearing.bearing_deg))
     sigmas_deg = (one.bearing.sigma_deg or _USUAL_SIGMA_DEG for one in (noted, own))
@@ -314,7 +314,7 @@ def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
 
 
 def check_position_method(method: str) -> None:
-    """Reject an unknown method; raises `UsageError`."""
+    """Reject an unknown position method; raises `UsageError`."""
     known = [*get_args(PositionMethod), *ADDED_METHODS]
     if method not in known:
         raise UsageError(
@@ -323,9 +323,9 @@ def check_position_method(method: str) -> None:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Number of columns of a bearings.csv (10 or 11) or positions.csv (up to 8); else 0.
+    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for other files.
 
-    Both begin with a number and a file name, unlike any pulse log.
+    Both kinds begin with a number and a file name, unlike any pulse log.
     """
     if not Path(path).is_file():
         return 0
@@ -346,7 +346,6 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _is_result(path: str | os.PathLike[str]) -> bool:
-    """True if a file has bearings or positions instead of pulses."""
     return bool(_columns_of_named_file(path)) or _holds_estimates(path)
 
 
@@ -360,7 +359,7 @@ def _holds_estimates(path: str | os.PathLike[str]) -> bool:
 
 
 def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
-    """Last estimate of each target of UCSD's tracker, which refines them during the flight."""
+    """Last estimate of each target in UCSD's file, which refines them during a flight."""
     rows = read_ucsd_estimates(path)
     last: dict[int, TargetEstimate] = {}
     for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):
@@ -381,7 +380,7 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """Positions in a positions.csv of the original's tools; of all methods for ``bayes``."""
+    """Positions in the original's positions.csv; ``bayes`` returns those of all methods."""
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
@@ -394,7 +393,7 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Leave out pulses of another log: a flight both received and fetched is used once.
+    """Remove pulses that another log of the same flight also has.
 
     One pulse at two places was received by two drones, and both are kept.
     """
@@ -415,7 +414,7 @@ def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> li
 
 
 def _place_and_time(posed: PulsePose) -> tuple[int, int, int, int]:
-    """Tag, start [ms] and place (to 10 m) of a pulse: equal in each copy of a flight."""
+    """Key of a pulse, equal in all copies of a flight: tag, start [ms], place to 10 m."""
     pose, pulse = posed.pose, posed.pulse
     milliseconds = round(pulse.start_time_ns / 1e6)
     if pose is None:

@@ -1,7 +1,7 @@
-"""Surveys with a monopole: a tag's position from signal strength alone.
+"""Locate a tag from signal strength alone, in surveys with a monopole.
 
-Without a directional antenna there are no bearings. The pulses heard along the flight, and
-expected pulses that were not, give a position. The strongest place is reported separately
+Without a directional antenna there are no bearings. Received pulses along the flight, and
+expected ones that were missed, give a position. The strongest place is reported separately
 (`uavrt.localization.position.strongest`).
 """
 
@@ -27,10 +27,10 @@ from uavrt.localization.results import Position
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeightBand:
-    """A tag's signal strength in a range of heights."""
+    """Signal strength of a tag in a range of flight heights."""
 
     low_m: float
-    """Lower edge, above the start."""
+    """Lower edge of the range, above the take-off [m]."""
     high_m: float
     pulses: int
     median_db: float
@@ -39,33 +39,33 @@ class HeightBand:
 
     @property
     def name(self) -> str:
-        """Name of the height range."""
+        """Text of the height range, with unit."""
         return f"{self.low_m:.0f}–{self.high_m:.0f} m"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TagSignal:
-    """Results from one tag's signal strength alone."""
+    """Results from the signal strength of one tag."""
 
     tag_id: int
     track: PowerTrack
     strongest: StrongestSignal | None
     surface: SignalSurface | None
-    """Signal strength over the ground; None when the flight covers no area."""
+    """Map of signal strength; None if the flight covers no area."""
     heights: tuple[HeightBand, ...]
-    """Height ranges with three pulses or more, lowest first."""
+    """Height ranges with at least three pulses, lowest first."""
     section: SignalSection | None = None
-    """Side view around the tag's position; None when flown at one height."""
+    """Vertical section through the tag's position; None if flown at one height."""
 
     @property
     def layers(self) -> tuple[HeightBand, ...]:
-        """Height ranges with a map of their own, where there are several."""
+        """Height ranges with a map of their own, if there are several."""
         mapped = tuple(one for one in self.heights if one.surface is not None)
         return mapped if len(mapped) > 1 else ()
 
 
 def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
-    """Map signal strength along a track, and a side view around a position if any."""
+    """Map a tag's signal strength along a track, with a section if it has a position."""
     strongest = strongest_signal(track)
     place = strongest if position is None else position
     section = None

@@ -1,4 +1,4 @@
-"""Bearings and positions as plain records for JSON of commands, page and batch tables."""
+"""Convert bearings and positions to plain records for JSON output, web page and tables."""
 
 import math
 from typing import Any
@@ -24,12 +24,12 @@ _OF_PLACE = ("latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
 
 
 def known(value: Any) -> Any:
-    """None for a number that is not finite, which JSON cannot hold."""
+    """Replace NaN and infinities, which JSON cannot represent, by None."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def bearing_record(one: TagBearing) -> dict[str, Any]:
-    """Fields of a bearing by name, with its cautions."""
+    """Fields of a bearing by name, its cautions included."""
     found = one.bearing
     return {
         "tag_id": one.tag_id,
@@ -42,7 +42,7 @@ def bearing_record(one: TagBearing) -> dict[str, Any]:
 
 
 def position_record(one: TagPosition) -> dict[str, Any]:
-    """Fields of a position by name; of a tag without one, the reason."""
+    """Fields of a position by name; for a tag without one, the reason."""
     tag = {"tag_id": one.tag_id, "name": one.name, "frequency_hz": one.frequency_hz}
     found = one.position
     if found is None:

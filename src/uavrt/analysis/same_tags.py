@@ -11,8 +11,7 @@ from itertools import count, pairwise
 
 import numpy as np
 
-from uavrt.localization.flight_estimates import OTHER_TAG_HZ
-from uavrt.localization.heard import LEAST_TAG_HZ
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import PulsePose, Tag
 from uavrt.recording.formats.log import NUMBERED_BY_FREQUENCY, PulseLog
 
@@ -22,25 +21,25 @@ _SAME_HZ = 2_000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedTag:
-    """A tag's number, name and frequency."""
+    """Number, name and frequency of a tag."""
 
     tag_id: int
     frequency_hz: float | None
-    """Median of the received frequencies; None where the logs have none."""
+    """Median of the received frequencies [Hz]; None where the logs have none."""
     name: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SameTags:
-    """The tags of several logs, each with a unique key."""
+    """All tags of several logs, each with a unique key."""
 
     keys: tuple[Mapping[int, int], ...]
-    """For each log: keys by the log's own tag number."""
+    """For each log, the unique key by the log's own tag number."""
     tags: Mapping[int, NamedTag]
     warnings: tuple[str, ...]
 
     def keyed(self, number: int, pulse_poses: Iterable[PulsePose]) -> tuple[PulsePose, ...]:
-        """Pulses of a log, by its place in the list, with keys in place of its numbers."""
+        """Replace the tag numbers of log `number` by unique keys."""
         keys = self.keys[number]
         if all(own == key for own, key in keys.items()):
             return tuple(pulse_poses)
@@ -54,7 +53,7 @@ class SameTags:
 class _Group:
     tag_id: int
     frequency_hz: float
-    """NaN where unknown."""
+    """Median frequency of the tag over all logs [Hz]; NaN where unknown."""
     heard: list["_Heard"] = field(default_factory=list)
 
 
@@ -63,13 +62,13 @@ class _Heard:
     log: int
     tag_id: int
     frequency_hz: float
-    """Median; NaN where unknown."""
+    """Median frequency of the tag in one log [Hz]; NaN where unknown."""
     named: bool
-    """True if its number is from a tag list."""
+    """True if the tag's number is from a tag list."""
 
 
 def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> SameTags:
-    """Find which numbers of several logs are one tag; `listed`: their lists, or empty."""
+    """Find which numbers of several logs are one tag; `listed` has the tag list of each log."""
     heard = [one for number, log in enumerate(logs) for one in _heard(number, log)]
     groups = _listed_groups([one for one in heard if one.named])
     warnings = _given_again(groups)
@@ -94,7 +93,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
         frequencies.setdefault(one.pulse.tag_id, []).append(one.pulse.frequency_hz)
     found = []
     for tag_id, every in sorted(frequencies.items()):
-        known = [one for one in every if math.isfinite(one) and one >= LEAST_TAG_HZ]
+        known = [one for one in every if math.isfinite(one) and one >= FLIGHT.least_tag_hz]
         median_hz = float(np.median(known)) if known else math.nan
         named = log.kind not in NUMBERED_BY_FREQUENCY
         found.append(_Heard(log=number, tag_id=tag_id, frequency_hz=median_hz, named=named))
@@ -102,7 +101,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
 
 
 def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
-    """One group for each number, or for each frequency that a number is used with."""
+    """Group received tags by number, or by frequency if a number has several."""
     groups: list[_Group] = []
     for tag_id in sorted({one.tag_id for one in heard}):
         own = [one for one in heard if one.tag_id == tag_id]
@@ -112,7 +111,7 @@ def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
         )
         parts = [known[:1]] if known else [[]]
         for before, one in pairwise(known):
-            if one.frequency_hz - before.frequency_hz > OTHER_TAG_HZ:
+            if one.frequency_hz - before.frequency_hz > FLIGHT.other_tag_hz:
                 parts.append([])
             parts[-1].append(one)
         parts[0] += [one for one in own if not math.isfinite(one.frequency_hz)]
@@ -143,7 +142,7 @@ def _given_again(groups: Sequence[_Group]) -> list[str]:
 def _joined(
     listed: Sequence[_Group], heard: Sequence[_Heard], taken: Collection[int]
 ) -> list[_Group]:
-    """Add tags known by frequency alone to listed ones, or as new ones with free numbers."""
+    """Match tags without a list to listed ones by frequency; the others get free numbers."""
     free = (number for number in count(1) if number not in taken)
     new: list[_Group] = []
     for one in sorted(heard, key=lambda each: each.frequency_hz):

@@ -1,7 +1,7 @@
 """Season statistics: flights, minutes, effort for each animal, batteries.
 
-Made of the flights in a folder. A flight that was both received by the ground station and
-recorded by the drone counts once, as do its batteries.
+They cover all flights in a folder. A flight that was recorded by both ground station and drone
+counts once, as do its batteries.
 """
 
 from collections.abc import Sequence
@@ -16,12 +16,12 @@ from uavrt.recording.outline import FlightOutline, read_outline
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHANGED_PERCENT = 10
-"""Least rise of the charge that indicates a changed battery [%]."""
+"""Least rise of the charge that indicates a changed battery [percentage points]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnimalOfSeason:
-    """Effort for one animal."""
+    """Flights and effort for one animal."""
 
     tag_id: int
     name: str | None
@@ -30,14 +30,14 @@ class AnimalOfSeason:
     flights_heard: int
     minutes: float
     minutes_to_hear: float | None
-    """Mean time from the start to its first pulse, over flights that heard it."""
+    """Mean time from start to the animal's first pulse, if received [min]."""
     pulses: int
     last_heard_ns: int | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Season:
-    """Statistics of a folder of flights."""
+    """Statistics over all flights of a folder."""
 
     flights: int
     minutes: float
@@ -45,13 +45,13 @@ class Season:
     last_ns: int | None
     animals_heard: int
     minutes_per_animal: float | None
-    """Minutes of flight for each detection of an animal in a flight; None: no detections."""
+    """Flight minutes per animal detected in a flight; None without detections."""
     batteries: int
-    """Batteries used, of flights with battery data; see `flights_without_battery`."""
+    """Number of batteries used; flights in `flights_without_battery` are not counted."""
     batteries_used: float
-    """Charge used, in full batteries."""
+    """Charge used, in units of a full battery."""
     flights_without_battery: int
-    """Flights without battery data, for lack of a ground station."""
+    """Number of flights without battery data, since no ground station recorded them."""
     copies: int
     """Number of directories that are a second copy of a flight."""
     unreadable: tuple[str, ...]
@@ -59,7 +59,7 @@ class Season:
 
 
 def read_season(directory: Path) -> Season:
-    """Summarise the flights below a folder, at any depth; raises `FormatError` without any."""
+    """Read and summarise all flights below a folder; raises `FormatError` if there are none."""
     outlines, unreadable = [], []
     for database in sorted(directory.rglob("flight.sqlite")):
         try:
@@ -94,7 +94,7 @@ def read_season(directory: Path) -> Season:
 
 
 _Animal = tuple[int, int]
-"""Id and frequency [kHz]: ids are reused for other animals."""
+"""Tag id and frequency [kHz], since ids are reused for other animals."""
 
 
 def _minutes(flight: CopiesOfFlight) -> float:
@@ -119,7 +119,6 @@ def _animals(flights: Sequence[CopiesOfFlight]) -> tuple[AnimalOfSeason, ...]:
 
 
 def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
-    """Summarise one animal: its flights in order of time, with the tag as each listed it."""
     tag = searched[-1][0]
     heard = [flight[0] for _, flight in searched if tag.tag_id in flight[0].heard]
     firsts = ((one.heard[tag.tag_id].first_ns, one.info.start_time_ns) for one in heard)
@@ -140,7 +139,7 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
     """Number of batteries and charge used, over all vehicles.
 
-    Of a flight's copies, the one with most battery data counts.
+    Of a flight's copies, the one with most battery reports counts.
     """
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
@@ -159,6 +158,6 @@ def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
 
 
 def _taken_out(copy: FlightOutline) -> tuple[int, int]:
-    """Charge drops [%] in one copy's battery reports, and the number of reports."""
+    """Drops of the charge [%] in one record's battery reports, and the number of reports."""
     falls = (max(0, one - other) for one, other in pairwise(copy.battery_percent))
     return sum(falls), len(copy.battery_percent)

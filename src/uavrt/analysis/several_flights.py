@@ -1,7 +1,7 @@
-"""Judge several flights of one tag together: the engine of ``uavrt integrate`` with several.
+"""Analyse several flights for one tag together, as ``uavrt integrate`` does.
 
 Half of the false-alarm probability is for all flights together. The other half is divided
-equally among the single flights. A tag that rests has one place in all flights.
+equally among the single flights. A resting tag has one place in all flights.
 """
 
 import math
@@ -30,11 +30,11 @@ from uavrt.terrain.elevation import Elevation
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""Largest distance of a flight's middle from that of all flights, where the places are [m]."""
+"""Largest distance of a flight's middle from that of all flights, for a common place [m]."""
 _TOGETHER = 0.5
-"""Share of the false-alarm probability for the decision on all flights together."""
+"""Share of the false-alarm probability used for the decision on all flights together."""
 _LISTED = 0.9
-"""Least probability that a flight's train is the tag's, for its pulses to be listed."""
+"""Least probability that a flight's pulse train is the tag's, for its pulses to be listed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,26 +43,26 @@ class TagOfFlights:
 
     tag: Tag
     false_alarm_probability: float
-    """Probability that noise alone gives such a result together, or in any flight alone."""
+    """Probability that noise alone gives such a result, together or in any single flight."""
     found: bool
     together: bool
-    """True if it is found by all flights together, and not only in one alone."""
+    """True if all flights together show the tag; false if only single ones do."""
     names: tuple[str, ...]
     alone: tuple[float, ...]
-    """False-alarm probability of each flight's result alone."""
+    """False-alarm probability of each flight's own result."""
     place: PlaceBelief | None
-    """None when it was not found, or moves."""
+    """Common place of the tag; None if it was not found, or moves."""
     flights: tuple[IntegratedTag, ...]
-    """Result of each flight, with the pulses that can be attributed and the common place."""
+    """Result of each flight, with the tag's pulses and the common place."""
 
 
 def share_alone(false_alarm_probability: float, flights: int) -> float:
-    """False-alarm probability with which each of several flights is judged by itself."""
+    """False-alarm probability used for each of several flights separately."""
     return false_alarm_probability * (1.0 - _TOGETHER) / flights
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Tags common to all flights, or to `listed`; raises `UsageError` if there are none."""
+    """Tags common to all flights, or to `listed` if given; raises `UsageError` without any."""
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(
@@ -103,15 +103,13 @@ def judge_together(
     moves: bool = False,
     elevation: Elevation | None = None,
 ) -> TagOfFlights:
-    """Judge several flights of one tag together.
+    """Decide whether several flights together show a tag, and where it is.
 
-    `flights`: two or more.
-    `judged`: the tag in each, judged at `share_alone`.
-    `false_alarm_probability`: for all flights and the tag.
-    `moves`: the tag may be elsewhere in each flight.
-    `elevation`: as for each flight.
-    Raises `ConfigError`: there are fewer than two flights.
-    Raises `UsageError`: the flights are too far apart for one place.
+    `judged` has each flight's own result at `share_alone`. `false_alarm_probability` is that of
+    the joint decision for this tag. With `moves` the tag may be at another place in each
+    flight. `elevation` is that of the single flights.
+    Raises `ConfigError` for fewer than two flights, and `UsageError` if they are too far apart
+    for one place.
     """
     if len(flights) < 2:
         raise ConfigError("there is one flight", remedy="Name two or more to judge together")
@@ -149,9 +147,9 @@ class _View:
     judged: IntegratedTag
     places: Places
     gain: _Floats
-    """(places, times) antenna gain on the scale of the search."""
+    """(places, times) antenna gain towards each place, on the scale of the search."""
     chosen: NDArray[np.intp]
-    """Rows that represent all others."""
+    """Indices of the places that represent all others in the search."""
 
     @property
     def listened(self) -> Listened:
@@ -162,7 +160,7 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Its own train if found alone, else that of all flights."""
+        """Pulse train of this flight: its own if found singly, else that of all flights."""
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -182,7 +180,7 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """The flight's result for a tag that was found, with pulses if they are the tag's."""
+        """Result of this flight for a tag that was found, with pulses if they are its own."""
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)
@@ -241,7 +239,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """The same places around the middle of all flights."""
+    """Candidate places of the tag, relative to the middle of all flights."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

@@ -1,7 +1,7 @@
-"""Coverage of a flight for a tag: one map for page, report and ``uavrt coverage``.
+"""Make the coverage map of a flight for a tag, for page, report and ``uavrt coverage``.
 
-For tags that ``uavrt integrate`` searched without finding them, it is the coverage of judging
-the whole flight; for others that of single groups of pulses.
+For tags that ``uavrt integrate`` searched without finding them, the map is for whole-flight
+analysis; for others it is for single groups of pulses.
 """
 
 import math
@@ -33,11 +33,11 @@ from uavrt.terrain.elevation import Elevation
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9
-"""Probability of being heard from which silence is evidence of absence."""
+"""Detection probability from which silence is evidence of absence."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Cells along the longer side: a flight of twenty minutes takes some seconds."""
+"""Number of map cells along the longer side; a flight of twenty minutes takes some seconds."""
 _NOT_JUDGED = "the whole flight is not searched for it yet; uavrt integrate finds weaker tags"
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
@@ -61,31 +61,31 @@ _AMBIGUOUS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SilentMap:
-    """Probability that a tag at each place would have been heard."""
+    """Probability that a tag at each place would have been detected in a flight."""
 
     tag_id: int
     tag_power_dbm: float
     coverage: Coverage
     heard_pulses: int
     in_hindsight: bool
-    """True if judging the whole flight found it."""
+    """True if whole-flight analysis found the tag."""
     ambiguous: bool
-    """True if the whole flight has a train that may be the tag's."""
+    """True if whole-flight analysis found a train that may be the tag's."""
     noise: str
-    """Description of the noise measurement used."""
+    """Sentence on the noise measurement that the map uses."""
     antenna: str
     sure_within_m: float | None
-    """Distance from the flight within which it would be heard everywhere with probability .9 or
-    more; None: nowhere."""
+    """Distance from the flight within which the tag would be detected everywhere with
+    probability .9 or more [m]; None: nowhere."""
 
     @property
     def heard(self) -> bool:
-        """True if it was heard or perhaps heard, so that silence is no evidence."""
+        """True if the tag was or may have been received, so that silence is no evidence."""
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property
     def around(self) -> SilentAround:
-        """Three summary values of the map, kept with a verdict."""
+        """Summary of the map for the whole-flight verdict."""
         return SilentAround(
             tag_power_dbm=self.tag_power_dbm,
             probability=SURE,
@@ -96,19 +96,19 @@ class SilentMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListenedFlight:
-    """A flight, the ground around it, and its noise."""
+    """A flight with the terrain around it and its noise."""
 
     flight: Flight
     area: MapArea
     noise: FlightNoise | None
     noise_said: str
     verdicts: tuple[IntegratedVerdict, ...]
-    way_m: tuple[NDArray[np.float64], NDArray[np.float64]]
-    """East and north of the flight in the plane of the map."""
+    path_m: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """East and north of the flight path in the map's plane [m]."""
     of_track: bool = False
-    """True for another program's poses and samples, without detectors."""
+    """True if poses and samples come from other programs, without detectors."""
     detectors_ran: bool = True
-    """True if there is any record that detectors of groups of pulses ran."""
+    """True if the flight has any record that the detectors of pulse groups ran."""
 
     @classmethod
     def read(
@@ -121,12 +121,11 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Lay a map around a flight, by default of 120 cells, and read its noise.
+        """Make a map's grid around a flight, by default of 120 cells, and read its noise.
 
-        Stored results of the whole flight are read where `verdicts` are not given.
-        Raises `RecordingError`: it has no poses.
-        Raises `FormatError`: a file of heights or of stored results is damaged.
-        Raises `UsageError`: the map would be too large.
+        Stored whole-flight results are read unless `verdicts` are given. Raises
+        `RecordingError` without poses, `FormatError` for damaged elevation files or results,
+        and `UsageError` if the map would be too large.
         """
         plane, east, north = flight_plane(flight)
         if cell_m is None:
@@ -136,11 +135,11 @@ class ListenedFlight:
         of_track = directory.is_file()
         try:
             if of_track:
-                raise RecordingError("a track does not contain it", remedy="Take a flight")
+                raise RecordingError("a track has no noise measurements")
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:
-            noise, said = None, f"not known, its radio's alone is counted: {error.message}"
+            noise, said = None, f"unknown, only the radio's own is used: {error.message}"
         reports = not of_track and (noise is not None or bool(read_search_reports(directory)))
         return cls(
             flight=flight,
@@ -148,7 +147,7 @@ class ListenedFlight:
             noise=noise,
             noise_said=said,
             verdicts=tuple(read_integrated(directory)[0] if verdicts is None else verdicts),
-            way_m=(east, north),
+            path_m=(east, north),
             of_track=of_track,
             detectors_ran=reports or bool(flight.pulse_poses),
         )
@@ -162,9 +161,9 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Map where a tag would have been heard, by default with the flight's antenna.
+        """Map where a tag would have been detected, by default with the flight's antenna.
 
-        Raises `UsageError`: the flight is too long, or there is no such antenna.
+        Raises `UsageError` if the flight is too long, or the antenna is unknown.
         """
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
@@ -212,14 +211,14 @@ class ListenedFlight:
             ambiguous=verdict is not None and verdict.ambiguous,
             noise=self.noise_said,
             antenna=named,
-            sure_within_m=sure_within_m(coverage, *self.way_m) if heard else None,
+            sure_within_m=sure_within_m(coverage, *self.path_m) if heard else None,
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
-        """Reason why an unsuccessful search does not apply to this tag; empty where it does."""
+        """Reason why an unsuccessful search does not apply to this tag; empty if it does."""
         if searched is None:
             return ()
-        found = _otherwise(tag, searched)
+        found = _setting_changes(tag, searched)
         window_hz = 0.0 if self.of_track else frequency_window_hz(self.flight)
         if searched.frequency_window_hz < window_hz:
             found.append(
@@ -233,14 +232,14 @@ class ListenedFlight:
 
 
 def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
-    """Antenna that a flight was judged with if known here, else its own."""
+    """Antenna of a flight's whole-flight analysis if known here, else the flight's own."""
     if searched is not None and searched.antenna in PATTERNS:
         return searched.antenna
     return flight_antenna(flight)
 
 
-def _otherwise(tag: Tag, searched: SearchedFor) -> list[str]:
-    """Differences between a search's settings and the present list."""
+def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
+    """Differences between the settings of a stored search and the present tag list."""
     found = []
     listed = (tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s, tag.gaps_s)
     sought = (
@@ -263,7 +262,7 @@ def _otherwise(tag: Tag, searched: SearchedFor) -> list[str]:
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:
-    """True if a whole flight found a tag, at the map's false-alarm probability or its own."""
+    """True if the whole flight shows a tag, at the map's false-alarm probability or its own."""
     return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
@@ -277,18 +276,14 @@ def silent_map(
     antenna: str | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> SilentMap:
-    """Map where a flight would have heard a tag, with the budget of `uavrt coverage`.
+    """Map where a flight would have detected a tag, with the link budget of `uavrt coverage`.
 
-    `directory`: the flight, with its noise and stored results.
-    `tag_id`: listed in it.
-    `tag_power_dbm`: radiated power.
-    `elevation`: None assumes level ground.
-    `antenna`: name of its pattern; by default the flight's.
-    `on_pulse`: receives the number of pulses done, and the total.
-    Raises `UsageError`: the flight does not list the tag, or is too long; or there is no such
-    antenna.
-    Raises `RecordingError`: it has no poses.
-    Raises `FormatError`: a file of heights or of stored results is damaged.
+    `directory` has the flight, its noise and stored results. `tag_power_dbm` is the tag's
+    radiated power. Without `elevation` the ground is level. `antenna` is a pattern's name; the
+    default is the flight's. `on_pulse` receives the number of computed pulses, and the total.
+    Raises `UsageError` for a tag that the flight does not list, an unknown antenna, or too long
+    a flight; `RecordingError` without poses; `FormatError` for damaged elevation files or
+    results.
     """
     tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
     if tag is None:
@@ -310,17 +305,10 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Maps for the tags that a flight just judged did not find, by tag.
+    """Coverage maps of the tags that the flight just analysed does not show, by tag.
 
-    The maps are those of `uavrt coverage FLIGHT`, made before the verdicts are kept. Tags that
-    were heard, or perhaps heard, have none.
-
-    `tag_power_dbm`: radiated power.
-    `elevation`: None assumes level ground.
-    `on_pulse`: receives the number of pulses done, and the total.
-    Raises `UsageError`: the flight is too long.
-    Raises `RecordingError`: it has no poses.
-    Raises `FormatError`: a file of heights is damaged.
+    These are the maps of `uavrt coverage FLIGHT`, made before the verdicts are saved. Tags that
+    were or may have been received have none. Parameters and errors are as in `silent_map`.
     """
     silent = [
         (tag, one)
@@ -344,7 +332,7 @@ def silent_maps(
 
 
 def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
-    """Link budget of `uavrt coverage`, whose maps take the height from the flight."""
+    """Link budget of `uavrt coverage`; the antenna's height is replaced by the flight's."""
     return LinkBudget(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -356,12 +344,10 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance from a path within which a tag is heard with .9 or more everywhere; None:
-    nowhere.
+    """Distance from a path within which a tag is detected with .9 or more everywhere [m].
 
-    Ground of unknown height counts as not heard; the map's extent is the maximum.
-
-    `east_m`, `north_m` (n,): the path, in the plane of the map.
+    None means nowhere. Terrain of unknown height counts as not detected, and the map's extent
+    is the maximum. `east_m` and `north_m` (n,) are the path in the map's plane.
     """
     from scipy.spatial import KDTree
 

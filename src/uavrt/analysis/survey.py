@@ -1,4 +1,4 @@
-"""All data and estimates of a flight or pulse log, for reports and exports."""
+"""Collect all data and estimates of a flight or pulse log, for reports and exports."""
 
 import math
 import os
@@ -12,8 +12,8 @@ from uavrt.analysis.bearings import (
     NO_BEARINGS_FROM_THESE,
     Recorded,
     past_turns,
+    pattern_origin,
     read_recorded,
-    taught_in_words,
 )
 from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.map_files import MapFile
@@ -65,23 +65,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Survey:
-    """A flight or a pulse log with all estimates."""
+    """A flight or pulse log with all its estimates."""
 
     name: str
     kind: LogKind
     antenna: str
-    """Name of the pattern that the bearings were estimated with."""
+    """Name of the antenna pattern used for the bearings."""
     pattern: AntennaPattern | None = None
-    """That pattern as corrected by the turns; None without a turn."""
+    """Antenna pattern as corrected by the turns; None without a turn."""
     offset_deg: float = 0.0
-    """Boresight clockwise from the heading that the pulses carry."""
+    """Antenna boresight, clockwise from the heading in the poses [deg]."""
     pulse_poses: tuple[PulsePose, ...]
     track: tuple[Pose, ...]
-    """Poses of the vehicle; places of the pulses for a log without poses."""
+    """Poses of the vehicle; for a log without them, the places of the pulses."""
     bearings: tuple[TagBearing, ...] = ()
     positions: tuple[TagPosition, ...] = ()
     signals: tuple[TagSignal, ...] = ()
-    """Signal strength over ground and height, for a survey with a monopole."""
+    """Signal strength by place and height, for surveys with a monopole."""
     warnings: tuple[str, ...] = ()
     info: FlightInfo | None = None
     health: tuple[Health, ...] = ()
@@ -95,26 +95,26 @@ class Survey:
     verdicts: tuple[IntegratedVerdict, ...] = ()
     folds: tuple[FlightFold, ...] = ()
     silences: "tuple[SilentMap, ...]" = ()
-    """Coverage maps, where the tag's power was given."""
+    """Coverage maps of tags, if their radiated power was given."""
     facts: Facts = field(default_factory=Facts)
     maps: tuple[MapFile, ...] = ()
-    """Map files for the background of a report."""
+    """Map files for the background of the report's maps."""
 
     @property
     def tag_ids(self) -> tuple[int, ...]:
-        """Numbers of all tags that were heard or searched for."""
+        """Numbers of all tags that were received or searched for."""
         listed = () if self.info is None else self.info.tags
         heard = {one.pulse.tag_id for one in self.pulse_poses}
         judged = {one.tag_id for one in self.verdicts}
         return tuple(sorted(heard | judged | {tag.tag_id for tag in listed}))
 
     def tag(self, tag_id: int) -> Tag | None:
-        """Get the tag as the operator listed it."""
+        """Tag list entry of a tag; None if it is not listed."""
         tags = () if self.info is None else self.info.tags
         return next((tag for tag in tags if tag.tag_id == tag_id), None)
 
     def pulses_of(self, tag_id: int) -> tuple[PulsePose, ...]:
-        """Get one tag's pulses."""
+        """Pulses of one tag."""
         return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
 
     @property
@@ -126,21 +126,21 @@ class Survey:
         return tuple(sorted(both, key=lambda one: one.pulse.start_time_ns))
 
     def verdict_of(self, tag_id: int) -> IntegratedVerdict | None:
-        """Result of ``uavrt integrate`` for one tag; None if it was not run."""
+        """Whole-flight result of one tag; None if ``uavrt integrate`` was not run."""
         return next((one for one in self.verdicts if one.tag_id == tag_id), None)
 
     def bearings_of(self, tag_id: int) -> tuple[TagBearing, ...]:
-        """Get one tag's bearings."""
+        """Bearings of one tag."""
         return tuple(one for one in self.bearings if one.tag_id == tag_id)
 
     def position_of(self, tag_id: int) -> TagPosition | None:
-        """Get one tag's position, or the reason why there is none."""
+        """Position of one tag, or the reason why there is none."""
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """Time of a tag's position: end of its last bearing, or last pulse.
+        """Time of a tag's position: end of its last bearing, or last pulse [ns, UTC].
 
-        For a walking tag, the last time on its path.
+        For a moving tag it is the last time on its path.
         """
         found = self.position_of(tag_id)
         if found is not None and found.position is not None and found.position.track:
@@ -155,7 +155,7 @@ class Survey:
 
     @property
     def marks(self) -> tuple[Mark, ...]:
-        """Places that the operator marked."""
+        """Places that the operator marked during the flight."""
         return places_of(self.notes).marks
 
     @property
@@ -164,13 +164,13 @@ class Survey:
         return vehicle_of(self.notes)
 
     def label(self, tag_id: int) -> str:
-        """Get a tag's number, and its name if it has one."""
+        """Number of a tag, followed by its name if it has one."""
         tag = self.tag(tag_id)
         return f"tag {tag_id}" + (f" {tag.name}" if tag is not None and tag.name else "")
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
-        """First and last time of any record; None when there is none."""
+        """First and last time of any record [ns, UTC]; None without records."""
         times = [pose.time_ns for pose in self.track]
         times += [one.pulse.start_time_ns for one in self.pulse_poses]
         if self.info is not None:
@@ -179,24 +179,12 @@ class Survey:
 
 
 def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Survey:
-    """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
+    """Read a flight directory or a pulse log of any kind, and estimate bearings and positions.
 
-    What cannot be estimated is missing from the result, and a warning says why.
-
-    Parameters
-    ----------
-    path : path
-        The flight or log.
-    how : ReadAs, optional
-        How it is read. Without an antenna that of the flight's settings, RA-23K for a log
-        without, and a monopole for UCSD's pings.
-
-    Raises
-    ------
-    FormatError
-        It is neither a flight nor a pulse log.
-    UsageError
-        There is no such antenna, or its report.toml is damaged.
+    Estimates that fail are missing from the result, and a warning gives the reason. Without an
+    antenna in `how`, the flight's is used, RA-23K for a log without, and a monopole for UCSD's
+    pings. Raises `FormatError` if `path` is neither flight nor log, and `UsageError` for an
+    unknown antenna or a damaged report.toml.
     """
     how, recorded = how or ReadAs(), read_recorded(path)
     antenna = how.antenna or recorded.antenna
@@ -242,13 +230,13 @@ def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Surv
 
 
 def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimated:
-    """Estimate with the pattern learnt from past flights, too."""
+    """Estimate bearings and positions, with a pattern learnt also from past flights."""
     heard = recorded.heard(recorded.antenna)
     past: list[list[HeardInTurn]] = []
     if how.antenna is not None and how.antenna != MONOPOLE and recorded.flight is not None:
         past = past_turns(recorded.flight, how.antenna, how.offset_deg)
         own = heard_in_turns(heard, how.offset_deg)
-        if (text := taught_in_words([own, *past])) is not None:
+        if (text := pattern_origin([own, *past])) is not None:
             warnings.append(f"{text[0].upper()}{text[1:]}.")
     return estimate(heard, how, past=[one for turns in past for one in turns])
 
@@ -283,7 +271,7 @@ def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
 
 
 def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
-    """Keep the first pose of each step of time, and the last one."""
+    """Keep the first pose of each time step, and the last pose."""
     first = [
         next(group)
         for _, group in groupby(track, lambda p: p.time_ns // (step_s * NANOSECONDS_PER_SECOND))

@@ -1,4 +1,4 @@
-"""Sentences on a whole flight's result: for command line, report and status text."""
+"""Sentences on a whole-flight result, for command line, report and status text."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from uavrt.integration.train_place import PlaceBelief
 from uavrt.recording.integrated import IntegratedPart, IntegratedVerdict
 
 ALL_ROUND_DEG = 330.0
-"""Width from which an arc is no direction [deg]."""
+"""Width above which an arc of directions no longer gives a direction [deg]."""
 
 
 def where_in_words(
@@ -17,9 +17,9 @@ def where_in_words(
 ) -> list[str]:
     """Sentence on a tag's place: one place, one of several, or a direction.
 
-    `place`: with bearing and arcs from the middle of the flight, coordinates and radii.
-    `parts`: the places, most likely first.
-    `flown`: phrase for the flown path, after "middle of".
+    `place` has coordinates and radii, and bearing and arcs from the middle of the flight.
+    `parts` are the possible places, most likely first. `flown` is a phrase for the path, after
+    "middle of".
     """
     if len(parts) > 1:
         each = "; ".join(

@@ -1,7 +1,7 @@
-"""Judge whole flights from recorded samples: the engine of ``uavrt integrate``.
+"""Search whole flights for tags too weak for single groups: the engine of ``uavrt integrate``.
 
 The inputs are a recording of the band or of a channel, and the poses of its flight. Each tag
-gets a verdict at a false-alarm probability for the flight, interval and frequency, pulses, and
+gets a verdict at a false-alarm probability for the flight, with interval, frequency, pulses and
 place.
 """
 
@@ -36,17 +36,17 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 POSITION_M = 2000.0
 """Radius of the 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
-"""Least probability of a part of the ground to be listed by itself."""
+"""Least probability for a separate place to be listed."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
-"""Channels kept at once: 36 MB each for ten minutes."""
+"""Most channels kept in memory at once; ten minutes of one are 36 MB."""
 
 Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IntegratedTag:
-    """Result of a whole flight for one tag."""
+    """Whole-flight result for one tag, with the data behind it."""
 
     tag: Tag
     found: bool
@@ -56,46 +56,46 @@ class IntegratedTag:
     energies: SlotEnergies
     places: Places
     searched_place: int
-    """Row of `places` whose weights gave the strongest train."""
+    """Index in `places` of the candidate place that gave the strongest train."""
     others: tuple[OtherTrain, ...]
-    """Trains on its frequency at intervals that the list does not allow."""
+    """Pulse trains on the tag's frequency at intervals that the tag list excludes."""
     heard_alone: int
-    """Confirmed pulses of this tag in the flight's own log."""
+    """Number of confirmed pulses of this tag in the flight's own log."""
     flights: int = 1
     limitations: tuple[str, ...] = ()
-    """Sentences on where the figures do not apply."""
+    """Sentences on conditions under which the figures do not apply."""
     searched: SearchedFor
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Train at a small ratio of its interval that may be the same transmitter."""
+        """Pulse train that may be this tag's, since the intervals have a small ratio."""
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)
 
     @property
     def pulse_times_ns(self) -> NDArray[np.int64]:
-        """(n,) starts of the train's pulses, within jitter and slot [ns, UTC]."""
+        """(n,) start times of the train's pulses, within jitter and slot [ns, UTC]."""
         since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
         return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgeAs:
-    """Settings for judging whole flights."""
+    """Settings of a whole-flight search."""
 
     pattern: AntennaPattern
     frequency_window_hz: float = 500.0
-    """Half-width of the search around each tag's nominal frequency."""
+    """Half-width of the search around each tag's nominal frequency [Hz]."""
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
     most_drift: float = 0.0
     """Largest relative change of the interval over the flight, up or down."""
     antenna_assumed: bool = False
-    """True if the antenna is not known; the results then say so."""
+    """True if the flight's antenna is not known; results then say so."""
     elevation: Elevation | None = None
-    """Heights of the ground: hills weaken pulses, and explain silence."""
+    """Terrain heights: hills weaken pulses, and explain silence. None is level ground."""
     on_progress: Callable[[int, int | None], None] | None = None
-    """Receives the samples read and their total."""
+    """Receives the number of samples read, and their total."""
     on_tag: Callable[[int], None] | None = None
     """Receives the number of tags done."""
 
@@ -103,14 +103,10 @@ class JudgeAs:
 def integrate_flight(
     flight: Flight, source: SampleSource, tags: Sequence[Tag], how: JudgeAs
 ) -> list[IntegratedTag]:
-    """Judge a whole flight for each tag.
+    """Search a whole flight for each tag in its recording, which the caller closes.
 
-    `source`: its recording; the caller closes it.
-    `tags`: at least one.
-    Raises `ConfigError`: there are no tags.
-    Raises `RecordingError`: the recording is too short or holds nothing but zeros, or the
-    flight has no poses.
-    Raises `UsageError`: recording and poses are not of the same time.
+    Raises `ConfigError` without tags, `RecordingError` for too short or all-zero a recording or
+    a flight without poses, and `UsageError` if recording and poses are of different times.
     """
     if not tags:
         raise ConfigError("there are no tags to search for", remedy="Name a tag file")
@@ -130,8 +126,8 @@ def integrate_flight(
     plan = front_end.plan
     if len(plan.channels_in_use) > _MOST_CHANNELS:
         raise ConfigError(
-            f"these tags lie in {len(plan.channels_in_use)} channels, and {_MOST_CHANNELS} are "
-            "kept in memory at once",
+            f"these tags need {len(plan.channels_in_use)} channels, more than the "
+            f"{_MOST_CHANNELS} kept in memory at once",
             remedy="Name fewer tags with --tag, and run it again for the others",
         )
     faults: list[str] = []
@@ -183,7 +179,7 @@ def integrate_flight(
 def _window_held(
     tag: Tag, window_hz: float, center_hz: float, rate_hz: float
 ) -> tuple[float, tuple[str, ...]]:
-    """Half-width around a tag's frequency that a channel holds on both sides; and in words."""
+    """Half-width around a tag's frequency that a channel covers [Hz], and a sentence on it."""
     held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
     if window_hz <= held_hz:
         return window_hz, ()
@@ -194,7 +190,7 @@ def _window_held(
 
 
 def searched_for(tag: Tag, how: JudgeAs) -> SearchedFor:
-    """Settings of a search, kept with its verdict."""
+    """Settings of a search, as saved with its verdict."""
     return SearchedFor(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -217,7 +213,7 @@ def judged_tag(
     how: JudgeAs,
     hills: HillLosses | None,
 ) -> IntegratedTag:
-    """Search one tag's train, and locate it if found."""
+    """Search for one tag's pulse train, and locate the tag if found."""
     searched = searched_for(tag, how)
     places = places_around(
         poses, how.pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
@@ -263,7 +259,7 @@ def judged_tag(
 
 
 def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
-    """Sentence that an antenna was assumed; empty where it is known."""
+    """Sentence that an antenna was assumed; empty if it is known."""
     if not searched.antenna_assumed:
         return ()
     return (
@@ -280,8 +276,7 @@ def channel_samples(
 ) -> dict[int, Channel]:
     """Read a whole recording into the samples of the channels in use.
 
-    If `on_fault` is given, a damaged recording is used up to the fault, which `on_fault`
-    receives.
+    With `on_fault`, a damaged recording is used up to the fault, which `on_fault` receives.
     """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use
@@ -312,7 +307,7 @@ def channel_samples(
 
 
 def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | None:
-    """Ground under a flight, relative to its take-off; None is level."""
+    """Terrain under a flight, relative to its take-off; None for level ground."""
     if elevation is None:
         return None
     over = OverGround.of(elevation, PoseColumns.of(flight.poses))
@@ -320,7 +315,7 @@ def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | Non
 
 
 def chance_in_words(probability: float, flights: int = 1) -> str:
-    """Sentence on how often noise alone would show as much, in one or several flights."""
+    """Sentence on how often noise alone would give such a result, in one or several flights."""
     what = "flights" if flights == 1 else f"groups of {flights} flights"
     if probability >= 0.01:
         # 1.4 of 100 is not found at a limit of 1: rounded it would pass for found.

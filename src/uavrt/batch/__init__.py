@@ -1,11 +1,11 @@
-"""Search whole archives of recordings under one tag list, to Parquet, and query the results.
+"""Search whole archives of recordings for one tag list, write Parquet tables, and query them.
 
-`recordings` finds recordings, `copies` leaves out second copies, `names` gives each flight a
-unique name. `cells` cuts a recording, `cell_work` detects in a cell, `detecting` combines cells
-into recordings. `flight_work` makes poses, bearings and positions of a flight's pulses,
-`placing` of all. `workers` runs tasks in parallel, `tables` writes Parquet, `ledger` records
-finished work, `run` controls it all; `questions` queries the tables, `flight_search` finds
-flights in them.
+`recordings` finds recordings, `copies` excludes second copies, and `names` gives each flight a
+unique name. `cells` divides a recording, `cell_work` detects in a cell, and `detecting`
+combines cells into recordings. `flight_work` computes poses, bearings and positions of one
+flight's pulses, `placing` of all. `workers` runs tasks in parallel, `tables` writes Parquet,
+`ledger` records finished work, and `run` controls it all. `questions` runs queries, and
+`flight_search` finds flights.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Detect in one cell: samples in, pulses out."""
+"""Detect pulses in one cell, which is a time span of a recording."""
 
 import errno
 import time
@@ -23,7 +23,7 @@ from uavrt.radio.recording import RecordingSource
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Pulses and counts of a cell."""
+    """Pulses, beeping signals and counters of one cell."""
 
     number: int
     pulses: list[Pulse] = msgspec.field(default_factory=list)
@@ -32,16 +32,16 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     invalid_values: int = 0
     cpu_s: float = 0.0
     searched: bool = False
-    """True if at least one of its samples was searched."""
+    """True if at least one sample of the cell was searched."""
     fault: str | None = None
-    """Why it ends early, or has no result."""
+    """Reason why the cell ends early, or has no result."""
     unreachable: bool = False
-    """True if the samples could not be reached: the next run tries again."""
+    """True if the samples could not be reached, so that the next run tries again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellTask:
-    """A worker's task: one cell."""
+    """Task for a worker: detect pulses in one cell."""
 
     recording: Recording
     cell: Cell
@@ -49,92 +49,80 @@ class CellTask:
     frequency_window_hz: float
 
     def packed(self) -> "CellTask":
-        """Return the task unchanged: the samples stay where they are."""
+        """The task itself, since a worker reads the samples from their file."""
         return self
 
     def failed(self, fault: str) -> CellResult:
-        """Result for a task that could not be done."""
+        """Result with the reason why the task could not be done."""
         return CellResult(number=self.cell.number, fault=fault)
 
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> CellResult | None:
-        """Detect in the cell; see `work_on`."""
-        return work_on(self, should_stop=should_stop, on_samples=on_done)
+        """Detect pulses in the cell; None if stopped before the end.
 
-
-def work_on(
-    task: CellTask,
-    *,
-    should_stop: Callable[[], bool] = lambda: False,
-    on_samples: Callable[[int], None] = lambda _count: None,
-) -> CellResult | None:
-    """Detect in a cell.
-
-    `should_stop`: called at each block; True leaves the cell undone.
-    `on_samples`: receives the number of samples done since its last call.
-    Returns: None: stopped before the end.
-    """
-    cell, began_s = task.cell, time.process_time()
-    pulses: list[Pulse] = []
-    beeps: list[Beep] = []
-    place, lost, invalid, fault, gone = cell.lead_in, 0, 0, None, False
-    try:
-        with closing(task.recording.open()) as source:
-            chain = _chain(task, source)
-            radio = Receiver(source.center_frequency_hz, source.sample_rate_hz)
-            search = BeepSearch(task.sought.tags, task.frequency_window_hz, radio)
-            chain.on_band = search.add
-            source.skip_to(place)
-            try:
-                while place < cell.end:
-                    if should_stop():
-                        return None
-                    block = source.read()
-                    assert block is not None  # a file never makes one wait
-                    # The last block is cut at the cell's end.
-                    if place + len(block.samples) > cell.end:
-                        block = replace(block, samples=block.samples[: cell.end - place])
-                    # A gap in what is read again counts in the cell that it belongs to.
-                    if cell.begin_ns is None or block.time_ns >= cell.begin_ns:
-                        lost += block.lost_before
-                    pulses += chain.process(block)
-                    place += len(block.samples)
-                    on_samples(len(block.samples))
-                if place == source.total_samples:
-                    source.read()  # says why the recording is not whole, if it is not
-            except EOFError:
-                fault = (
-                    None if place >= cell.end else "it ended early: it was changed meanwhile"
-                )
-            except UavrtError as error:
-                fault, gone = str(error), _gone(task, error)
-            pulses += chain.flush()
-            beeps = search.finish()
-            invalid = source.invalid_values
-    except UavrtError as error:
-        fault, gone = str(error), _gone(task, error)
-    return CellResult(
-        number=cell.number,
-        pulses=[] if gone else [one for one in pulses if _counts(cell, one)],
-        beeps=[] if gone else beeps,
-        lost_samples=lost,
-        invalid_values=invalid,
-        cpu_s=time.process_time() - began_s,
-        searched=place > cell.lead_in,
-        fault=fault,
-        unreachable=gone,
-    )
+        `should_stop` is called at each block. `on_done` receives the number of samples since
+        its last call.
+        """
+        cell, began_s = self.cell, time.process_time()
+        pulses: list[Pulse] = []
+        beeps: list[Beep] = []
+        place, lost, invalid, fault, gone = cell.lead_in, 0, 0, None, False
+        try:
+            with closing(self.recording.open()) as source:
+                chain = _chain(self, source)
+                radio = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+                search = BeepSearch(self.sought.tags, self.frequency_window_hz, radio)
+                chain.on_band = search.add
+                source.skip_to(place)
+                try:
+                    while place < cell.end:
+                        if should_stop():
+                            return None
+                        block = source.read()
+                        assert block is not None  # a file never makes one wait
+                        # The last block is cut at the cell's end.
+                        if place + len(block.samples) > cell.end:
+                            block = replace(block, samples=block.samples[: cell.end - place])
+                        # A gap in what is read again counts in the cell that it belongs to.
+                        if cell.begin_ns is None or block.time_ns >= cell.begin_ns:
+                            lost += block.lost_before
+                        pulses += chain.process(block)
+                        place += len(block.samples)
+                        on_done(len(block.samples))
+                    if place == source.total_samples:
+                        source.read()  # raises the reason if the recording is incomplete
+                except EOFError:
+                    if place < cell.end:
+                        fault = "it ended early: it was changed meanwhile"
+                except UavrtError as error:
+                    fault, gone = str(error), _gone(self, error)
+                pulses += chain.flush()
+                beeps = search.finish()
+                invalid = source.invalid_values
+        except UavrtError as error:
+            fault, gone = str(error), _gone(self, error)
+        return CellResult(
+            number=cell.number,
+            pulses=[] if gone else [one for one in pulses if _counts(cell, one)],
+            beeps=[] if gone else beeps,
+            lost_samples=lost,
+            invalid_values=invalid,
+            cpu_s=time.process_time() - began_s,
+            searched=place > cell.lead_in,
+            fault=fault,
+            unreachable=gone,
+        )
 
 
 def keep_cell(directory: Path, result: CellResult) -> None:
-    """Store a cell's result until its recording is done; raises `OSError`."""
+    """Save a cell's result until its recording is finished; raises `OSError`."""
     content = msgspec.msgpack.encode(result, enc_hook=_plain)
     write_note(directory / str(result.number), content)
 
 
 def kept_cell(directory: Path, number: int) -> CellResult | None:
-    """Read what `keep_cell` stored; None for a cell that must be done, or done again."""
+    """Read a cell's saved result; None if the cell must be searched, or searched again."""
     try:
         content = read_note(directory / str(number))
         result = msgspec.msgpack.decode(content, type=CellResult)
@@ -169,7 +157,7 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """True if a pulse lies in the cell's own time, or so near that it may."""
+    """True if a pulse lies in the cell's own time, within the tolerance of its limits."""
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 

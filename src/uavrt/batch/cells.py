@@ -1,7 +1,7 @@
-"""Cut recordings into cells on a fixed grid, so that results are the same for any workers.
+"""Divide recordings into cells of equal duration, so that results do not depend on the workers.
 
-The detector restarts in each cell. Each cell also reads some seconds of the one before, so that
-noise and tracks are settled when its own time begins.
+The detector restarts in each cell. It also reads two minutes before the cell, so that noise
+estimates and tracks are settled when the cell's own time begins.
 """
 
 import math
@@ -18,14 +18,14 @@ LEAD_IN_S = 120.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """A piece of a recording that is searched by itself; places are samples in the file."""
+    """Part of a recording that is searched separately, with limits in samples of the file."""
 
     number: int
     lead_in: int
-    """First sample to read."""
+    """Number of the first sample to read, before the cell's own time."""
     end: int
     begin_ns: int | None
-    """Pulses from this time on count; None: from the recording's first sample."""
+    """Time from which pulses count [ns]; None: from the recording's first sample."""
 
 
 def cells_of(
@@ -35,13 +35,10 @@ def cells_of(
     cell_s: float = CELL_S,
     lead_in_s: float = LEAD_IN_S,
 ) -> list[Cell]:
-    """Cut a recording.
+    """Divide a recording's `segments` of samples into cells of `cell_s` seconds.
 
-    `segments`: places of its samples.
-    `sample_rate_hz`: of the recording [Hz].
-    `cell_s`: distance of the grid's lines, from the recording's first sample on; lost samples
-    count as time.
-    `lead_in_s`: time before each cell that is read again.
+    Cells are counted from the first sample, and lost samples count as time. `lead_in_s` is the
+    time before each cell that is also read.
     """
     held = [one for one in segments if one.count]
     if not held:
@@ -69,7 +66,7 @@ def cells_of(
 
 
 def _place(held: Sequence[Segment], sample_rate_hz: float, index: int) -> tuple[int, int]:
-    """File place and time of the first sample at or after an index."""
+    """File position and time of the first existing sample at or after a sample index."""
     done = 0
     for segment in held:
         if index < segment.sample_index + segment.count:

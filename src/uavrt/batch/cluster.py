@@ -1,7 +1,7 @@
-"""Run tasks on a Dask cluster: workers on any machines that see the same files.
+"""Run tasks on a Dask cluster: workers on several machines that share the same files.
 
-A file in the output identifies the current run. Workers read it now and then. When it is gone
-or names another run, they abandon their task.
+A file in the output names the current run, and workers read it regularly. If it is gone or
+names another run, they abandon their task.
 """
 
 import logging
@@ -18,28 +18,28 @@ from typing import Any, TypeVar
 
 import uavrt
 from uavrt.atomic_file import write_atomically
-from uavrt.batch.workers import Task, side_by_side, worked
+from uavrt.batch.workers import Task, run_in_pool, run_safely
 from uavrt.errors import LinkError, UsageError, needs_extra
 from uavrt.heap import heap_as_it_grows
 
 R = TypeVar("R")
 CONNECT_S = 15.0
 NO_WORKER_S = 3.0
-"""Time without a worker after which a message is shown [s]."""
+"""Time without any worker after which a message is shown [s]."""
 _CLOSE_S = 0.5
 _LOOK_S = 0.5
 _QUEUED_LEAST = 64
-"""Least number of queued tasks: an adaptive cluster grows with its queue."""
+"""Least number of queued tasks; an adaptive cluster grows with its queue."""
 
 
-class Sign:
+class RunMarker:
     """File that identifies the current run for workers."""
 
     def __init__(self, path: Path, run: str) -> None:
         self._path, self._run = path, run
         self._read_s, self._stop = 0.0, False
 
-    def put_up(self) -> None:
+    def write(self) -> None:
         """Write the file."""
         write_atomically(self._path, self._run, sync=False)
 
@@ -61,20 +61,18 @@ def run_on_cluster(
     on_done: Callable[[int], None],
     on_wait: Callable[[str], None],
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks; yield each one's number and result as it is done.
+    """Run tasks on a cluster, and yield the number and result of each when done.
 
-    `scheduler`: ``tcp://HOST:PORT``.
-    `folder`: seen by all workers under the same name.
-    `should_stop`: True ends it.
-    `on_done`: receives the amount done since its last call.
-    `on_wait`: receives a text when there is no worker.
-    Raises `UsageError`: no scheduler answers there, or the extra is missing.
-    Raises `LinkError`: the scheduler has gone.
+    `scheduler` is ``tcp://HOST:PORT``. All workers see `folder` under the same name. A true
+    result of `should_stop` ends the run. `on_done` receives the amount done since its last
+    call, and `on_wait` a text while there is no worker.
+    Raises `UsageError` without the extra or if no scheduler answers, and `LinkError` if it is
+    lost.
     """
     if not tasks:
         return
-    with closing(_Cluster(scheduler, folder, on_wait)) as crew:
-        yield from side_by_side(tasks, range(len(tasks)), crew, should_stop, on_done)
+    with closing(_Cluster(scheduler, folder, on_wait)) as pool:
+        yield from run_in_pool(tasks, range(len(tasks)), pool, should_stop, on_done)
 
 
 class _Cluster:
@@ -97,8 +95,8 @@ class _Cluster:
         self._killed = distributed.KilledWorker
         self._run = uuid.uuid4().hex
         self._file = folder / "run"
-        self._sign = Sign(self._file, self._run)
-        self._sign.put_up()
+        self._sign = RunMarker(self._file, self._run)
+        self._sign.write()
         self._done = 0
         self._client.subscribe_topic(self._run, self._count)
         self._executor: Executor = self._client.get_executor(pure=False)
@@ -111,7 +109,7 @@ class _Cluster:
             self._client.close(timeout=_CLOSE_S)
 
     def at_once(self) -> int:
-        """Number of tasks to hand out: no worker idles, and an adaptive cluster grows."""
+        """Number of tasks to submit: no worker idles, and an adaptive cluster grows."""
         now_s = time.monotonic()
         if now_s - self._looked_s > 1.0 and self._client.status == "running":
             self._looked_s = now_s
@@ -135,7 +133,7 @@ class _Cluster:
             )
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
-        """Take a result; raises `LinkError` if the scheduler has gone."""
+        """Result of a finished task; raises `LinkError` if the scheduler is lost."""
         with _scheduler_there():
             try:
                 return future.result()
@@ -151,18 +149,18 @@ class _Cluster:
 
 @contextmanager
 def _scheduler_there() -> Iterator[None]:
-    """Raise `LinkError` for the various errors by which Dask reports a lost scheduler."""
+    """Context that turns Dask's errors on a lost scheduler into `LinkError`."""
     try:
         yield
     except (CancelledError, OSError) as error:
         raise LinkError(
-            "the Dask scheduler has gone",
-            remedy="Start it again: the same command goes on from here",
+            "the connection to the Dask scheduler is lost",
+            remedy="Start it again, and repeat the command: it continues from here",
         ) from error
 
 
-class _Teller:
-    """Reports progress to the run, at most as often as it is displayed."""
+class _ProgressSender:
+    """Reports a worker's progress to the run, at most as often as it is displayed."""
 
     def __init__(self, run: str) -> None:
         from distributed import get_worker
@@ -187,8 +185,8 @@ def _work(packed: bytes, file: Path, run: str, version: str) -> Any:
         return task.failed(
             f"the worker on {os.uname().nodename} has uavrt {uavrt.__version__}, not {version}"
         )
-    teller = _Teller(run)
+    teller = _ProgressSender(run)
     try:
-        return worked(task, Sign(file, run).should_stop, teller.add)
+        return run_safely(task, RunMarker(file, run).should_stop, teller.add)
     finally:
         teller.flush()

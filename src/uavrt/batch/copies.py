@@ -1,4 +1,4 @@
-"""Flights that exist twice: recorded by the drone, and by the ground station."""
+"""Find flights that exist twice: recorded by the drone, and by the ground station."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -13,23 +13,21 @@ from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.seals import read_note, write_note
 from uavrt.batch.tables import OUTLINES, FlightRow, RecordingRow
 from uavrt.errors import FormatError
+from uavrt.recording.flight_cache import FlightCache
 from uavrt.recording.layout import FlightLayout, Stamp
 from uavrt.recording.outline import FlightOutline, read_outline
-from uavrt.recording.stamped import Stamped
 
 
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Find copies of flights by the rule of a season's summary.
+    """Choose one copy of each flight; returns the chosen directory by that of each other copy.
 
-    The copy with more to search counts: recordings, kept channels, pulses. Among equals, the
-    one that was placed before counts. Two flights with samples and without pulses are separate,
-    whatever their times.
-
-    `recordings`, `flights`: finished rows, which include flights that are away now.
-    `output`: where outlines of the flights are kept for the next run.
-    Returns: the flight that counts, by directory of each copy.
+    The copy with more to search is chosen: recordings, recorded channels, pulses. Among equals,
+    an earlier run's choice stays. Two flights that have samples but no pulses are never copies.
+    Copies are recognised as in a season's summary.
+    `recordings` and `flights` are finished rows, also of flights that are not reachable now.
+    Outlines of the flights are saved in `output` for the next run.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {
@@ -68,7 +66,7 @@ def copies_of(
 
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
-    """Leave copies of flights out, with their recordings; also returns their number."""
+    """Remove copies of flights and their recordings from a search, and count them."""
     left = replace(
         found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
@@ -80,7 +78,7 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 def drop_copies(
     copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
-    """Remove results of copies whose flight is placed now; raises `OSError`."""
+    """Remove results of copies whose chosen flight has positions now; raises `OSError`."""
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
     for row in recordings.rows if gone else ():
         of_itself = row.state == "recorded"
@@ -96,9 +94,9 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
-    """Group copies of readable flights; reuses the last groups if no flight changed."""
+    """Group the copies of each readable flight; reuses the last groups if no flight changed."""
     kept, found = _kept(output), dict[str, tuple[Stamp, FlightOutline]]()
-    known = Stamped(_outline, kept.flights)
+    known = FlightCache(_outline, kept.flights)
     for directory in map(str, sorted(directories)):
         with suppress(FormatError, OSError):  # named where it is placed
             known.get(directory)

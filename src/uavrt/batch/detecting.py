@@ -1,4 +1,4 @@
-"""First half of a batch: pulses of each recording, cell by cell."""
+"""First half of a batch: detect the pulses of each recording, cell by cell."""
 
 import hashlib
 import shutil
@@ -30,7 +30,7 @@ UNFINISHED = "unfinished"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Facts:
-    """A recording's own metadata; empty when it cannot be opened."""
+    """Metadata of a recording; empty if it cannot be opened."""
 
     start_time_ns: int | None = None
     length_s: float | None = None
@@ -49,7 +49,7 @@ class _Job:
 
 
 class Detecting:
-    """Schedules detection tasks and collects results; `ledger`: finished recordings."""
+    """Plans detection tasks and collects results; `ledger` has the finished recordings."""
 
     def __init__(
         self,
@@ -65,16 +65,16 @@ class Detecting:
                 shutil.rmtree(kept)
         self._jobs: list[_Job] = []
         self.keys: dict[Path, str] = {}
-        """Keys of recordings that can be opened, by path."""
+        """Hash of content, tags and settings of each recording that can be opened, by path."""
         self.kept: dict[str, str] = {}
-        """Recordings that cannot be reached now, with the reason; earlier results are kept."""
+        """Reason for each recording that is not reachable now; its earlier results stay."""
         self.done_before = 0
         self.tasks: list[CellTask] = []
         self.dated_by_file: dict[str, str] = {}
-        """Recordings dated only by their file's time, with a warning."""
+        """Warning for each recording that is dated only by its file's time."""
 
     def plan(self, recording: Recording) -> RecordingRow | None:
-        """Add the tasks of a recording; returns a row when there are none."""
+        """Add the tasks of a recording; returns the finished row if there are none."""
         try:
             key = _key(recording, self._sought, self._settings)
             self.keys[recording.path] = key
@@ -100,20 +100,20 @@ class Detecting:
             return None
         key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
         row = _row(_Job(recording, key, _Facts()), "failed", [fault])
-        self._ledger.settle(row)
+        self._ledger.record(row)
         return row
 
     def _take_known(self, recording: Recording) -> bool:
-        """Use earlier results of a recording, with whatever settings, if there are any."""
+        """Use earlier results of a recording, with any settings; false if there are none."""
         known = self._ledger.of(recording.name)
         if known is not None:
             self.keys[recording.path] = known.fingerprint
         return known is not None
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Take a task's result; returns the row of a recording when it was the last one.
+        """Add a task's result; returns the recording's row when it was the last one.
 
-        Raises `OSError`: the directory cannot be written.
+        Raises `OSError` if the directory cannot be written.
         """
         job = self._jobs[number]
         job.results.append(result)
@@ -129,7 +129,7 @@ class Detecting:
                 self.kept[job.recording.name] = by_manifest(gone[0])
                 return None
             row = _row(job, "failed", gone)
-            self._ledger.settle(row)
+            self._ledger.record(row)
             return row
         job.results.sort(key=lambda one: one.number)
         faults = [one.fault for one in job.results if one.fault is not None]
@@ -143,7 +143,7 @@ class Detecting:
             files[name] = write_pulses(
                 self._output / name, pulses, recording.name, recording.flight
             )
-        self._ledger.settle(row, files)
+        self._ledger.record(row, files)
         shutil.rmtree(self._kept_cells(job.key), ignore_errors=True)
         return row
 
@@ -231,7 +231,7 @@ def _beeps(results: Sequence[CellResult]) -> list[Beep]:
 
 
 def _joined(results: Sequence[CellResult]) -> list[tuple[int, Pulse]]:
-    """Join cells in order of time; a pulse on the line between two is in both."""
+    """Join the pulses of cells in order of time; one on a limit between two is in both."""
     found = [(one.number, pulse) for one in results for pulse in one.pulses]
     found.sort(key=lambda one: (one[1].tag_id, one[1].start_time_ns))
     kept: list[tuple[int, Pulse]] = []

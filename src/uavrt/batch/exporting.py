@@ -1,4 +1,4 @@
-"""Export archives to files for other tools: by flight, and GeoParquet of all flights."""
+"""Export an archive to files for other tools: one folder per flight, GeoParquet of all."""
 
 import json
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
 from uavrt.analysis.survey import Survey
 from uavrt.atomic_file import make_directories, replacing
-from uavrt.batch.flight_work import OF_WAY
+from uavrt.batch.flight_work import PATH_FIELDS
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
-"""Export formats; the tables lack heat maps and their outlines, which `uavrt export` makes."""
+"""Export formats of archives; tables lack the heat maps that `uavrt export` writes."""
 _IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 
@@ -92,7 +92,7 @@ def export_archive(
 
 
 def folder_for(directory: Path, flight: str) -> Path:
-    """Folder name for a flight: its name, made valid on every system."""
+    """Folder name of a flight, made valid for all operating systems."""
     parts = (encoded(one, _IN_NAMES) for one in flight.split("/"))
     return directory.joinpath(
         *(one if one.strip(".") else one.replace(".", "%2E") for one in parts)
@@ -190,7 +190,7 @@ def _position(row: dict[str, Any]) -> TagPosition:
             semi_minor_m=row["semi_minor95_m"],
             orientation_deg=row["orientation_deg"],
         )
-    way = zip(*(row[f"track_{name}"] for name in OF_WAY), strict=True)
+    way = zip(*(row[f"track_{name}"] for name in PATH_FIELDS), strict=True)
     same = (
         *("latitude_deg", "longitude_deg", "method", "radius50_m", "radius95_m", "at_edge"),
         *("heading_error_deg", "heading_error_sigma_deg"),
@@ -202,7 +202,7 @@ def _position(row: dict[str, Any]) -> TagPosition:
             pulses=row["powers"],
             ellipse95=ellipse,
             cautions=_cautions(row),
-            track=tuple(TrackPoint(**dict(zip(OF_WAY, one, strict=True))) for one in way),
+            track=tuple(TrackPoint(**dict(zip(PATH_FIELDS, one, strict=True))) for one in way),
             **{name: row[name] for name in same},
         ),
     )
@@ -231,9 +231,9 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
 
 
 def with_points(rows: "pa.Table") -> "pa.Table":
-    """Add a column `geometry` of points, and GeoParquet 1.1 metadata.
+    """Add a column `geometry` of points, and the metadata of GeoParquet 1.1.
 
-    `rows`: with latitude_deg and longitude_deg. Without `crs` the coordinates are longitude and
+    `rows` have latitude_deg and longitude_deg. Without `crs`, coordinates are longitude and
     latitude of WGS 84 (https://geoparquet.org/releases/v1.1.0/).
     """
     import pyarrow as pa

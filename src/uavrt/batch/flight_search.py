@@ -1,4 +1,4 @@
-"""Flights of an archive by tag and day, page by page, for the ground station."""
+"""Find flights of an archive by tag and day, page by page, for the ground station."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import duckdb
 
 _LIMITS = {"threads": "1", "memory_limit": "100MB", "temp_directory": ""}
-"""DuckDB's limits: the station receives pulses meanwhile; 10 million rows need some 50 MB."""
+"""DuckDB's limits; the station must receive pulses meanwhile. 10 million rows need 50 MB."""
 _FLOWN = """
 SELECT flight, min(path) AS path, min(start_time_ns) AS start_time_ns,
        max(start_time_ns + CAST(1e9 * (coalesce(length_s, 0)
@@ -39,21 +39,21 @@ WHERE confirmed > 0 AND list_contains($flights, flight) ORDER BY flight, tag_id
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArchivedFlight:
-    """A flight in an archive."""
+    """A flight in an archive, with its received tags."""
 
     flight: str
     path: str
-    """Path of its first recording, or its directory."""
+    """Path of the flight's first recording, or of its directory."""
     start_time_ns: int | None
     end_time_ns: int | None
     pulses: int
     heard: tuple[tuple[int, int], ...]
-    """Tags with confirmed pulses, and their number."""
+    """Number of confirmed pulses by tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFlights:
-    """One page of a search's results."""
+    """One page of search results."""
 
     total: int
     flights: tuple[ArchivedFlight, ...]

@@ -1,4 +1,4 @@
-"""Poses, bearings and positions from a flight's pulses: one flight, by one worker."""
+"""Compute poses, bearings and positions of one flight's pulses, in one worker."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -33,23 +33,23 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.elevation_files import open_elevation
 
-OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
-"""Fields of a moving tag's track, each a column with lists."""
+PATH_FIELDS = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
+"""Fields of a moving tag's track; each is a list column of the table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacingSettings(ReadAs):
-    """Settings for bearings and positions, as in `uavrt localize`; elevations are files."""
+    """Settings for bearings and positions, as in `uavrt localize`."""
 
     antenna: str | None = None
-    """Name of a pattern, a file of one, or monopole; None: the drone's configured antenna."""
+    """Name of a pattern, a pattern file, or monopole; None: the drone's configured antenna."""
     dem: str | None = None
-    """Elevation file or folder of them; None assumes level ground."""
+    """Elevation file, or folder of such files; None assumes level ground."""
     sea: bool = False
-    """True: ground that no file covers is water."""
+    """True if terrain that no elevation file covers is water."""
 
     def read_as(self, antenna: str) -> ReadAs:
-        """The same settings for the estimator."""
+        """These settings in the form that the estimator takes."""
         same = {one.name: getattr(self, one.name) for one in fields(ReadAs)}
         elevation = _elevation(self.dem, self.sea)
         return ReadAs(**same | {"antenna": antenna, "elevation": elevation})
@@ -57,26 +57,26 @@ class PlacingSettings(ReadAs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Searched:
-    """The pulses of a searched recording."""
+    """A searched recording and its pulses."""
 
     recording: str
     file: Path
     pulses: tuple[Pulse, ...] = ()
-    """The pulses, loaded before a worker receives the task."""
+    """Pulses of the recording; loaded only when a worker receives the task."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightResult:
-    """Result of a flight."""
+    """Poses, bearings and positions of one flight."""
 
     fault: str | None = None
-    """Reason for no result, or for tags without position."""
+    """Reason why there is no result, or why some tags have no position."""
     integrate_fault: str | None = None
     failed: bool = False
     gone: bool = False
-    """True if it failed because the flight cannot be reached now."""
+    """True if the task failed because the flight is not reachable now."""
     recorded: tuple[Pulse, ...] | None = None
-    """Pulses recorded by the flight itself, when no recording of it was searched."""
+    """Pulses that the flight itself recorded; None if a recording of it was searched."""
     start_time_ns: int | None = None
     antenna: str = ""
     pulses: int = 0
@@ -90,24 +90,24 @@ class FlightResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightTask:
-    """A worker's task: one flight."""
+    """Task for a worker: compute poses, bearings and positions of one flight."""
 
     path: str
-    """The flight's directory; without one, the recording."""
+    """Directory of the flight, or path of a recording without a flight."""
     flight: str
     key: str
     is_flight: bool
     searched: tuple[Searched, ...]
-    """Empty: use the pulses that the flight recorded itself."""
+    """Searched recordings of the flight; if empty, the pulses recorded in flight are used."""
     tags: tuple[Tag, ...]
     track: Path | None
     clock_offset_s: float | None
-    """Offset of its clock ahead of the track's; None: estimate it."""
+    """Offset of the recording's clock ahead of the track's [s]; None: estimate it."""
     steps: tuple[str, ...]
     settings: PlacingSettings
 
     def packed(self) -> "FlightTask":
-        """Load the pulses, since workers read no Parquet; raises `FormatError` if damaged."""
+        """Load the pulses, as workers read no Parquet; raises `FormatError` if damaged."""
         return replace(
             self,
             searched=tuple(
@@ -116,13 +116,13 @@ class FlightTask:
         )
 
     def failed(self, fault: str) -> FlightResult:
-        """Result for a task that could not be done."""
+        """Result with the reason why the task could not be done."""
         return FlightResult(fault=fault, failed=True)
 
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> FlightResult | None:
-        """Attach poses, and run the requested steps; None: stopped before the end."""
+        """Attach poses, and run the requested steps; None if stopped before the end."""
         if should_stop():
             return None
         began_s = time.process_time()
@@ -135,7 +135,7 @@ class FlightTask:
 
 
 def _gone(task: FlightTask, error: Exception) -> bool:
-    """True if the flight cannot be reached; the fault alone does not always show it."""
+    """True if the flight is not reachable; the error alone does not always show it."""
     if isinstance(error, OSError):
         return True
     read = FlightLayout(Path(task.path)).database if task.is_flight else task.track
@@ -186,7 +186,7 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Judge each tag with kept channels by the whole flight; also returns what failed."""
+    """Whole-flight verdicts of the tags with recorded channels, and the errors of others."""
     from uavrt.analysis.flown_with import antenna_is_recorded
     from uavrt.analysis.hindsight import verdict_of
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
@@ -210,7 +210,7 @@ def _integrated(
 
 
 def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
-    """The flight with its pulses, if there is one; the pulses; and the clocks' offset."""
+    """Attach poses; returns the flight if there is one, its pulses, and the clock offset."""
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:
         flight = read_flight(task.path)
@@ -308,6 +308,6 @@ def _position_row(
         "remarks": "; ".join(record["remarks"]),
         "cautions": ", ".join(each["name"] for each in cautions),
         "cautions_in_words": "\n".join(each["text"] for each in cautions),
-        **{f"track_{name}": tuple(each[name] for each in way) for name in OF_WAY},
+        **{f"track_{name}": tuple(each[name] for each in way) for name in PATH_FIELDS},
     }
     return PositionOfTag(**{name: record[name] for name in PositionOfTag.__dataclass_fields__})

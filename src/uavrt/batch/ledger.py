@@ -1,8 +1,8 @@
-"""Rows of finished recordings and flights, a file for each: a killed run loses none.
+"""Record each finished recording and flight in a file of its own, so that a kill loses none.
 
-A row is written after its tables have reached the disk, and holds their digests. A kill or
-power cut thus leaves complete rows with complete tables. Tables without a row are removed, and
-a row without its tables is done again.
+A row is written after its tables have reached the disk, and contains their digests. So a kill
+or power cut leaves complete rows with complete tables. Tables without a row are removed. A row
+without its tables is computed again.
 """
 
 import re
@@ -31,18 +31,17 @@ _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 class _Entry(msgspec.Struct, frozen=True):
     row: msgspec.Raw
     files: dict[str, Seal]
-    """Seals of its tables, by path below the output."""
+    """Size, time and digest of the row's tables, by path below the output."""
 
 
 class Ledger(Generic[R]):
-    """Rows of all recordings or flights; a newer row replaces an older one with its tables.
+    """Rows of all finished recordings, or of all finished flights, and their tables.
 
-    `output`: directory of the tables.
-    `name`: folder of the rows.
-    `tables`: folders of the tables that belong to rows.
-    `thorough`: read all files instead of comparing sizes and times.
-    Raises `RecordingError`: a file cannot be read.
-    Raises `OSError`: the directory cannot be written.
+    A newer row of the same path replaces an older one with its tables. Rows are in the folder
+    `name` below `output`, and their tables in the folders `tables`. With `thorough` all files
+    are read; otherwise sizes and times are compared.
+    Raises `RecordingError` if a file cannot be read, and `OSError` if the directory cannot be
+    written.
     """
 
     def __init__(
@@ -60,9 +59,9 @@ class Ledger(Generic[R]):
         self._files: dict[str, dict[str, Seal]] = {}
         self._keys: dict[str, set[str]] = defaultdict(set)
         self.damaged: dict[str, str] = {}
-        """Missing or damaged files, with the reason; their contents are computed again."""
+        """Reason for each missing or damaged file; its content is computed again."""
         self.withdrawn: set[str] = set()
-        """Files of rows that were removed because of a damaged table."""
+        """Files of rows that were removed because a table of theirs is damaged."""
         try:
             self._load(thorough=thorough)
         except PermissionError as error:
@@ -77,12 +76,12 @@ class Ledger(Generic[R]):
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Row with a key; None where it failed or is missing."""
+        """Successful row with a key; None if it failed or is missing."""
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Newest row of a path with any key; None where all failed."""
+        """Newest successful row of a path, with any key; None if there is none."""
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
@@ -91,7 +90,7 @@ class Ledger(Generic[R]):
         return dict(self._files.get(key, {}))
 
     def times(self, table: str) -> dict[str, int | None]:
-        """Start time of each file of a table [ns], by the file's stem."""
+        """Start time of each file of a table [ns], by the file's name without ending."""
         return {
             Path(name).stem: row.start_time_ns
             for key, row in self._rows.items()
@@ -99,11 +98,11 @@ class Ledger(Generic[R]):
             if name.startswith(f"{table}/")
         }
 
-    def settle(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
-        """Write a row, and remove the rows and tables that it replaces.
+    def record(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
+        """Write a finished row, and remove the rows and tables that it replaces.
 
-        `files`: its tables, which are on the disk; None keeps those of the row before.
-        Raises `OSError`: the directory cannot be written.
+        `files` are its tables, already on the disk; None keeps those of the row before. Raises
+        `OSError` if the directory cannot be written.
         """
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)
@@ -117,7 +116,7 @@ class Ledger(Generic[R]):
         self._keys[row.path] = {key}
 
     def drop(self, path: str) -> None:
-        """Remove the rows of a path with their tables."""
+        """Remove all rows of a path with their tables."""
         for old in self._keys.pop(path, ()):
             self._remove(old)
 
@@ -164,10 +163,10 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables without a row, left by an interrupted run.
+        """Remove tables without a row, which an interrupted run left.
 
-        Where rows were set aside, now or in an interrupted run, tables are kept, since they may
-        belong to these. Files of other programs stay.
+        If damaged rows were set aside, in this or an interrupted run, tables are kept, since
+        they may belong to these. Files of other programs stay.
         """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}
@@ -193,7 +192,7 @@ class Ledger(Generic[R]):
         path.replace(next(folder / one for one in names if not (folder / one).exists()))
 
     def place(self, key: str) -> str:
-        """File of a row, below the output."""
+        """File of a row, relative to the output."""
         return f"{self._directory.name}/{key}.json"
 
     def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:

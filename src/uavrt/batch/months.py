@@ -1,12 +1,12 @@
-"""Rows of thousands of flights in one file a month, so that queries open few files.
+"""Copy rows of thousands of flights into one file a month, so that queries open few files.
 
 ::
 
-    OUT/months/TABLE/2026-05-HASH.parquet   by tag and time
-    OUT/copies.json                         which files each holds; also of other copies
+    OUT/months/TABLE/2026-05-HASH.parquet   sorted by tag and time
+    OUT/copies.json                         source files of each copy; also cached answers
 
-They are copies. A month with a missing source file is skipped, and rows in no month are read
-from their original files. Damaged months are made again.
+A month with a missing source file is not used, and rows in no month are read from their
+original files. Damaged months are made again.
 """
 
 import atexit
@@ -38,25 +38,25 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Fewer files than this are opened one by one."""
+"""Number of files below which they are opened one by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
-"""Longest wait for an interrupted query [s]: DuckDB interrupts none of its functions."""
+"""Longest wait for an interrupted query [s]; DuckDB cannot interrupt its functions."""
 INDEX = "copies.json"
 UNKNOWN = "unknown"
-"""Replaces the month where no time is known."""
+"""Month in the file name of rows without a known time."""
 
 
 class Copy(msgspec.Struct, frozen=True):
-    """A file that holds the rows of others, or an answer to a question about them."""
+    """Index entry of a file with copied rows of other files, or with a cached query result."""
 
     seal: Seal
     keys: list[str] = []  # a struct copies it
-    """Stems of the files whose rows are in it."""
+    """Names, without ending, of the files that were copied."""
 
 
 Index = dict[str, Copy]
-"""Copies by path below the output."""
+"""Index of the copies, by path below the output."""
 
 
 def gather_months(
@@ -67,14 +67,13 @@ def gather_months(
     least_files: int = LEAST_FILES,
     lost: bool = False,
 ) -> Index:
-    """Update the months from newly written tables.
+    """Update the monthly files with newly written tables.
 
-    `index`: present copies.
-    `tables`: for each table the start time of each file [ns], by the file's stem.
-    `least_files`: fewer new files than this are left as they are.
-    `lost`: copies were missing or damaged: make new ones of however few files.
-    Returns: the copies now; see `write_index`.
-    Raises `OSError`: the directory cannot be written.
+    `index` has the present copies. `tables` has for each table the start time [ns] of its files
+    by name without ending. Fewer than `least_files` new files are left as they are, unless
+    copies were `lost`: missing or damaged.
+    Returns the new index for `write_index`. Raises `OSError` if the directory cannot be
+    written.
     """
     kept = dict(index)
     for table, times in tables.items():
@@ -94,9 +93,9 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read the list of copies, and why others cannot be used.
+    """Read the index of copies, and the reasons why some cannot be used.
 
-    `thorough`: read all copies instead of comparing sizes and times.
+    With `thorough` all copies are read; otherwise sizes and times are compared.
     """
     try:
         noted = decode_record(read_note(output / INDEX), Index)
@@ -104,7 +103,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
         written = any((output / name).exists() for name in (RECORDINGS, FLIGHTS, ROWS))
         return {}, {INDEX: "missing"} if written else {}
     except FormatError:
-        return {}, {INDEX: "not what was written"}
+        return {}, {INDEX: "its digest does not match"}
     faults = {
         name: fault
         for name, one in noted.items()
@@ -114,7 +113,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
 
 
 def write_index(output: Path, index: Index) -> None:
-    """Write the list of copies, and remove others; raises `OSError`."""
+    """Write the index of copies, and delete copies that are not in it; raises `OSError`."""
     write_note(output / INDEX, msgspec.json.encode(index))
     for folder, _, names in os.walk(output / MONTHS):
         for path in (Path(folder, name) for name in names):
@@ -132,14 +131,13 @@ def _name(table: str, month: str, keys: list[str]) -> str:
 
 
 def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) -> T:
-    """Run queries on a new connection of DuckDB; Ctrl-C ends them at once, as everywhere else.
+    """Run a query on a new DuckDB connection; Ctrl-C ends it at once.
 
-    They run in another thread: DuckDB looks for signals only between the tasks of a query,
-    which may take minutes. What a signal's handler raises interrupts them.
-
-    `query`: takes the connection; its result is returned.
-    `limits`: of DuckDB, such as `threads` and `memory_limit`.
-    Raises `UsageError`: the extra is missing.
+    It runs in another thread, because DuckDB checks for signals only between the tasks of a
+    query, which may take minutes. An exception from a signal handler interrupts it. `query`
+    receives the connection, and its result is returned. `limits` are settings such as
+    `threads`.
+    Raises `UsageError` if the extra is missing.
     """
     with needs_extra("batch", "An archive"):
         import duckdb
@@ -167,11 +165,11 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
                     connection.interrupt()
             wait([answer], 0.05)
         if not answer.done():
-            atexit.register(_end_beside, thread)
+            atexit.register(_end_during_query, thread)
 
 
-def _end_beside(thread: Thread) -> None:
-    """End the program beside a function of DuckDB; the interpreter's end would abort in it."""
+def _end_during_query(thread: Thread) -> None:
+    """End the program while a DuckDB function runs; a normal interpreter exit would abort."""
     if thread.is_alive():
         sys.stdout.flush()
         os._exit(128 + signal.SIGINT)
@@ -193,7 +191,7 @@ def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
 
 
 def source_of(output: Path, table: str) -> str | None:
-    """DuckDB expression for all rows of a table; None where there are none."""
+    """SQL expression for all rows of a table; None if there are none."""
     try:
         with os.scandir(output / table) as entries:
             tables = [one for one in entries if one.name.endswith(".parquet")]
@@ -216,7 +214,7 @@ def source_of(output: Path, table: str) -> str | None:
 
 
 def rows_of(files: list[Path]) -> str:
-    """DuckDB expression for reading files; folder names do not become columns."""
+    """SQL expression that reads Parquet files; names of folders do not become columns."""
     listed = ", ".join(map(quoted, sorted(files)))
     return f"read_parquet([{listed}], hive_partitioning = false, union_by_name = true)"
 

@@ -1,4 +1,4 @@
-"""Unique names of flights and recordings: paths below the folder that was searched."""
+"""Unique names of flights and recordings: their paths below the searched folder."""
 
 from collections import Counter
 from collections.abc import Collection
@@ -16,12 +16,10 @@ def name_flights(
     flights: Ledger[FlightRow],
     passed_over: Collection[Path] = (),
 ) -> Found:
-    """Name all flights; existing names never change.
+    """Name all new flights; existing names never change.
 
-    Where a name is taken, more of the path is put before it: ``2024/walk``.
-
-    `recordings`, `flights`: finished rows.
-    `passed_over`: copies of flights, whose names are free.
+    A duplicate name gets more of its path, such as ``2024/walk``. `recordings` and `flights`
+    are finished rows. The names of `passed_over` copies are free.
     """
     rows: list[RecordingRow | FlightRow] = [*recordings.rows, *flights.rows]
     known = {row.path: row.flight for row in rows if Path(row.path) not in passed_over}

@@ -1,4 +1,4 @@
-"""Second half of a batch: poses, bearings and positions of each flight."""
+"""Second half of a batch: compute poses, bearings and positions of each flight."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
@@ -42,11 +42,11 @@ from uavrt.recording.integrated import IntegratedVerdict
 
 R = TypeVar("R")
 TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
-"""Table of each step that may be kept when others are done again."""
+"""Table of each step that can be kept when other steps are run again."""
 
 
 class Placing:
-    """Schedules the tasks of flights and collects their results; given the finished rows."""
+    """Plans the tasks of flights and collects their results."""
 
     def __init__(
         self,
@@ -62,14 +62,14 @@ class Placing:
         self._plans: list[_Plan] = []
         self._copies: dict[str, set[str]] = {}
         self.kept: dict[str, str] = {}
-        """Flights that cannot be reached now, with the reason; earlier results are kept."""
+        """Reason for each flight that is not reachable now; its earlier results stay."""
         self.done_before = 0
 
     def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
-        """Add all flights, and recordings with a track, that are not done yet.
+        """Add tasks for all unfinished flights, and recordings with a track of their own.
 
-        `keys`: keys of the recordings in the ledger.
-        `copies`: the flight that counts, by directory of each copy.
+        `keys` has the ledger's key of each recording, and `copies` the chosen flight by the
+        directory of each other copy.
         """
         if "attach" not in self._settings.steps:
             return
@@ -96,14 +96,14 @@ class Placing:
         noted = self._copies.setdefault(path, {*known})
         noted.add(copy)
         if row is not None and noted != {*known}:
-            self._flights.settle(replace(row, copies="\n".join(sorted(noted))))
+            self._flights.record(replace(row, copies="\n".join(sorted(noted))))
 
     def _searched(self, row: RecordingRow) -> Searched:
         file = self._output / PULSES / f"{row.fingerprint}.parquet"
         return Searched(recording=row.path, file=file)
 
     def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
-        """Searched recordings of flights that no longer exist, whose pulses remain."""
+        """Searched recordings of flights that no longer exist, but whose pulses remain."""
         flights, there = set(found.flights), {one.name for one in found.recordings}
         for row in self._recordings.rows:
             if row.state in ("done", "truncated") and row.path not in there:
@@ -144,7 +144,7 @@ class Placing:
         return self._recordings.done(recorded_key(task)) is not None
 
     def finish(self, number: int, result: FlightResult) -> FlightRow | None:
-        """Write a flight's results; None: earlier results stay."""
+        """Write a flight's results; without a result the earlier ones stay."""
         plan = self._plans[number]
         if result.failed:
             return self._kept_or_failed(plan.task, result)
@@ -160,7 +160,7 @@ class Placing:
     def _settled(self, row: FlightRow, files: Mapping[str, Seal]) -> FlightRow:
         copies = self._copies.get(row.path, ())
         row = replace(row, copies="\n".join(sorted(copies)))
-        self._flights.settle(row, files)
+        self._flights.record(row, files)
         return row
 
     def _done(self, plan: "_Plan", result: FlightResult) -> FlightRow:
@@ -190,7 +190,7 @@ class Placing:
         return {name: write_rows(self._output / name, record, rows, task.flight)}
 
     def _settle_recorded(self, task: FlightTask, result: FlightResult) -> None:
-        """Keep the pulses that a flight found itself, unless its recordings were searched."""
+        """Keep a flight's own recorded pulses, unless a recording of it was searched."""
         if result.recorded is None:
             self._recordings.drop(task.path)
             return
@@ -200,7 +200,7 @@ class Placing:
         name = f"{PULSES}/{key}.parquet"
         pulses = [(0, pulse) for pulse in result.recorded]
         seal = write_pulses(self._output / name, pulses, task.path, task.flight)
-        self._recordings.settle(
+        self._recordings.record(
             RecordingRow(
                 path=task.path,
                 flight=task.flight,
@@ -218,17 +218,17 @@ class Placing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plan:
-    """Steps of a flight to run now, and those kept from before."""
+    """Steps of a flight to run now, and steps whose earlier results stay."""
 
     task: FlightTask
     keys: Mapping[str, str]
-    """Keys of all steps, for an antenna with a pattern."""
+    """Input keys of all steps, for an antenna with a pattern."""
     whip_keys: Mapping[str, str]
     before: FlightRow | None
     kept: tuple[str, ...]
 
     def keys_with(self, antenna: str) -> dict[str, str]:
-        """Keys of the steps for the antenna that was used."""
+        """Input keys of the steps, for the antenna that was used."""
         keys = self.whip_keys if antenna == MONOPOLE else self.keys
         return {step: keys[step] for step in (*self.task.steps, *self.kept)}
 
@@ -236,7 +236,7 @@ class _Plan:
 def _planned(
     task: FlightTask, before: FlightRow | None, *, again: bool = False
 ) -> _Plan | None:
-    """Leave out steps whose result would be the same, unless poses are made again; or None."""
+    """Select the steps whose inputs changed; None if there are none and poses may stay."""
     keys, whip_keys = step_keys(task)
     done = {} if before is None else read_keys(before.fingerprints)
     antenna = task.settings.antenna or (before.antenna if before is not None else "")

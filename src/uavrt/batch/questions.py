@@ -1,4 +1,4 @@
-"""SQL queries on an archive's Parquet tables, by DuckDB."""
+"""Run SQL queries on an archive's Parquet tables, with DuckDB."""
 
 import hashlib
 from collections.abc import Callable
@@ -48,28 +48,28 @@ SELECT flight, tag_id, count(*) AS pulses, count(*) FILTER (confirmed) AS confir
 FROM pulses GROUP BY flight, tag_id ORDER BY tag_id, flight
 """,
 }
-"""Predefined queries by name."""
+"""Predefined SQL queries by name."""
 KEPT = ("tags", "heard")
-"""Queries that read every pulse: a batch stores their results."""
+"""Names of the queries that read every pulse; a batch caches their results."""
 
 
 def ask(archive: Path, question: str) -> "pa.Table":
-    """Answer a question in SQL as an Arrow table.
+    """Run an SQL query on an archive; returns an Arrow table.
 
     Parameters
     ----------
     archive : Path
         Directory that a batch wrote.
     question : str
-        About the tables `recordings`, `flights`, `pulses`, `poses`, `bearings` and `positions`;
-        `QUESTIONS` has predefined ones.
+        Query on the tables `recordings`, `flights`, `pulses`, `poses`, `bearings` and
+        `positions`; `QUESTIONS` has predefined ones.
 
     Raises
     ------
     FormatError
         No batch has written there, or a file is damaged.
     UsageError
-        The question is wrong, or the extra is missing.
+        The query is wrong, or the extra is missing.
     """
     for name in KEPT:
         if question == QUESTIONS[name] and (kept := kept_answer(archive, name)) is not None:
@@ -86,7 +86,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
 
 
 def _in_utc(answer: "pa.Table") -> "pa.Table":
-    """Rename the time zone to UTC; DuckDB uses the computer's."""
+    """Set the time zone of time columns to UTC; DuckDB uses the computer's."""
     import pyarrow as pa
 
     columns = []
@@ -109,12 +109,11 @@ def check_archive(archive: Path) -> None:
 def in_archive(
     archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
 ) -> T:
-    """Run queries on an archive by DuckDB; its errors are converted to ours.
+    """Run `query` with a DuckDB connection to an archive, and convert its errors to ours.
 
-    `query`: takes the connection; its result is returned.
-    `limits`: DuckDB settings such as `threads` and `memory_limit`.
-    Raises `FormatError`: no batch has written there, or a file is damaged.
-    Raises `UsageError`: the query is wrong, or the extra is missing.
+    `limits` are DuckDB settings such as `threads` and `memory_limit`. Raises `FormatError` if
+    no batch has written there or a file is damaged, and `UsageError` if the query is wrong or
+    the extra is missing.
     """
     with needs_extra("batch", "An archive"):
         import duckdb
@@ -133,7 +132,7 @@ def in_archive(
     except duckdb.OutOfMemoryException as error:
         most = limits.get("memory_limit", "this computer has")
         raise FormatError(
-            f"{archive}: this question takes more memory than {most}",
+            f"{archive}: this query needs more memory than {most}",
             remedy="Ask about fewer flights or columns with uavrt archive query",
         ) from error
     except (duckdb.IOException, duckdb.InvalidInputException) as error:
@@ -152,11 +151,10 @@ def in_archive(
 
 
 def keep_answers(archive: Path, index: Index) -> Index:
-    """Store the results of slow queries until a pulse table changes.
+    """Cache the results of slow queries until a pulse table changes.
 
-    `index`: the copies that `write_index` has listed.
-    Returns: the copies now.
-    Raises `OSError`: the directory cannot be written.
+    `index` has the copies, as written by `write_index`. Returns the new index. Raises `OSError`
+    if the directory cannot be written.
     """
     import pyarrow.parquet as pq
 
@@ -176,13 +174,13 @@ def keep_answers(archive: Path, index: Index) -> Index:
 
 
 def kept_answer(archive: Path, name: str) -> Path | None:
-    """Find the stored result of one of `KEPT`; None unless it is of these pulses."""
+    """Cached result of one of the queries `KEPT`; None unless it is of the present pulses."""
     place = _place(archive, name)
     return archive / place if place in read_index(archive)[0] else None
 
 
 def _place(archive: Path, name: str) -> str:
-    """File of a result, named after all pulse files; months count by their content."""
+    """File of a cached result, named after the content of all pulse files."""
     whole = archive.absolute()
     said = f"{source_of(whole, PULSES)} {SCHEMA_VERSION}".replace(str(whole), "")
     state = hashlib.sha256(said.encode()).hexdigest()[:16]
@@ -190,7 +188,7 @@ def _place(archive: Path, name: str) -> str:
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:
-    """Make the views for a query's tables; listing those of thousands takes time."""
+    """Define the tables that a query names, as listing thousands of files takes time."""
     asked = question.lower()
     whole: dict[str, type] = {RECORDINGS: RecordingRow, FLIGHTS: FlightRow}
     for file, record in whole.items():

@@ -1,4 +1,4 @@
-"""Find recordings in folders; a manifest supplies what files do not contain."""
+"""Find recordings in folders; a manifest adds metadata that their files lack."""
 
 import csv
 import hashlib
@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from uavrt.batch.stores import is_url, list_store, marks_of, open_stored
+from uavrt.batch.stores import is_url, list_store, open_stored, version_of
 from uavrt.batch.tables import DONE, RECORDINGS
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError, StoreError
@@ -29,28 +29,28 @@ MANIFEST_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A recording, with metadata that its file lacks."""
+    """A recording, with metadata from a manifest that its file lacks."""
 
     path: Path
-    """Path of the file; for a stored recording a name that no file has."""
+    """Path of the file; for a stored recording, a name that no file has."""
     flight: str
-    """The flight directory that it lies in, or itself without its ending: path below the
-    searched folder."""
+    """Name of the flight directory, or of a recording outside of flights without its ending,
+    relative to the searched folder."""
     format_name: str | None = None
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
     start_time_ns: int | None = None
     url: str | None = None
-    """Address in an object store."""
+    """Address in an object store; None for a local file."""
     flight_directory: Path | None = None
     track: Path | None = None
-    """An autopilot's log or a receiver's track of its time."""
+    """Autopilot log or receiver track of the same time; None if there is none."""
     clock_offset_s: float | None = None
-    """Offset of the recording's clock ahead of the track's."""
+    """Offset of the recording's clock ahead of the track's [s]; None if unknown."""
 
     @property
     def name(self) -> str:
-        """Name in tables."""
+        """Name of the recording in tables: its path or address."""
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
@@ -60,15 +60,15 @@ class Recording:
         return open_recording(self.path, **self._stated())
 
     def _stated(self) -> dict[str, Any]:
-        """What it may not state of itself; the names are those of `open_recording`."""
+        """Metadata from the manifest, as arguments of `open_recording`."""
         names = ("format_name", "sample_rate_hz", "center_frequency_hz", "start_time_ns")
         return {name: getattr(self, name) for name in names}
 
     def fingerprint(self) -> str:
-        """Fingerprint of the recording's content; raises `OSError` or `StoreError`."""
+        """Fingerprint that changes with the recording; raises `OSError` or `StoreError`."""
         facts: list[object] = [*self._stated().values()]
         if self.url is not None:
-            return _hashed([*facts, *marks_of(self.url)])
+            return _hashed([*facts, *version_of(self.url)])
         for path in (self.path, self.path.with_suffix(".sigmf-data")):
             if path is self.path or path.is_file():
                 about = path.stat()
@@ -77,7 +77,7 @@ class Recording:
 
 
 def flight_of(path: str, flights: Collection[Path]) -> Path | None:
-    """Find the flight that a path belongs to, even if it does not exist now."""
+    """Flight directory that a path belongs to, even if it no longer exists; else None."""
     if not flights or is_url(path):
         return None
     whole = Path(os.path.realpath(path))
@@ -85,7 +85,7 @@ def flight_of(path: str, flights: Collection[Path]) -> Path | None:
 
 
 def out_of_reach(error: BaseException) -> bool:
-    """True if a requested file could not be reached: it may be unchanged."""
+    """True if an error means that a file could not be reached, so that it may be unchanged."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, StoreError | OSError):
@@ -100,25 +100,24 @@ def _hashed(facts: list[object]) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassedOver:
-    """A file below a path that is not searched."""
+    """A file below a searched path that is not a recording, and the reason."""
 
     path: str
     reason: str
     unreadable: bool = False
-    """True if it may contain recordings but cannot be read."""
+    """True if the file may contain recordings but cannot be read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Recordings and other files at and below some paths."""
+    """Recordings, flights and other files found at and below some paths."""
 
     recordings: tuple[Recording, ...]
-    """By path, each once."""
+    """Recordings in order of path, each once."""
     flights: Mapping[Path, str] = field(default_factory=dict)
-    """Flight directories, with recordings or without; and the path of each below the searched
-    folder."""
+    """Flight directories, with and without recordings, and their names."""
     kept_channels: int = 0
-    """Number of kept channel files, which are not searched."""
+    """Number of recorded channel files, which are not searched."""
     passed_over: tuple[PassedOver, ...] = ()
     """Other files, except those that belong to a flight or a recording."""
 
@@ -127,7 +126,7 @@ NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
 _LONE_DATA = "its .sigmf-meta is missing"
 _LINK = "a link to a folder (name it itself)"
 _NO_TEXT = "its name is not UTF-8 text (rename it)"
-"""No table and no list of files can contain it."""
+"""Reason for skipping a file that no table and no list of files can name."""
 
 
 def find_recordings(
@@ -136,9 +135,10 @@ def find_recordings(
     *,
     known: Collection[Path] = (),
 ) -> Found:
-    """Get all recordings and flights at and below some paths, and list all other files.
+    """Find all recordings and flights at and below some paths, and list all other files.
 
-    Kept channels are skipped, since they are parts of recordings. So is the output of a batch.
+    Recorded channels are skipped, since they are parts of recordings. So is the output of a
+    batch.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ class _Search:
         try:
             is_folder = stat.S_ISDIR(root.stat().st_mode)
         except FileNotFoundError as error:
-            raise FormatError(f"there is no {root}", remedy="Check the path") from error
+            raise FormatError(f"{root} does not exist", remedy="Check the path") from error
         except OSError as error:
             raise FormatError(
                 f"{root} cannot be read: {error.strerror}", remedy="Check its permissions"
@@ -228,7 +228,7 @@ class _Search:
                 self._add(here / name, root)
 
     def _is_text(self, path: Path) -> bool:
-        """Whether a name can be written; pass over those that cannot."""
+        """True if a path is valid UTF-8; other paths are noted as skipped."""
         text = os.fsencode(path).decode(errors="backslashreplace")
         if text != str(path):
             self._pass_over(text, _NO_TEXT, unreadable=True)
@@ -310,8 +310,8 @@ def _recording(file: Path) -> Recording:
 def read_manifest(path: Path) -> dict[Path, Recording]:
     """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
 
-    Relative paths are relative to the manifest. Empty cells are unknown values.
-    Raises `FormatError`: it cannot be read, or a line is wrong; the line is named.
+    Relative paths start at the manifest's folder, and empty cells are unknown values. Raises
+    `FormatError` if it cannot be read, or with the number of a wrong line.
     """
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"
     found: dict[Path, Recording] = {}
@@ -323,7 +323,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
                 raise FormatError(f"{path} has no column path", remedy=remedy)
             if unknown := set(lines.fieldnames or ()) - set(MANIFEST_COLUMNS):
                 raise FormatError(
-                    f"{path} has a column {min(map(str, unknown))}", remedy=remedy
+                    f"{path} has an unknown column {min(map(str, unknown))}", remedy=remedy
                 )
             for number, line in enumerate(lines, 2):
                 try:
@@ -334,7 +334,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
                     ) from error
                 if one.url is None and not one.path.is_file():
                     raise FormatError(
-                        f"{path}, line {number}: there is no {one.path}", remedy=remedy
+                        f"{path}, line {number}: {one.path} does not exist", remedy=remedy
                     )
                 found[one.path if one.url else one.path.resolve()] = one
     except (OSError, UnicodeError, csv.Error) as error:
@@ -350,7 +350,7 @@ def _recording_of(folder: Path, line: Mapping[str, str | None]) -> Recording:
     one = _recording_at(cells["path"]) if stored else _recording(folder / cells["path"])
     track = folder / cells["track"] if cells["track"] else one.track
     if track is not None and not track.is_file():
-        raise ValueError(f"there is no {track}")
+        raise ValueError(f"{track} does not exist")
     return replace(
         one,
         format_name=cells["format"] or None,

@@ -1,4 +1,4 @@
-"""Remedies for a batch, with manifest columns instead of command-line options."""
+"""Name manifest columns instead of command-line options in error messages of a batch."""
 
 COLUMN_OF = {
     "--format": "format",
@@ -7,11 +7,11 @@ COLUMN_OF = {
     "--start-time": "start_time",
     "--clock-offset": "clock_offset_s",
 }
-"""Manifest columns by the option of the commands that read one recording."""
+"""Manifest column for each option of the commands that read one recording."""
 
 
 def by_manifest(text: str) -> str:
-    """Name the manifest's columns in place of the options that a batch does not have."""
+    """Replace command-line options in an error message by the manifest's columns."""
     named = text
     for option, column in COLUMN_OF.items():
         named = named.replace(option, column)

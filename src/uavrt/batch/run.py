@@ -1,19 +1,21 @@
-"""A batch: all recordings, cell by cell, to Parquet; what is done already is not done again.
+"""Run a batch: detect in all recordings, cell by cell, and write Parquet; finished work is
+kept.
 
 ::
 
     OUT/unfinished/KEY/CELL    pulses of cells whose recording is not finished
     OUT/pulses/KEY.parquet     also poses, bearings, positions, integrated
-    OUT/done/KEY.json          what was done with a recording: a row of the table
-    OUT/placed/KEY.json        what was done with a flight
+    OUT/done/KEY.json          result for a recording: a row of the table
+    OUT/placed/KEY.json        result for a flight
     OUT/recordings.parquet, OUT/flights.parquet, OUT/passed_over.parquet
     OUT/months/                copies of the tables, by month, where there are many files
-    OUT/outlines.msgpack       spans of the flights, by which copies are found
+    OUT/outlines.msgpack       spans of the flights, used to find copies
     OUT/rows.json              the files of each row
-    OUT/copies.json            what the last four lines hold
+    OUT/copies.json            digests of the files in the four lines above
 
-KEY stands for the recording or flight as it is, the tags and the settings that touch it: what
-was changed is done again, and its old rows go when the new ones are there.
+KEY is a hash of the recording or flight, the tags and the settings that affect it. When one of
+these changes, the work is done again, and its old rows are removed when the new ones are
+written.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -75,7 +77,7 @@ def run_batch(
     output : Path
         Directory for the tables; created if missing.
     settings : BatchSettings
-        Settings of search and placing.
+        Settings of detection and positions.
     watch : BatchWatch, optional
         Receives progress, and may stop the run.
 
@@ -84,7 +86,7 @@ def run_batch(
     RecordingError
         Another run writes there, or it cannot be written.
     UsageError
-        The extra is missing, or a step is.
+        The extra is missing, or a step of the settings cannot run.
     """
     settings.check()
     need_pyarrow()
@@ -190,7 +192,7 @@ def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[st
 def _lost_rows(
     output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
 ) -> dict[str, str]:
-    """Files of rows that the last run had and that are missing now."""
+    """Files of rows that the last run had, and that are missing now."""
     try:
         before = decode_record(read_note(output / ROWS), list[dict[str, list[str]]])
     except (FormatError, OSError):

@@ -1,4 +1,4 @@
-"""Settings of a batch, callbacks and summary."""
+"""Settings, progress callbacks and summary of a batch."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from uavrt.errors import UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
-"""Default steps; the last one takes longer than all others together, and more memory."""
+"""Default steps; whole-flight analysis is left out, since it takes longest and most memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchSettings:
-    """Settings for searching recordings and placing flights."""
+    """Settings for searching recordings, and for bearings and positions."""
 
     steps: tuple[str, ...] = USUAL_STEPS
     frequency_window_hz: float = 500.0
@@ -23,13 +23,13 @@ class BatchSettings:
     lead_in_s: float = LEAD_IN_S
     workers: int = 1
     scheduler: str | None = None
-    """Address of a Dask cluster to use instead of this machine's cores."""
+    """Address of a Dask cluster; None: this machine's cores."""
     verify: bool = False
-    """Read all earlier output, and compute damaged parts again."""
+    """True to read all earlier output, and compute damaged parts again."""
     placing: PlacingSettings = field(default_factory=PlacingSettings)
 
     def check(self) -> None:
-        """Reject unknown steps, and steps without the one they need; raises `UsageError`."""
+        """Reject unknown steps, and steps without one that they need; raises `UsageError`."""
         if unknown := sorted(set(self.steps) - set(STEPS)):
             raise UsageError(
                 f"there is no step {unknown[0]}", remedy=f"Choose from {', '.join(STEPS)}"
@@ -45,29 +45,29 @@ class BatchSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchWatch:
-    """Callbacks for progress and stop."""
+    """Callbacks that report progress, and stop a batch."""
 
     should_stop: Callable[[], bool] = lambda: False
-    """True ends the run; the next one continues it."""
+    """Returns true to end the run; the next run continues it."""
     on_stage: Callable[[str, int], None] = lambda _name, _total: None
-    """Receives the name of the next stage, and its total amount."""
+    """Receives the name of the next stage, and its total amount of work."""
     on_done: Callable[[int], None] = lambda _amount: None
-    """Receives the amount done since the last call."""
+    """Receives the amount of work done since its last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
     on_kept: Callable[[str, str], None] = lambda _name, _fault: None
-    """Receives each recording and flight that cannot be reached now, and why; earlier results
-    are kept."""
+    """Receives each recording and flight that is not reachable now, and the reason; earlier
+    results stay."""
     on_damage: Callable[[str, str], None] = lambda _name, _fault: None
-    """Receives each missing or damaged output file, and why; it is made again."""
+    """Receives each missing or damaged output file, and the reason; it is made again."""
     on_wait: Callable[[str], None] = lambda _text: None
-    """Receives what the run waits for, and the remedy."""
+    """Receives what the run waits for, and what to do."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
-    """Receives each recording without a start time of its own, and the source used."""
+    """Receives each recording without a start time of its own, and the source used instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchSummary:
-    """Summary of a run."""
+    """Counts and warnings of a finished batch."""
 
     rows: tuple[RecordingRow, ...]
     flights: tuple[FlightRow, ...]
@@ -76,9 +76,9 @@ class BatchSummary:
     placed_now: int
     placed_before: int
     copies: int
-    """Skipped directories that hold a second copy of a flight."""
+    """Number of skipped directories that are a second copy of a flight."""
     kept: int
-    """Recordings and flights that cannot be reached now; earlier results are kept."""
+    """Number of recordings and flights not reachable now; earlier results stay."""
     stopped: bool
     damaged: Mapping[str, str]
-    """Output files that were missing or damaged, and why; they were made again."""
+    """Reason for each missing or damaged output file; it was made again."""

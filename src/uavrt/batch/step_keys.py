@@ -1,4 +1,4 @@
-"""Keys of the inputs of each step: only changed inputs run a step again."""
+"""Keys of each step's inputs, so that a step runs again only if its inputs changed."""
 
 import hashlib
 import os
@@ -14,15 +14,14 @@ from uavrt.messages import Tag
 from uavrt.recording.layout import FlightLayout
 
 PLACING_STEPS = ("attach", "bearing", "localize")
-"""Steps that run together; each uses the result of the one before."""
+"""Steps that run together, since each uses the result of the one before."""
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Keys of the inputs of each step of a flight, requested or not.
+    """Keys of the inputs of all steps of a flight, requested or not.
 
-    `task`: the flight's present state, its pulses, and the settings. Returns (patterned,
-    monopole): for an antenna that has a pattern, and for a monopole.
-    Raises `OSError`: a file cannot be reached.
+    They depend on the flight's present files, its pulses and the settings. Returns the keys for
+    an antenna with a pattern, and for a monopole. Raises `OSError` if a file cannot be reached.
     """
     how = task.settings
     asked = [] if how.antenna is None else [Path(how.antenna)]
@@ -49,12 +48,12 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def recorded_key(task: FlightTask) -> str:
-    """Key of a flight's recorded pulses; raises `OSError` if a file cannot be reached."""
+    """Key of the pulses that a flight recorded; raises `OSError` if not reachable."""
     return _hashed([task.path], flight_files(task))
 
 
 def key_of(path: str, keys: Mapping[str, str]) -> str:
-    """Key of a flight by the inputs of its steps."""
+    """Key of a flight, computed from the keys of its steps."""
     return _hashed([path, sorted(keys.items())], [])
 
 
@@ -64,17 +63,17 @@ def tags_as_read(tags: Iterable[Tag]) -> list[str]:
 
 
 def written(keys: Mapping[str, str]) -> str:
-    """Write keys into a column; see `read_keys`."""
+    """Write keys as text for a table column, for `read_keys`."""
     return ",".join(f"{step}={key}" for step, key in sorted(keys.items()))
 
 
 def read_keys(text: str) -> dict[str, str]:
-    """Read what `written` wrote."""
+    """Read the text of keys that `written` made."""
     return dict(one.split("=", 1) for one in text.split(",") if "=" in one)
 
 
 def flight_files(task: FlightTask) -> list[Path]:
-    """Files that a flight is read from."""
+    """Files on which a flight's results depend."""
     layout = FlightLayout(Path(task.path))
     track = [] if task.track is None else [task.track]
     return [layout.database, layout.write_ahead_log, *track]

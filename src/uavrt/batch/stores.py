@@ -1,7 +1,7 @@
-"""Recordings in object stores, read in pieces without a local copy.
+"""Read recordings in object stores in pieces, without a local copy.
 
-A small sparse copy with the first and last bytes and the true size is enough for the readers of
-SigMF, WAV and raw files to locate the samples, which are then read from the store.
+A sparse local file of the true size, with only the first and last bytes, lets the readers of
+SigMF, WAV and raw files find the samples. These are then read from the store.
 """
 
 import sys
@@ -17,9 +17,9 @@ from uavrt.radio.opening import open_recording
 from uavrt.radio.recording import RecordingSource
 
 ENDS_BYTES = 1 << 20
-"""Bytes copied from beginning and end, which contain the headers of WAV files."""
+"""Bytes copied from a file's beginning and end; WAV headers lie there."""
 BLOCK_BYTES = 8 << 20
-"""Bytes per read: half a second of a fast line."""
+"""Bytes per read from a store: half a second on a fast line."""
 MOST_BYTES = 1 << 50
 MOST_META_BYTES = 64 << 20
 MOST_DEPTH = 32
@@ -29,13 +29,13 @@ _META, _DATA = ".sigmf-meta", ".sigmf-data"
 
 
 def is_url(text: str) -> bool:
-    """True for an address in a store, in fsspec's form."""
+    """True for an address in an object store, in fsspec's form."""
     return "://" in text
 
 
 def list_store(url: str) -> tuple[str, ...]:
-    """Files at and below a place; raises `FormatError` if none, `StoreError`, `UsageError`."""
-    with _asked(url):
+    """List files at and below an address; raises `FormatError`, `StoreError`, `UsageError`."""
+    with _store_errors(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
     if not found:
@@ -53,7 +53,7 @@ def _below(system: Any, path: str, url: str) -> list[str]:
         folder, depth = waiting.pop()
         if depth > MOST_DEPTH or len(seen) > MOST_LINKS:
             raise StoreError(
-                f"{url}: its lists lead on without end, as to {folder[:200]}",
+                f"{url}: the folder listing never ends, such as {folder[:200]}",
                 remedy="Name a folder below it, or the recordings one by one",
             )
         try:
@@ -73,7 +73,6 @@ def _below(system: Any, path: str, url: str) -> list[str]:
 
 
 def _size_of(system: Any, path: str, url: str) -> int:
-    """Size of a file; some servers report none, or an impossible one."""
     size = system.info(path).get("size")
     if not isinstance(size, int) or not 0 <= size <= MOST_BYTES:
         raise StoreError(
@@ -84,9 +83,9 @@ def _size_of(system: Any, path: str, url: str) -> int:
 
 
 def _is_file(system: Any, path: str) -> bool:
-    """True for a file. A web server calls everything a file, so the name decides.
+    """True for a file; a web server calls everything a file, so its name decides.
 
-    Requesting its links would download the file.
+    Listing the links of a real file would download it.
     """
     if "http" not in system.protocol:
         return bool(system.isfile(path))
@@ -94,16 +93,16 @@ def _is_file(system: Any, path: str) -> bool:
     return bool(PurePosixPath(name).suffix) and bool(system.exists(path))
 
 
-def marks_of(url: str) -> list[object]:
-    """Properties that change when a stored file changes; raises `StoreError`."""
-    with _asked(url):
+def version_of(url: str) -> list[object]:
+    """Properties of a stored file that change with its content; raises `StoreError`."""
+    with _store_errors(url):
         system, path = _opened(url)
         about = system.info(path)
     return [url, about.get("size"), *(str(about[mark]) for mark in _MARKS if mark in about)]
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording of a store like `open_recording`; raises also `StoreError`."""
+    """Open a recording in a store like `open_recording`; also raises `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))
@@ -116,18 +115,18 @@ def open_stored(url: str, **stated: Any) -> RecordingSource:
 
 
 class _StoredBytes:
-    """A stored file as a byte source for `RecordingSource`."""
+    """A stored file as a random-access byte source for `RecordingSource`."""
 
     def __init__(self, url: str) -> None:
         self._url = url
-        with _asked(url):
+        with _store_errors(url):
             system, path = _opened(url)
             self._size = _size_of(system, path, self._url)
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a buffer from an offset; get the number of bytes. Raises `StoreError`."""
-        with _asked(self._url):
+        """Fill a buffer from an offset; returns the byte count. Raises `StoreError`."""
+        with _store_errors(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))
         if got == 0:
@@ -142,13 +141,13 @@ class _StoredBytes:
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Copy a file's ends into a sparse file of its size and name."""
+    """Write a sparse local file of a stored file's name and size, with its ends."""
     copy = folder / PurePosixPath(url).name
-    with _asked(url):
+    with _store_errors(url):
         system, path = _opened(url)
         size = _size_of(system, path, url)
         if whole and size > MOST_META_BYTES:
-            raise StoreError(f"{url} is too large for a description", remedy="Check the file")
+            raise StoreError(f"{url} is too large for a metadata file", remedy="Check the file")
         with copy.open("wb") as file:
             file.truncate(size)
             middle = size if whole else min(size, ENDS_BYTES)
@@ -160,11 +159,11 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Get a part of a file; a web server may return all of it instead."""
+    """Read part of a stored file; a web server may return all of it instead."""
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
-            f"{url}: the server gives whole files only",
+            f"{url}: the server cannot send parts of files",
             remedy="Fetch the file, or have it served in pieces (HTTP ranges)",
         )
     return piece
@@ -186,14 +185,14 @@ def _opened(url: str) -> tuple[Any, str]:
 
 
 @contextmanager
-def _asked(url: str) -> Iterator[None]:
-    """Run a store request, and convert its errors."""
+def _store_errors(url: str) -> Iterator[None]:
+    """Context for requests to a store that converts its errors to ours."""
     try:
         yield
     except _faults() as error:
         raise StoreError(
             f"{url}: {str(error) or type(error).__name__}",
-            remedy="Check the address and the line; the same command goes on from here",
+            remedy="Check address and network, and repeat the command: it continues",
         ) from error
 
 
@@ -206,7 +205,7 @@ def _named(url: str, copy: str) -> Iterator[None]:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Error types of stores: the system's, and those of the loaded libraries."""
+    """Error types of a store: the system's, and those of the loaded libraries."""
     known: list[type[Exception]] = [OSError, EOFError]
     for module, names in (
         ("aiohttp", ("ClientError",)),

@@ -1,4 +1,4 @@
-"""Parquet tables of a batch: columns, writing and reading."""
+"""Define, write and read the Parquet tables of a batch."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,15 +28,15 @@ MONTHS = "months"
 PULSE_FIELDS = fields_of(Pulse)
 _ROWS = 100_000
 _PANDAS = {"whole": "Int64", "switch": "boolean"}
-"""pandas types that hold nulls."""
+"""Nullable pandas types by kind of column."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingRow:
-    """Result for a recording; a row of the table of recordings."""
+    """Row of the table of recordings."""
 
     path: str
-    """Path of the recording; the directory of a flight without a searched recording."""
+    """Path of the recording, or directory of a flight without a searched recording."""
     flight: str
     fingerprint: str
     state: str
@@ -45,7 +45,7 @@ class RecordingRow:
     fault: str | None = None
     start_time_ns: int | None
     length_s: float | None = None
-    """Duration of its samples, lost ones left out; None: not known."""
+    """Duration of the samples without lost ones [s]; None if unknown."""
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
     pulses: int
@@ -57,66 +57,66 @@ class RecordingRow:
     finished_time_ns: int
     uavrt_version: str
     beeps: str = ""
-    """Received signals that are not as listed, a line each."""
+    """Descriptions of received signals that differ from the tag list, one per line."""
     tags_outside: tuple[int, ...] = ()
-    """Listed tags outside of its band, which were not searched."""
+    """Numbers of listed tags outside of the recording's band."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRow:
-    """Result for a flight's pulses; a row of the table of flights."""
+    """Row of the table of flights."""
 
     path: str
-    """The flight's directory; without one, the recording."""
+    """Directory of the flight, or path of a recording without a flight."""
     flight: str
     fingerprint: str
     state: str
     fault: str | None
-    """Why it has no poses, bearings or positions, or why some tags have none."""
+    """Reason why there are no poses, bearings or positions, or why some tags have none."""
     start_time_ns: int | None
     steps: str
     antenna: str
     pulses: int
     pulses_with_pose: int
     clock_offset_s: float | None
-    """Offset of the pulses' clock ahead of the track's."""
+    """Offset of the pulses' clock ahead of the track's [s]."""
     bearings: int
     positions: int
     cpu_s: float
     finished_time_ns: int
     uavrt_version: str
     dem: str | None = None
-    """Elevation files of the ground; empty for level ground."""
+    """Elevation file or folder of the terrain; None for level ground."""
     integrate_fault: str | None = None
-    """Why some tags were not judged by the whole flight."""
+    """Reason why whole-flight analysis failed for some tags."""
     fingerprints: str = ""
-    """Fingerprints of the inputs of each step, as STEP=FINGERPRINT with commas between."""
+    """Keys of the inputs of each step, as STEP=KEY with commas between."""
     copies: str = ""
-    """Directories that hold the same flight, a line each; they are not in the tables."""
+    """Directories with copies of the flight, one per line; their data are in no table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseRow:
-    """The antenna's pose at a pulse; a row of the poses."""
+    """Row of the table of poses: the antenna's pose at a pulse."""
 
     recording: str
     tag_id: int
     start_time_ns: int
-    """Start of the pulse; with tag and rate it identifies the pulse."""
+    """Start of the pulse [ns]; identifies it together with tag and rate."""
     time_ns: int
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     altitude_relative_m: float
     yaw_deg: float
-    """Heading of the antenna, clockwise from true north."""
+    """Heading of the antenna, clockwise from true north [deg]."""
     quaternion_wxyz: tuple[float, float, float, float]
     extrapolated: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingOfTag:
-    """A bearing; a row of the bearings."""
+    """Row of the table of bearings."""
 
     tag_id: int
     start_time_ns: int
@@ -144,11 +144,11 @@ class BearingOfTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionOfTag:
-    """Position of a tag; a row of the positions."""
+    """Row of the table of positions."""
 
     tag_id: int
     start_time_ns: int
-    """Start of the first pulse used."""
+    """Start of the first pulse used for the position [ns]."""
     end_time_ns: int
     latitude_deg: float
     longitude_deg: float
@@ -167,7 +167,7 @@ class PositionOfTag:
     cautions: str
     """Names of cautions on the position, with commas between."""
     cautions_in_words: str
-    """Texts of these cautions for the operator, a line each."""
+    """Texts of the cautions for the operator, one per line."""
     track_time_ns: tuple[int, ...]
     track_latitude_deg: tuple[float, ...]
     track_longitude_deg: tuple[float, ...]
@@ -182,22 +182,21 @@ TABLES: dict[str, type] = {
     POSITIONS: PositionOfTag,
     INTEGRATED: IntegratedVerdict,
 }
-"""Tables in folders, a file for each recording or flight."""
+"""Row types of the tables that have a file for each recording or flight."""
 
 Row = TypeVar("Row")
 
 
 def need_pyarrow() -> None:
-    """Check before the work that results can be written; raises `UsageError`."""
+    """Check early that Parquet files can be written; raises `UsageError`."""
     with needs_extra("batch", "A batch"):
         import pyarrow  # noqa: F401
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Columns of a record's fields, with times also as timestamps (``start_utc``).
+    """Parquet schema of a record type, with times also as timestamps (``start_utc``).
 
-    `record`: type of the rows. Pulses also get recording and cell.
-    `flight`: add the flight's name to rows without it.
+    Pulses also get recording and cell. `flight` adds the flight's name to rows without it.
     """
     import pyarrow as pa
 
@@ -227,7 +226,7 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Metadata for pandas: columns that must keep their type despite nulls.
+    """Metadata that makes pandas keep the column types despite nulls.
 
     See https://pandas.pydata.org/docs/development/developer.html.
     """
@@ -247,7 +246,7 @@ def _for_pandas(kinds: Mapping[str, str]) -> str:
 def write_pulses(
     path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
 ) -> Seal:
-    """Write pulses with their cells' numbers, in order of time; raises `OSError`."""
+    """Write pulses with their cell numbers, in order of time; raises `OSError`."""
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
         "cell": [number for number, _ in pulses],
@@ -259,13 +258,13 @@ def write_pulses(
 def write_rows(
     path: Path, record: type[Row], rows: Sequence[Row], flight: str | None = None
 ) -> Seal:
-    """Write records of one kind, of one flight or of many; raises `OSError`."""
+    """Write a table of records of one type; raises `OSError`."""
     more = {} if flight is None else {"flight": [flight] * len(rows)}
     return _write(path, record, rows, more)
 
 
 def read_pulses(path: Path) -> Iterator[Pulse]:
-    """Read the pulses of `write_pulses`; raises `FormatError` if the file is damaged."""
+    """Read a table of pulses; raises `FormatError` if the file is damaged."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -281,7 +280,7 @@ def read_pulses(path: Path) -> Iterator[Pulse]:
 
 
 def pulse_of(row: dict[str, Any]) -> Pulse:
-    """Make a pulse from a row of the table; other columns are ignored."""
+    """Make a pulse from a table row; other columns are ignored."""
     values = {one.name: row[one.name] for one in PULSE_FIELDS if one.name in row}
     listed = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
     return Pulse(**(values | listed))
@@ -311,7 +310,7 @@ def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[A
 
 
 def _microseconds(times_ns: list[int | None]) -> list[int | None]:
-    """Round times down to microseconds, for Python, R and Spark."""
+    """Round times [ns] down to microseconds, for Python, R and Spark."""
     return [None if one is None else one // 1000 for one in times_ns]
 
 
@@ -320,7 +319,7 @@ def _plain(value: Any) -> Any:
 
 
 def encoded(text: str, also: str = "") -> str:
-    """Percent-encode all but letters, digits, ``._-`` and `also`."""
+    """Percent-encode all characters except letters, digits, ``._-`` and those in `also`."""
     plain = f"._-{also}"
     return "".join(
         one if one.isalnum() or one in plain else quote(one, safe="") for one in text

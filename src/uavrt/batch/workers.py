@@ -1,4 +1,4 @@
-"""Parallel tasks in separate processes; a crash costs only its task."""
+"""Run tasks in parallel in separate processes; a crash costs only its task."""
 
 import multiprocessing
 import signal
@@ -13,7 +13,7 @@ from uavrt.errors import UavrtError
 from uavrt.ipc.parent import die_with_parent
 
 MOST_DEATHS = 3
-"""Worker crashes on the same cell after which it is skipped."""
+"""Number of worker crashes on one task after which it is skipped."""
 _LOOK_S = 0.3
 
 
@@ -22,18 +22,18 @@ R = TypeVar("R")
 
 
 class Task(Protocol[R_co]):
-    """A picklable task of a worker."""
+    """Interface of a task that is pickled and sent to a worker."""
 
     def packed(self) -> "Task[R_co]":
-        """Load the data that the worker needs."""
+        """Copy of the task with the data that a worker needs."""
 
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> R_co | None:
-        """Run it, and report progress; None: stopped before the end."""
+        """Run the task and report progress; None if stopped before the end."""
 
     def failed(self, fault: str) -> R_co:
-        """Result for a task that could not be done."""
+        """Result with the reason why the task could not be done."""
 
 
 def run_tasks(
@@ -43,11 +43,10 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks; yield each one's number and result as it is done.
+    """Run tasks in `workers` processes, and yield number and result of each when done.
 
-    `workers`: how many at a time; with one, this process does the work.
-    `should_stop`: called several times a second; True ends it.
-    `on_done`: receives the amount done since its last call.
+    With one worker, this process does the work. `should_stop` is called several times a second;
+    true ends the run. `on_done` receives the amount done since its last call.
     """
     if workers <= 1:
         for number, task in enumerate(tasks):
@@ -59,8 +58,8 @@ def run_tasks(
     waiting, deaths = list(range(len(tasks))), Counter[int]()
     while waiting and not should_stop():
         with _Pool(min(workers, len(waiting))) as pool:
-            left = yield from side_by_side(tasks, waiting, pool, should_stop, on_done)
-        deaths.update(left.in_hand)
+            left = yield from run_in_pool(tasks, waiting, pool, should_stop, on_done)
+        deaths.update(left.interrupted)
         waiting = [number for number in left.undone if deaths[number] < MOST_DEATHS]
         if should_stop():
             return
@@ -71,81 +70,81 @@ def run_tasks(
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
-    """Numbers of unfinished tasks."""
+class Unfinished:
+    """Numbers of unfinished tasks: not started, and to be tried alone after a crash."""
 
     undone: list[int]
-    in_hand: list[int]
+    interrupted: list[int]
 
 
-class Crew(Protocol):
-    """Interface of a set of workers."""
+class Workers(Protocol):
+    """Interface of a pool of workers."""
 
     def at_once(self) -> int:
-        """Number of tasks to hand out."""
+        """Number of tasks to submit at a time."""
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
-        """Hand out a task."""
+        """Submit a task to a worker."""
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
-        """Take a result; raises BrokenProcessPool when the crew has broken up."""
+        """Result of a finished task; raises BrokenProcessPool if a worker crashed."""
 
     def done(self) -> int:
-        """Amount done by all of them."""
+        """Amount of work done by all workers."""
 
 
-def side_by_side(
+def run_in_pool(
     tasks: Sequence[Task[R]],
     numbers: Sequence[int],
-    crew: Crew,
+    pool: Workers,
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
-) -> Generator[tuple[int, R], None, Left]:
-    """Yield tasks as they are done; return those left when the crew has broken up.
+) -> Generator[tuple[int, R], None, Unfinished]:
+    """Run tasks in a pool, and yield them when done; returns unfinished ones after a crash.
 
-    When the run is to stop, tasks in progress are abandoned and done again later.
+    If the run is to stop, tasks in progress are abandoned, to be done by the next run.
     """
     undone, queue = dict.fromkeys(numbers), iter(numbers)
     running: dict[Future[R | None], int] = {}
     broken, reported = False, 0
     while not broken:
-        # No more than are worked on: what waits is not in anybody's hand.
-        while len(running) < crew.at_once() and not should_stop():
+        # Submit no more than can run: the others can still be skipped at a stop.
+        while len(running) < pool.at_once() and not should_stop():
             number = next(queue, None)
             if number is None:
                 break
             try:
-                running[handed_out(tasks[number], crew)] = number
+                running[submitted(tasks[number], pool)] = number
             except BrokenProcessPool:
                 broken = True
                 break
         if not running:
             break
         ended, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
-        now = crew.done()
+        now = pool.done()
         on_done(now - reported)
         reported = now
         if should_stop():
             break
-        in_hand = list(running.values())
+        interrupted = list(running.values())
         for future in ended:
             number = running.pop(future)
             try:
-                result = crew.result(future, tasks[number])
+                result = pool.result(future, tasks[number])
             except BrokenProcessPool:
                 broken = True
                 continue
             if result is not None:
                 del undone[number]
                 yield number, result
-    on_done(crew.done() - reported)
-    return Left(list(undone), in_hand if broken else [])
+    on_done(pool.done() - reported)
+    return Unfinished(list(undone), interrupted if broken else [])
 
 
-def handed_out(task: Task[R], crew: Crew) -> "Future[R | None]":
-    """Pack a task and hand it out; a task that cannot be packed has failed."""
+def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
+    """Pack a task and submit it; if packing fails, the task has failed."""
     try:
-        return crew.submit(task.packed())
+        return pool.submit(task.packed())
     except UavrtError as error:
         failed: Future[R | None] = Future()
         failed.set_result(task.failed(str(error)))
@@ -153,7 +152,7 @@ def handed_out(task: Task[R], crew: Crew) -> "Future[R | None]":
 
 
 class _Pool:
-    """Processes of this machine, until one of them dies."""
+    """Processes of this machine that run tasks, until one of them crashes."""
 
     def __init__(self, workers: int) -> None:
         # A fresh interpreter each: a fork would copy the threads' locks as they are.
@@ -199,7 +198,7 @@ _shared: list[Any] = []
 
 
 def _begin(done: Any) -> None:
-    """Prepare a worker: ignore Ctrl-C, end with the parent, which holds the output's lock."""
+    """Prepare a worker process: ignore Ctrl-C, and end with the parent."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _shared[:] = [done]
@@ -212,7 +211,7 @@ def _work(task: Task[R]) -> R | None:
         with done.get_lock():
             done.value += now
 
-    return worked(task, lambda: False, count)
+    return run_safely(task, lambda: False, count)
 
 
 def guarded(
@@ -223,13 +222,13 @@ def guarded(
         packed = task.packed()
     except UavrtError as error:
         return task.failed(str(error))
-    return worked(packed, should_stop, on_done)
+    return run_safely(packed, should_stop, on_done)
 
 
-def worked(
+def run_safely(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Run a task; an unexpected error costs the task, not the run."""
+    """Run a task; an unexpected error fails the task, not the run."""
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:

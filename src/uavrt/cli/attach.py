@@ -51,8 +51,8 @@ def attach(
     from uavrt.analysis.tracks.attach import (
         ClockOffset,
         attach_poses,
-        demand_placed,
         estimate_offset,
+        require_poses,
     )
     from uavrt.analysis.tracks.recognised import read_track
     from uavrt.config.settings import AntennaSettings
@@ -76,7 +76,7 @@ def attach(
         found = ClockOffset(offset_s=clock_offset, found_by="given")
     settings = AntennaSettings(yaw_offset_deg=yaw_offset)
     attached = attach_poses(heard, way, found.offset_s, settings)
-    placed = demand_placed(attached, found.offset_s)
+    placed = require_poses(attached, found.offset_s)
     with output.open("w", newline="", encoding="utf-8") as stream:
         coded = any(one.pulse.burst_starts_ns for one in attached)
         writer = PulseWriter(stream, pulse_format(output.name), bursts=coded)

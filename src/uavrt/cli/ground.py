@@ -23,7 +23,7 @@ from uavrt.config.tag_files import read_tags
 from uavrt.errors import ConfigError
 from uavrt.ground.link.keys import read_link_keys
 from uavrt.ground.station import Station, StationSettings, json_line
-from uavrt.recording.plain_database import ended as queries_ended
+from uavrt.recording.plain_database import queries_ended
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LOOPBACK = "127.0.0.1"

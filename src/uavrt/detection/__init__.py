@@ -1,8 +1,8 @@
 """Detect a tag's pulses in the samples of a channel.
 
 `detector` handles one tag, `group` many, `coded` coded tags; a block passes through `signal`,
-`search` and `track`. `beeps` finds unlisted senders. `bounds`, `sensitivity` and `search_costs`
-compute what can be found, and at what cost.
+`search` and `track`. `beeps` finds unlisted senders. `sensitivity` and `search_costs` compute
+what can be found, and at what cost.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Refuse tags that cannot be searched for, and say what to do instead."""
+"""Refuse tags that cannot be searched for, with a remedy in the error."""
 
 import math
 
@@ -8,7 +8,10 @@ from uavrt.messages import Tag
 
 
 def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: float) -> None:
-    """Refuse what cannot be searched; an infinite window is the whole channel."""
+    """Raise `ConfigError` for a tag that cannot be searched for.
+
+    `window_hz`: half-width of the search; infinite: the whole channel.
+    """
     if not rate_hz > 0.0 or not math.isfinite(rate_hz):
         raise ConfigError(
             f"the sample rate of {rate_hz} Hz is not positive", remedy="Give a positive rate"

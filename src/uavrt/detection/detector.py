@@ -1,8 +1,8 @@
-"""The pulse detector of one tag: samples of a channel in, pulses out. A pure stage.
+"""The pulse detector of one tag: samples of a channel in, pulses out.
 
-Samples are gathered for up to 0.44 s, cleaned of impulses, turned into a spectrogram, searched
-for groups of K pulses; a group begins a track, a track predicts the pulses that follow; every
-pulse is reported once (docs/explanation/detection.md).
+Samples are gathered for up to 0.44 s, cleaned of carriers and impulses, turned into a
+spectrogram, and searched for groups of K pulses. A group begins a track, which predicts the
+pulses that follow. Every pulse is reported once (docs/explanation/detection.md).
 """
 
 import math
@@ -27,11 +27,11 @@ from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BATCH_S = 0.44
-"""Longest time for which samples are gathered before the search continues: latency against
-NumPy's cost per call. Five blocks of 87.4 ms are 0.437 s; a pulse is reported at least 0.04 s
-after it."""
+"""Longest time for which samples are gathered before the search continues [s]. Five blocks of
+87.4 ms are 0.437 s; a pulse is reported at least 0.04 s after its end."""
 _FIRST_STEP = 0.7639
-"""Ratio of the first step to later ones: three blocks of 87 ms suffice to estimate noise."""
+"""Length of the first step as a share of later ones: three blocks of 87 ms suffice for
+noise."""
 
 
 class PulseDetector:
@@ -87,7 +87,7 @@ class PulseDetector:
         )
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
-        """Absolute frequency of a hard lock until `reset`; None before the first."""
+        """Absolute frequency of a hard lock [Hz], until `reset`; None before it."""
         self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
@@ -134,7 +134,7 @@ class PulseDetector:
         self._window.follower.epoch_ns = epoch_ns
 
     def reset(self) -> None:
-        """Clear samples, tracks and the locked frequency, not counters and group numbers."""
+        """Clear samples, tracks and the locked frequency; keep counters and group numbers."""
         self.locked_frequency_hz = None
         self._window = self._window_at(self._nominal_hz, self.frequency_window_hz)
         self._start()
@@ -172,8 +172,8 @@ class PulseDetector:
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
         """Add a block without searching; return its length, 0 if it was refused.
 
-        Part of `process`, as `next_step`, `prepare`, `conclude` and `drain` are, for a
-        `DetectorGroup`.
+        `process` consists of this, `next_step`, `prepare`, `conclude` and `drain`, which a
+        `DetectorGroup` calls separately.
         """
         self._longest.note(len(samples))
         if not self._intake.stale_blocks and self._buffer.extend(((samples, time_ns),)):
@@ -198,9 +198,9 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which to search after a block of such a length; None if not yet.
+        """Index up to which to search after a block of a length; None: wait for more.
 
-        It searches if waiting for another block, as long as any of the last, would be too late.
+        It does not wait if another block, as long as any of the last, would make it late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:
@@ -211,7 +211,7 @@ class PulseDetector:
         return self._clean + fresh
 
     def patient(self) -> int:
-        """Number of samples, counting the longest recent block twice, before the next step.
+        """Number of samples to add before the next step, counting the longest block twice.
 
         0: each block must be checked on arrival.
         """
@@ -221,7 +221,7 @@ class PulseDetector:
         return max(0, self._patience - fresh)
 
     def drain(self) -> list[Pulse]:
-        """Return the pulses found."""
+        """Return the pulses found since the last call."""
         return self._reporter.drain()
 
     def flush(self) -> list[Pulse]:
@@ -235,7 +235,7 @@ class PulseDetector:
         return self.leave()
 
     def end(self) -> None:
-        """Search the rest; part of `flush`, as `leave` is, for a `DetectorGroup`."""
+        """Search the remaining samples; first part of `flush`, for a `DetectorGroup`."""
         if not self._buffer.empty:
             # A track looks a little past where it expects its pulse: nothing lies there.
             beyond_s = 3.0 * self.tag.interval_uncertainty_s + self.tag.interval_jitter_s
@@ -244,7 +244,7 @@ class PulseDetector:
             self._advance(self._buffer.end, last=True)
 
     def leave(self) -> list[Pulse]:
-        """Report everything that is complete, and reset."""
+        """Report all complete groups, and reset; second part of `flush`."""
         if not self._buffer.empty:
             for track in self.tracks:
                 self._reporter.report(track, last=True)
@@ -258,49 +258,49 @@ class PulseDetector:
         return self._clean
 
     def search_reports(self) -> list[SearchReport]:
-        """Get the search reports since the last call, one a second."""
+        """Return the search reports since the last call, one a second."""
         return self._reporter.drain_reports()
 
     @property
     def tracks(self) -> list[Track]:
-        """All tracks, of its tag or not."""
+        """All tracks in the searched band, including those of other tags."""
         return self.tracking.tracks
 
     @property
     def band(self) -> SearchBand:
-        """The search in force."""
+        """The band that is searched at present."""
         return self._window.band
 
     @property
     def now_s(self) -> float:
-        """Time up to which it has searched, in its tracks' seconds."""
+        """Time up to which samples were searched, in the seconds of the tracks."""
         return self._window.follower.seconds(self._clean)
 
     @property
     def half_width_hz(self) -> float:
-        """Half-width of the search around the nominal frequency."""
+        """Half-width of the search around the nominal frequency [Hz]."""
         return min(self.frequency_window_hz, self.sample_rate_hz / 2.0)
 
     def absolute_hz(self, track: Track) -> float:
-        """Frequency of a track; among its aliases, the one nearest to the tag's."""
+        """Absolute frequency of a track: the alias nearest to the tag's frequency [Hz]."""
         away_hz = apart_hz(track.offset_hz, self._nominal_hz, self.sample_rate_hz)
         return self.tag.frequency_hz + away_hz
 
     def could_be(self, frequency_hz: float) -> bool:
-        """True if its tag may be at an absolute frequency."""
+        """True if the tag may be at an absolute frequency."""
         offset_hz = frequency_hz - self.center_frequency_hz
         return self._window.bounds.off_frequency(offset_hz) is None
 
     def time_ns(self, time_s: float) -> float:
-        """Absolute time at its tracks' seconds."""
+        """Absolute time [ns] of a time in the seconds of the tracks."""
         return self._window.follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
-        """Report the pulses of a track, if it is not held."""
+        """Report the pulses of a track, unless it is held."""
         self._reporter.report(track)
 
     def other_signals(self) -> list[Track]:
-        """Tracks with the tag's interval that are not the tag: further from its frequency."""
+        """Confirmed tracks with the tag's interval, farther from its frequency than its own."""
         return [t for t in self.tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
@@ -322,7 +322,7 @@ class PulseDetector:
         self._patience = self._batch
 
     def conclude(self, results: list[tuple[RateSearch, list[Candidate]]] | None) -> None:
-        """Process the band's results: judge, follow and report."""
+        """Judge the candidates of a search, follow tracks, and report pulses."""
         if results is None:
             return
         upto = self._clean

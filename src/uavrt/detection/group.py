@@ -1,14 +1,14 @@
 """Run many detectors in one process, at a lower cost than separately.
 
-A detector searches every 0.44 s. In between, its blocks wait here, once for all tags of a
-channel; tags that are due at the same time and position in their streams share their
-computation. The pulses are those of the detectors alone, except where
-bands overlap: there each train of pulses belongs to one tag.
+A detector searches every 0.44 s. In between, blocks wait here, once for all tags of a channel.
+Tags that are due at the same position of their streams share their computation. The pulses are
+those of separate detectors, except where bands overlap: there each train of pulses belongs to
+one tag.
 
-A detector searches all samples when another block would make them longer than 0.44 s, since a
-step has a constant cost; fixed steps of 0.35 s would leave part of a block, and need a quarter
-more steps. The latency is 0.25 s on average and 0.47 s at most. The steps of all tags fall on
-the same block, so that code and caches are warm (3 %).
+A detector searches when another block would make its samples longer than 0.44 s: a step has a
+constant cost, and fixed steps of 0.35 s would need a quarter more of them. The latency is 0.25
+s on average and 0.47 s at most. All tags step at the same block, so that code and caches are
+warm (3 %).
 """
 
 from collections.abc import Hashable, Iterable, Iterator
@@ -30,7 +30,7 @@ from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _TOGETHER = 8
-"""Detectors searched at once: their cells, 0.5 MB, fit the cache of a core."""
+"""Number of detectors searched at once: their cells, 0.5 MB, fit the cache of a core."""
 
 
 @dataclass(slots=True, eq=False)
@@ -39,33 +39,33 @@ class _Member:
 
     detector: PulseDetector
     taken: int = 0
-    """Number of the channel's blocks it has taken."""
+    """Number of the channel's blocks that the detector has taken."""
     due: int = 0
-    """Samples of the channel, counting the longest recent block twice, before its next step; 0:
-    none."""
+    """Number of the channel's samples, counting the longest recent block twice, at which its
+    next step is due; 0: none."""
 
 
 @dataclass(slots=True, eq=False)
 class _Channel:
-    """Blocks that some member has not read yet."""
+    """The detectors of a channel, and the blocks that some of them have not taken yet."""
 
     members: list[_Member]
     ns_per_sample: float
     tolerance_ns: float
     blocks: list[tuple[NDArray[np.complex64], int]] = field(default_factory=list)
     before: int = 0
-    """Number of blocks dropped before those."""
+    """Number of blocks that all detectors have taken, and that are dropped."""
     samples: int = 0
-    """Total samples of all blocks."""
+    """Total number of samples of all blocks so far."""
     longest: LongestBlock = field(default_factory=LongestBlock)
     next_ns: float = 0.0
-    """Expected time of the next block."""
+    """Expected time of the next block [ns]."""
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """The least `due` of the members; 0: a member must be checked with each block."""
+    """Least `due` of the members; 0: some member must be checked with each block."""
 
     def catch_up(self, member: _Member) -> None:
-        """Pass a member the blocks that it has not taken; no step was due with any of them."""
+        """Pass a member the blocks that it has not taken; none of them made a step due."""
         member.detector.take_all(self.blocks[member.taken - self.before :])
         member.taken = self.before + len(self.blocks)
 
@@ -77,19 +77,19 @@ class _Channel:
 
 
 class _RingMemory:
-    """One memory for the rings of all detectors."""
+    """One array for the ring buffers of all detectors, so that NumPy searches them together."""
 
     def __init__(self) -> None:
         self._memory = np.zeros(0, np.float32)
         self._homes: dict[_Member, list[tuple[int, int]]] = {}
-        """Position of a member's rings in the shared memory, and their sizes."""
+        """Position in the array and size of each of a member's ring buffers."""
 
     def rebuild(self) -> None:
-        """Make another, for other members, when it is used next."""
+        """Allocate a new array, for other members, at the next use."""
         self._homes.clear()
 
     def house(self, member: _Member, members: Iterable[_Member]) -> None:
-        """Move a member's rings to it, for joint searches with those of `members`."""
+        """Move a member's ring buffers into the array."""
         searches = member.detector.band.anchor_searches()
         if all(search.memory is self._memory for search in searches):
             return
@@ -223,7 +223,7 @@ class DetectorGroup:
         return pulses
 
     def flush(self) -> list[Pulse]:
-        """End the stream: search what is left, as `PulseDetector.flush` of each."""
+        """End the streams: search the remaining samples of all detectors and report."""
         self._search()
         for line in self._channels.values():
             for member in line.members:
@@ -252,7 +252,7 @@ class DetectorGroup:
         self._go_on(active)
 
     def _go_on(self, active: list[tuple[_Channel, _Member, int]]) -> None:
-        """Advance detectors as far as possible, those of one band step by step."""
+        """Advance detectors as far as their samples allow, those of one band step by step."""
         members = [member for _, member, _ in active]
         while active:
             steps: dict[Hashable, list[tuple[PulseDetector, int]]] = {}
@@ -285,7 +285,7 @@ class DetectorGroup:
                 self._pulses += hearer.drain()
 
     def _look_for_ghosts(self) -> None:
-        """Find trains that are ghosts of a stronger tag; retract those not collected yet."""
+        """Find ghosts of stronger tags; mark their pulses that are not collected yet."""
         if self._receiver is None:
             return
         self.in_hand = ()  # no one tag's search
@@ -305,7 +305,7 @@ class DetectorGroup:
             ]
 
     def _settle(self, detectors: Iterable[PulseDetector]) -> None:
-        """Assign pulses to tags where these detectors' bands overlap with others."""
+        """Assign pulses to tags where the bands of these detectors overlap with others."""
         for senders in self._company(detectors):
             self.in_hand = tuple(senders.hearers)
             senders.settle()

@@ -1,7 +1,7 @@
-"""Rate of a detector's reports on what it has searched without success."""
+"""Interval of a detector's reports about what it has searched without success."""
 
 CODES_PER_REPORT_S = 20
-"""Reports per second for all codes of a channel together."""
+"""Reports per second for all codes of a channel together [1/s]."""
 
 
 def report_every_s(codes: int) -> float:

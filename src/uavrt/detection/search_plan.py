@@ -1,4 +1,4 @@
-"""Plan the search for a list of tags: radio frequency, channels, cost; refuse impossible ones.
+"""Plan the search for a list of tags: radio frequency, channels, cost.
 
 Used by the drone at the start of a flight, and by `uavrt tags check`.
 """
@@ -17,17 +17,17 @@ from uavrt.errors import TunerError
 from uavrt.messages import Tag
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
-"""Modes that search the whole channel, or ± 100 Hz, regardless of the window."""
+"""Modes that search the whole channel, or ± 100 Hz, whatever the window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchPlan:
-    """The plan for a list of tags."""
+    """The plan of a search for a list of tags."""
 
     center_frequency_hz: float
-    """Frequency of the radio."""
+    """Frequency to which the radio is tuned [Hz]."""
     warnings: tuple[str, ...]
-    """Unavoidable limitations, for the operator."""
+    """Unavoidable limitations of this plan, for the operator."""
     cores: float
     """Processor cores that the detectors need; 0.0 for lists too cheap to be measured."""
 
@@ -44,11 +44,10 @@ def plan_search(
     """Choose the radio's frequency for a list of tags, and refuse what cannot be searched.
 
     `cpu_s`: returns processor time used so far [s], to measure the cost of a long list.
-    `sample_rate_hz`: rate of the radio [Hz]. `center_frequency_hz`: frequency of the radio
-    [Hz], tags out of its range are left out; None: the tuner chooses. `spare_cores`: processor
-    cores for the detectors; infinite: any number. Raises `TunerError`: no frequency serves all
-    tags, or the search needs more than the spare cores. Raises `ConfigError`: a tag, or the
-    search window around it, does not fit its channel.
+    `center_frequency_hz`: frequency of the radio [Hz], which leaves out tags out of its range;
+    None: the tuner chooses. `spare_cores`: processor cores for the detectors. Raises
+    `TunerError`: no frequency serves all tags, or they need more than the spare cores. Raises
+    `ConfigError`: a tag, or the search window around it, does not fit its channel.
     """
     warnings: tuple[str, ...] = ()
     if center_frequency_hz is None:

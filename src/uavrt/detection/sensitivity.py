@@ -7,41 +7,53 @@ is the search's own, with all its hypotheses.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.stats import ncx2
 
-from uavrt.detection.coded.limits import FALSE_PER_HOUR, sum_limit
+from uavrt.detection.coded.limits import sum_limit
+from uavrt.detection.coded.tuning import LIMITS
 from uavrt.detection.search.grid import HOPS_PER_PULSE
-from uavrt.detection.search.hypotheses import CELL_LIMIT, jitter_reach
+from uavrt.detection.search.hypotheses import jitter_reach
 from uavrt.detection.search.thresholds import (
     decision_interval_s,
     effective_hypotheses,
     spread,
     threshold,
 )
+from uavrt.detection.search.tuning import GROUPS
 from uavrt.messages import Tag
 
-_GAIN_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
-_GAIN_DB = np.array([0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05])
-"""Gain per pulse from choosing the best of overlapping cells, by K: the difference to the ENR
-for Pd .5 in the experiments."""
-_LOSS_BURSTS = np.log(np.array([1.0, 3.0, 10.0]))
-_LOSS_DB = np.array([0.2, -0.1, 0.2])
-"""Loss of a coded tag's sums from cells beside the pulses, less the gain of refinement, by
-number of bursts: the difference to experiment E23."""
-_STEP = 0.02
-"""Resolution of the cells' distributions [noise powers]."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensitivityTuning:
+    """Differences between the computed sensitivity and that in the experiments."""
+
+    ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
+    """Numbers of pulses K of `gains_db`."""
+    gains_db: tuple[float, ...] = (0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05)
+    """Gain per pulse from choosing the best of overlapping cells, by K [dB]: the difference to
+    the ENR at which half of the groups are found."""
+    bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
+    """Numbers of bursts of `losses_db`."""
+    losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
+    """Loss of a coded tag's sums between the cells, less the gain of refinement, by number of
+    bursts [dB]: the difference to experiment E23."""
+    step: float = 0.02
+    """Resolution of the cells' distributions [noise powers]."""
+
+
+SENSITIVITY = SensitivityTuning()
 
 
 def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: float) -> float:
-    """Sum of K cells, in noise powers, required of a group of the tag's first rate.
+    """Sum of K cells required of a group of the tag's first rate [noise powers].
 
-    `frequency_window_hz`: half-width of the search around its frequency. `sample_rate_hz`: of
-    the channel, whose width limits the search.
+    `frequency_window_hz`: half-width of the search around its frequency, limited by that of the
+    channel with this sample rate.
     """
     hop_s = tag.pulse_width_s / HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s
@@ -86,12 +98,12 @@ def detection_probability(
     hop_s = tag.pulse_width_s / HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s
     others = spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s) - 1.0
-    gained_db = float(np.interp(math.log(tag.k), _GAIN_K, _GAIN_DB))
+    gained_db = float(np.interp(math.log(tag.k), np.log(SENSITIVITY.ks), SENSITIVITY.gains_db))
     return _passes(tag.k, round(others, 6), round(enr_db + gained_db, 3), limit)
 
 
 def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
-    """Chance that K bursts are found: a single one, or three or all together."""
+    """Probability that K bursts are found: a single one, or three or all together."""
     pulses = len(tag.gaps_s) + 1
 
     def together(bursts: int) -> float:
@@ -100,9 +112,11 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
             bandwidth_hz=bandwidth_hz,
             bursts=bursts,
             pulses=bursts * pulses,
-            false_per_hour=FALSE_PER_HOUR,
+            false_per_hour=LIMITS.false_per_hour,
         )
-        lost_db = float(np.interp(math.log(bursts), _LOSS_BURSTS, _LOSS_DB))
+        lost_db = float(
+            np.interp(math.log(bursts), np.log(SENSITIVITY.bursts), SENSITIVITY.losses_db)
+        )
         energy = bursts * pulses * math.pow(10.0, (enr_db - lost_db) / 10.0)
         return float(ncx2.sf(2.0 * limit, 2 * bursts * pulses, 2.0 * energy))
 
@@ -112,11 +126,11 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
-    """Chance that an anchor and K - 1 maxima of a pulse and `others` cells of noise pass."""
+    """Probability that an anchor and K - 1 maxima of a pulse and `others` noise cells pass."""
     energy = math.pow(10.0, enr_db / 10.0)
     if k == 1:
         return float(ncx2.sf(2.0 * limit, 2, 2.0 * energy))
-    cells = np.arange(0.0, CELL_LIMIT + _STEP, _STEP)
+    cells = np.arange(0.0, GROUPS.cell_limit + SENSITIVITY.step, SENSITIVITY.step)
     pulse = ncx2.cdf(2.0 * cells, 2, 2.0 * energy)
     best = pulse * (-np.expm1(-cells)) ** others
     pulse[-1] = best[-1] = 1.0  # stronger cells count as much as the limit
@@ -124,7 +138,7 @@ def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
     size = next_fast_len(k * len(cells), real=True)
     below = irfft(rfft(anchor, size) * rfft(best, size) ** (k - 1), size)
     # Each cell lies half a step above its bin's lower edge.
-    return float(1.0 - below[: max(0, round(limit / _STEP - 0.5 * k))].sum())
+    return float(1.0 - below[: max(0, round(limit / SENSITIVITY.step - 0.5 * k))].sum())
 
 
 def enr_needed_db(
@@ -146,7 +160,7 @@ def enr_needed_db(
 
 
 def gain_in_words(before: Tag, after: Tag) -> str:
-    """Describe how much weaker pulses may be with a corrected interval; empty if not at all."""
+    """Sentence about how much weaker pulses may be with a corrected interval; else empty."""
     if replace(before, frequency_hz=after.frequency_hz) == after:
         return ""
     gained_db = enr_needed_db(before, 0.5) - enr_needed_db(after, 0.5)

@@ -1,7 +1,7 @@
 """Times of a stream's samples, from the times of its blocks.
 
-Counting at the nominal rate from the first sample is wrong after a gap of unknown length, where
-the clock was corrected, and after an hour by the crystal's error (180 ms at 50 ppm). So the
+Counting at the nominal rate from the first sample is wrong after a gap of unknown length, after
+a correction of the clock, and after an hour by the crystal's error (180 ms at 50 ppm). So the
 nominal rate counts only within a block.
 """
 
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
-"""Smallest step that is kept [ns]; a live clock is corrected a little at every block."""
+"""Smallest deviation of a block's time that is kept [ns]; live clocks are corrected often."""
 
 
 class BlockTimes:
-    """Time of each sample of a stream of a nominal rate, and the sample of each time."""
+    """Converts between sample indices and times in a stream."""
 
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate_hz = sample_rate_hz
@@ -34,8 +34,7 @@ class BlockTimes:
     def add(self, index: int, time_ns: int) -> None:
         """Add the time of the next block's first sample.
 
-        `index`: rises; with lost samples counted, none is at a time within a gap. `time_ns`:
-        UTC.
+        `index`: index of that sample, counting lost ones. `time_ns`: UTC.
         """
         if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
             return
@@ -43,20 +42,20 @@ class BlockTimes:
         self._times_ns.append(time_ns)
 
     def time_ns(self, index: float) -> int:
-        """Time of a sample, also between two [ns, UTC]."""
+        """Time of a sample, also between two samples [ns, UTC]."""
         at = max(0, bisect_right(self._indices, index) - 1)
         ahead_ns = round((index - self._indices[at]) * self._ns_per_sample)
         return self._times_ns[at] + ahead_ns
 
     def seconds(self, indices: NDArray[np.float64], since_ns: int) -> NDArray[np.float64]:
-        """Times of many samples since a time [s]."""
+        """Times of many samples, counted from `since_ns` [s]."""
         at = np.maximum(np.searchsorted(self._indices, indices, side="right") - 1, 0)
         begin_s = (np.array(self._times_ns, np.int64) - since_ns) / NANOSECONDS_PER_SECOND
         ahead = indices - np.array(self._indices, np.int64)[at]
         return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
 
     def index(self, time_ns: int) -> float:
-        """Sample at a time; the first of two after the clock was set back.
+        """Index of the sample at a time; the first of two after the clock was set back.
 
         Raises `ValueError` before the first block.
         """

@@ -11,21 +11,23 @@ from numpy.typing import NDArray
 from uavrt.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
-"""Times between looks, in turn [ns]: no train of pulses is synchronous with all of them."""
+"""Times between checks, in turn [ns]: no train of pulses is synchronous with all of them."""
 _LENGTH_S = 0.011
-"""Length of a look at most, half of it at least; a power of two samples [s]."""
+"""Longest stretch of samples in a check [s]; it has a power of two samples."""
 _LEAST_SAMPLES = 256
 _LOOKS = 3
-"""Number of looks in a row that show a carrier, and not a pulse."""
+"""Number of consecutive checks that show a carrier, and not a pulse."""
 _STRONG = 10.0**3.0
-"""Power in its bin over the median of all; products come from carriers far above the noise."""
+"""Least power of a carrier's bin over the median of all: 30 dB. Weaker ones make no
+products."""
 MOST = 8
-"""Number of carriers kept, the strongest."""
+"""Most carriers kept: the strongest."""
 _CENTRE_BINS = 4
-"""Bins around the centre left out: the receiver's offset makes products at multiples."""
+"""Distance from the centre within which bins are left out, for the receiver's DC offset
+[bins]."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
-"""Least power relative to the strongest; weaker peaks are side lobes of the window."""
+"""Least power relative to the strongest carrier; weaker peaks are side lobes of the window."""
 
 
 class Carriers:
@@ -33,7 +35,7 @@ class Carriers:
 
     def __init__(self) -> None:
         self.frequencies_hz: tuple[float, ...] = ()
-        """Present carriers, absolute; the strongest first [Hz]."""
+        """Absolute frequencies of the present carriers [Hz], the strongest first."""
         self._looks: deque[list[float]] = deque(maxlen=_LOOKS)
         self._next_ns: int | None = None
         self._apart_ns = itertools.cycle(_APART_NS)
@@ -63,7 +65,7 @@ class Carriers:
 
 
 def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
-    """Frequencies of the strongest peaks, relative to the centre."""
+    """Frequencies of the strongest peaks, from the centre [Hz]."""
     length = len(samples)
     spectrum = np.fft.fft(samples * _window(length))
     power = spectrum.real**2 + spectrum.imag**2

@@ -2,16 +2,16 @@
 
 ``y_c[n] = sum_m h[m] x[H n - m] exp(-j 2 pi c (H n - m) / M)``: a tone at c times the channel
 spacing lands on 0 Hz of channel c. With H = M (critically sampled) this is the original's bank;
-with H = M / 2 each channel is twice oversampled, so that no frequency sits on an edge.
+with H = M / 2 each channel is twice oversampled, so that no frequency is on an edge.
 
 The sum is folded: with ``u = Q M - m`` the window of the last Q M samples is weighted by the
-symmetric prototype, added up modulo M and Fourier transformed. The window starts at
-``H n - Q M``, so for H = M / 2 and odd n the transform comes out rotated by half its length,
-which is a change of sign in odd channels.
+symmetric prototype, added up modulo M and Fourier transformed. The window starts at ``H n - Q
+M``, so for H = M / 2 and odd n the transform comes out rotated by half its length, which is a
+change of sign in odd channels.
 
-Lost samples stay a gap in the band, since a recording must say what is missing. In the
-channels, gaps of up to one second are filled with zeros, so that a detector keeps its time grid
-and its noise estimate; after a longer gap the channelizer starts again and reports the loss.
+Lost samples are a gap in the band, because a recording must show it. In the channels, gaps of
+up to one second are filled with zeros, so that a detector keeps its time grid and its noise
+estimate. After a longer gap the channelizer starts again and reports the loss.
 """
 
 from collections.abc import Sequence
@@ -26,10 +26,10 @@ from uavrt.errors import UsageError
 from uavrt.native import kernels
 
 MATRIX_CHANNELS = 32
-"""Number of channels up to which a small DFT matrix is cheaper than an FFT (measured)."""
+"""Most channels for which a small DFT matrix is cheaper than an FFT (measured)."""
 
 GROUP = 8
-"""Windows weighted in one pass: a longer inner loop saves a fifth of the fold's time."""
+"""Number of windows weighted in one pass: a longer inner loop saves a fifth of the time."""
 
 ROWS = 1024
 """Most outputs per pass; longer blocks are cut. A receiver's block (262 144 samples) makes 655,
@@ -80,7 +80,7 @@ class Channelizer:
         self.sample_rate_hz = sample_rate_hz
         self.taps = (compatible_bank_taps if mode == "compatible" else bank_taps)(channels)
         self.delay_samples = self.taps.size / 2
-        """Group delay in samples of the band."""
+        """Group delay [samples of the band]."""
         phases = self.taps.reshape(-1, channels)
         # Real weights for interleaved real and imaginary parts.
         self._pairs = weights = np.repeat(phases, 2, axis=1).astype(np.float32)
@@ -96,12 +96,12 @@ class Channelizer:
             turns = np.outer(self._selection, np.arange(channels)) % channels / channels
             self._matrix = np.exp(-2j * np.pi * turns).astype(np.complex64)
         self._folded = np.empty((0, 2 * channels), dtype=np.float32)
-        """Buffer for NumPy; made when it is first needed."""
+        """Buffer for NumPy; allocated at the first use."""
         turns = np.arange(channels) / channels
         self._turns = np.exp(-2j * np.pi * turns).astype(np.complex64)
         self._chosen = self._selection.astype(np.int32)
         self._work = np.empty(0, dtype=np.float32)
-        """Buffer for the compiled kernel."""
+        """Buffer for the compiled kernel; allocated at the first use."""
         self.reset()
 
     @property
@@ -120,7 +120,7 @@ class Channelizer:
         return self.delay_samples / self.sample_rate_hz
 
     def reset(self) -> None:
-        """Forget all samples; the next input is sample 0 of the band again."""
+        """Clear all samples; the next input is sample 0 of the band again."""
         self._tail = np.zeros(self._window, dtype=np.complex64)
         self._odd_row = False
 
@@ -164,14 +164,10 @@ class Channelizer:
     def _outputs(
         self, rows: int, pieces: list[tuple[int, int, NDArray[np.complex64]]]
     ) -> NDArray[np.complex64]:
-        """Get outputs, shape (channels in use, rows).
+        """Outputs, shape (channels in use, rows).
 
-        Parameters
-        ----------
-        rows : int
-        pieces : list of (int, int, ndarray of complex64)
-            First and last of some outputs, and samples, the first of which is the oldest that
-            the first output needs.
+        `pieces`: first and last output, and the samples from the oldest that the first one
+        needs.
         """
         native = kernels()
         if native is not None:
@@ -197,7 +193,7 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Fill `folded` from `samples`, whose first is the oldest that its first row needs."""
+        """Fill `folded` from `samples`, which begin with the oldest that row 0 needs."""
         floats = samples.view(np.float32)
         group = GROUP if self.hop == self.channels else 1
         grouped = len(folded) // group * group

@@ -10,36 +10,38 @@ from uavrt.messages import IQBlock
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LIMIT = 0.99
-"""Clipped share of full scale, 1 in every format: the last code of 8 bits is 0.992."""
+"""Amplitude that counts as clipped, as a share of full scale; the last code of 8 bits is
+0.992."""
 _BEYOND = 2.0
-"""Share of full scale that only computed samples exceed; a radio's filters do by tenths."""
+"""Amplitude that only computed samples exceed [full scales]; a radio's filters reach tenths
+more than 1."""
 _STRETCH_S = 0.5e-3
 """Length of one examined stretch [s]; a pulse of 15 ms has thirty."""
 _LEAST_SAMPLES = 64
-"""Samples examined in each stretch; a clipped tone has one in four there or more."""
+"""Number of samples examined in each stretch; a clipped tone has one in four there or more."""
 _PULSE_SHARE = 0.2
-"""Share of a pulse's stretches that must be clipped; an impulse makes no pulse stronger."""
+"""Least share of clipped stretches in a clipped pulse; an impulse makes no pulse stronger."""
 MOST_NEW = 1000
-"""Most stretches kept until they are taken: half a second at the least."""
+"""Most stretches kept until they are read: half a second at the least."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
-"""Time for which stretches are kept, longer than a pulse's report takes [ns]."""
+"""Time for which stretches are kept [ns], longer than a pulse's report takes."""
 
 
 class ClippedTimes:
-    """Times of clipped samples in the last seconds."""
+    """Times of clipped samples in the last 20 seconds."""
 
     def __init__(self) -> None:
         self._stretches: deque[tuple[int, int]] = deque()
-        """Begin and end of the stretches [ns], in order."""
+        """Begin and end of the clipped stretches [ns], in order."""
 
     def add(self, stretches_ns: Sequence[tuple[int, int]]) -> None:
-        """Add begin and end of further stretches, in order, none twice."""
+        """Add begin and end of later stretches, in order [ns]."""
         self._stretches.extend(stretches_ns)
         while self._stretches and self._stretches[0][1] < self._stretches[-1][1] - _KEEP_NS:
             self._stretches.popleft()
 
     def covers(self, start_ns: int, end_ns: int) -> bool:
-        """Whether a pulse between two times was clipped."""
+        """True if a pulse between two times was clipped."""
         inside_ns = sum(
             max(0, min(last_ns, end_ns) - max(first_ns, start_ns))
             for first_ns, last_ns in self._stretches
@@ -48,7 +50,10 @@ class ClippedTimes:
 
 
 class Clipping:
-    """Finds samples at the converter's limits, in 64 of each half millisecond if fast."""
+    """Finds samples at the converter's limits.
+
+    Of fast samples it examines 64 in each half millisecond.
+    """
 
     def __init__(self) -> None:
         self.looked_s = 0.0
@@ -60,7 +65,7 @@ class Clipping:
 
     @property
     def share(self) -> float:
-        """Share of the time with clipped samples."""
+        """Share of the examined time with clipped samples."""
         return self.clipped_s / self.looked_s if self.looked_s else 0.0
 
     def look(self, block: IQBlock) -> None:
@@ -95,6 +100,6 @@ class Clipping:
         self._new = (self._new + new)[-MOST_NEW:]
 
     def take_new(self) -> tuple[tuple[int, int], ...]:
-        """Take begin and end [ns] of the stretches found since the last call, in order."""
+        """Return begin and end [ns] of the stretches found since the last call, in order."""
         new, self._new = tuple(self._new), []
         return new

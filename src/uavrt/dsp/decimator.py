@@ -2,10 +2,10 @@
 
 ``y[n] = sum_k h[k] x[D n - k]``. The input is cut, without copying, into blocks of ``P = R D``
 samples, the rows of a matrix. A block contributes to the R outputs that start in it and to the
-E that start before it and reach into it; a product with an (R + E, P) matrix of shifted taps
+E that start before it and reach into it. A product with an (R + E, P) matrix of shifted taps
 gives all these parts, and adding each block's parts to those of the blocks after it gives the
-outputs (overlap-add). Against copying overlapping stretches under each other (im2col) this
-saves the copy and takes 0.78 of the time.
+outputs (overlap-add). Copying overlapping stretches under each other (im2col) took 1.28 times
+as long.
 
 A real product on interleaved parts is 10 to 20 % slower than the complex one, which multiplies
 twice as much but has the better inner kernel; separate planes are slower still. The sum of up
@@ -24,11 +24,11 @@ from uavrt.native import kernels
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Samples per matrix product: a receiver's block (262 144) at once. The BLAS cuts it to its
-caches; passes of 40 960 samples took 10 % longer."""
+"""Most samples per matrix product: a receiver's block (262 144) at once. Passes of 40 960
+samples took 10 % longer."""
 
 DIRECT_OUTPUTS = 1024
-"""Outputs per pass of the direct sum, which bounds its memory."""
+"""Most outputs per pass of the direct sum, which bounds its memory."""
 
 
 class Decimator:
@@ -70,7 +70,7 @@ class Decimator:
         self.taps = taps
         self.sample_rate_hz = sample_rate_hz
         self.delay_samples = (taps.size - 1) / 2
-        """Group delay in input samples."""
+        """Group delay [input samples]."""
         # Oldest sample first, hence the taps backwards.
         self._weights = np.ascontiguousarray(taps[::-1], dtype=np.complex64)
         # Outputs that start in a block: more of them make more idle taps, fewer make more
@@ -81,7 +81,7 @@ class Decimator:
         self._reach = -(-((taps.size - 1) // factor) // self._starts)
         self._pass = max(128, PASS_SAMPLES // (self._starts * factor))
         self._parts = np.empty((0, self._matrix.shape[1]), dtype=np.complex64)
-        """Buffer for NumPy; made when it is first needed."""
+        """Buffer for NumPy; allocated at the first use."""
         self._pairs = np.repeat(taps[::-1], 2).astype(np.float32)
         self.reset()
 
@@ -91,7 +91,7 @@ class Decimator:
         return self.delay_samples / self.sample_rate_hz
 
     def reset(self) -> None:
-        """Forget all samples; the next output is ``y[0]``, at the next input sample."""
+        """Clear all samples; the next output is ``y[0]``, at the next input sample."""
         self._tail = np.zeros(self.taps.size - 1, dtype=np.complex64)
 
     def process(self, block: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -126,7 +126,7 @@ class Decimator:
         return out
 
     def _filter(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
-        """Fill `out` from `samples`, whose first is the oldest that ``out[0]`` needs."""
+        """Fill `out` from `samples`, which begin with the oldest that ``out[0]`` needs."""
         native = kernels()
         if native is not None:
             native.decimate(samples, self._pairs, self.factor, out)
@@ -155,7 +155,7 @@ class Decimator:
     def _filter_directly(
         self, samples: NDArray[np.complex64], out: NDArray[np.complex64]
     ) -> None:
-        """Same, output by output; for the few at the ends of a block."""
+        """Fill `out` output by output, for the few at the ends of a block."""
         length = self._weights.size
         for first in range(0, out.size, DIRECT_OUTPUTS):
             some = out[first : first + DIRECT_OUTPUTS]

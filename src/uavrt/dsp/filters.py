@@ -8,18 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 CLEAN_FRACTION = 0.336
-"""Half the clean span over the decimator's output rate: 126 kHz of 375 kHz."""
+"""Half of the span without aliases, as a share of the decimator's output rate: 126 kHz of 375
+kHz."""
 
 PASSBAND_FRACTION = 0.675
-"""Edge of the oversampled bank's flat pass-band over the channel spacing: 2531 Hz of 3750."""
+"""Edge of the oversampled bank's flat pass-band, as a share of the channel spacing: 2531 of
+3750 Hz."""
 
 
 def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
-    """Taps that csdr derives for ``fir_decimate_cc FACTOR 0.05 HAMMING``.
+    """Taps that csdr derives for ``fir_decimate_cc FACTOR 0.05 HAMMING``, shape (81,).
 
-    A windowed sinc of ``int(4 / 0.05)`` taps made odd, cut off at half the output rate
-    (-6 dB *at* the output's Nyquist frequency), Hamming window, unity gain at 0 Hz.
-    Returns: shape (81,).
+    A sinc with a Hamming window, cut off at half the output rate (-6 dB *at* the output's
+    Nyquist frequency), unity gain at 0 Hz.
     """
     offset = np.arange(81) - 40.0
     taps = np.sinc(offset / factor) * np.hamming(81)
@@ -27,13 +28,12 @@ def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
 
 
 def decimator_taps(factor: int) -> NDArray[np.float64]:
-    """Taps whose aliases stay 60 dB down in the clean span of the output.
+    """Taps whose aliases stay 60 dB down in the clean span of the output, shape (n,).
 
-    A Kaiser-windowed sinc of about 11 taps per unit of the factor: 91 for 8. Its
-    transition lies between `CLEAN_FRACTION` and ``1 - CLEAN_FRACTION`` of the output rate,
-    since what folds into the clean span lies beyond the second. Kaiser's formula asks for 88.5
-    taps at 60 dB; 91 with this window reach 60.4 dB and are flat to 0.02 dB.
-    Returns: shape (n,).
+    A Kaiser-windowed sinc of about 11 taps per unit of the factor: 91 for 8. Its transition
+    lies between `CLEAN_FRACTION` and ``1 - CLEAN_FRACTION`` of the output rate, since what
+    folds into the clean span lies beyond the second. Kaiser's formula requires 88.5 taps for 60
+    dB; 91 with this window reach 60.4 dB and are flat to 0.02 dB.
     """
     # Window shapes found by a scan of all factors: 60.0 to 61.6 dB.
     extra, beta = (3, 5.66) if factor >= 8 else (5, 5.8)
@@ -44,14 +44,10 @@ def decimator_taps(factor: int) -> NDArray[np.float64]:
 
 
 def compatible_bank_taps(channels: int) -> NDArray[np.float64]:
-    """Prototype of the original's critically sampled filter bank.
+    """Prototype of the original's critically sampled filter bank, shape (12 M,).
 
     ``h[m] = sinc((m - 6 M) / M) / M * kaiser(12 M + 1, 7.857)``, zero at every multiple of M
-    but the centre. The first tap is zero, and so is the dropped
-    last one.
-
-    `channels`: number of channels M.
-    Returns: shape (12 M,).
+    but the centre. The first tap is zero, and so is the dropped last one.
     """
     half = 6 * channels
     offset = np.arange(2 * half + 1) - half
@@ -62,14 +58,11 @@ def compatible_bank_taps(channels: int) -> NDArray[np.float64]:
 
 
 def bank_taps(channels: int) -> NDArray[np.float64]:
-    """Prototype of the twice oversampled filter bank.
+    """Prototype of the twice oversampled filter bank, shape (8 M,).
 
-    Kaiser-windowed sinc, cut off at one channel spacing s (half the channel rate 2 s), 8 M
-    taps of which the first is zero. Flat to `PASSBAND_FRACTION` · s within 0.002 dB; what folds
-    into that lies beyond ``(2 - PASSBAND_FRACTION) s`` and is 80 dB down.
-
-    `channels`: number of channels M.
-    Returns: shape (8 M,).
+    Kaiser-windowed sinc, cut off at one channel spacing s (half the channel rate 2 s). Flat to
+    `PASSBAND_FRACTION` · s within 0.002 dB; what folds into that lies beyond ``(2 -
+    PASSBAND_FRACTION) s`` and is 80 dB down.
     """
     half = 4 * channels
     offset = np.arange(1, 2 * half) - half

@@ -3,10 +3,8 @@
 SciPy's pocketfft takes eight complex64 transforms at a time in one vector; NumPy's copy of it
 takes them one by one (100 points, 655 times: 0.17 against 1.5 ms). But ``import scipy.fft``
 imports scipy.special and a second OpenBLAS: 28 MB and 0.1 s, for one function of an extension
-module of 1 MB. That module is loaded by itself; where it is not found, scipy.fft is.
-
-A matrix product with the 64 rows in use takes 0.44 ms. The function is not a documented part of
-SciPy; a probe at first use falls back to scipy.fft.
+module of 1 MB. That module is loaded by itself. It is not a documented part of SciPy: if it is
+missing, or fails a test at the first use, scipy.fft is used.
 """
 
 import importlib.util
@@ -25,13 +23,10 @@ Transform = Callable[..., NDArray[np.complex64]]
 def transform_columns(
     values: NDArray[np.complex64], out: NDArray[np.complex64] | None = None
 ) -> NDArray[np.complex64]:
-    """Fourier transform of each column.
+    """Fourier transform of each column, shape (n, columns).
 
-    `values` (n, columns): of any memory order; columns that lie side by side are not copied
-    first.
-    `out` (n, columns): place for the result, which saves the time to allocate one; it need not
-    be used.
-    Returns: shape (n, columns).
+    `values` (n, columns): in any memory order; contiguous columns are not copied first. `out`
+    (n, columns): memory for the result, which saves an allocation; may stay unused.
     """
     return column_transform()(values, out)
 
@@ -54,7 +49,7 @@ def column_transform() -> Transform:
 
 
 def public_transform() -> Transform:
-    """Fourier transform of each column by SciPy's documented function."""
+    """Return SciPy's documented Fourier transform of each column."""
     import scipy.fft
 
     def transform(
@@ -66,7 +61,7 @@ def public_transform() -> Transform:
 
 
 def _extension() -> ModuleSpec:
-    """Path of SciPy's pocketfft; raises `ImportError` if it is not there."""
+    """Specification of SciPy's pocketfft module; raises `ImportError` if it is missing."""
     package = importlib.util.find_spec("scipy")
     for folder in (package.submodule_search_locations or ()) if package else ():
         for suffix in EXTENSION_SUFFIXES:

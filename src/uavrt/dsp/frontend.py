@@ -1,13 +1,13 @@
 """From the radio's samples to the channels of the tags: decimator, channelizer, times, gaps.
 
-Every output stands on one grid of absolute sample indices: band sample n at input ``D n``,
-channel sample n at band sample ``H n``. So neither a late start nor a gap moves a time or a
-phase. Times have the group delays of the filters taken out.
+All outputs are on one grid of absolute sample indices: band sample n is at input ``D n``,
+channel sample n at band sample ``H n``. So neither a late start nor a gap shifts times or
+phases. The group delays of the filters are subtracted from times.
 
 A gap is filled with zeros for the decimator and appears in the band as samples lost. The
-channelizer fills gaps of up to `LONGEST_FILLED_GAP_S` with zeros, so that a detector sees an
-unbroken stream; a longer one makes it start again, and is reported. Outputs whose middle lies
-in a gap are set to zero, so that a detector finds what was lost.
+channelizer fills gaps of up to `LONGEST_FILLED_GAP_S` with zeros, so that a detector gets an
+unbroken stream. A longer gap makes it start again, and is reported. Outputs whose middle lies
+in a gap are set to zero, so that a detector finds the lost samples.
 """
 
 import math
@@ -30,7 +30,8 @@ from uavrt.messages import ChannelBlock, IQBlock
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LONGEST_FILLED_GAP_S = 1.0
-"""Longer gaps restart the channelizer; about the interval between two pulses of a tag."""
+"""Longest gap filled with zeros [s], about a tag's interval; longer ones restart the
+channelizer."""
 
 
 class FrontEnd:
@@ -81,15 +82,15 @@ class FrontEnd:
         return self.plan.channel_of(frequency_hz)
 
     def reset(self) -> None:
-        """Forget all samples, as before the first block."""
+        """Clear all samples, as before the first block."""
         self._next_input: int | None = None
         self._next_band: int | None = None
         self._next_output = 0
         self._next_channel_sample = 0
         self._lost_channel_samples = 0
         self._silent: list[tuple[int, int]] = []
-        """Outputs whose middle lies in a gap, first and end; set to zero, as they hold only the
-        ringing of the filter."""
+        """First and last + 1 output of each gap: set to zero, as they hold only the filter's
+        ringing."""
 
     def process(self, block: IQBlock) -> list[ChannelBlock]:
         """Decimate and channelize the next block; see `channelize`."""
@@ -218,7 +219,7 @@ class FrontEnd:
 
 
 def _later(block: IQBlock, samples: float) -> int:
-    """Time of a place some samples after the start of a block [ns]."""
+    """Time of a position some samples after the start of a block [ns]."""
     return block.time_ns + round(samples * NANOSECONDS_PER_SECOND / block.sample_rate_hz)
 
 

@@ -14,16 +14,16 @@ _LOOKED_AT: Final = 8192
 """Number of samples of a block that are examined."""
 _FEWEST_SAMPLES: Final = 1024
 _LOOKS: Final = 3
-"""Checks in a row that must show a fault before it is reported."""
+"""Number of consecutive checks that must show a fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
-"""Share of samples at one level of the converter; noise of .6 steps costs 1 dB."""
+"""Largest share of samples at one level of the converter; noise of 0.6 steps costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
-"""Part of full scale below which some values of noise lie; a wrong format has none there."""
+"""Amplitude below which noise has some values [full scales]; a wrong format has none there."""
 _UNEQUAL: Final = 4.0
-"""Ratio of the powers of I and Q that no radio makes."""
+"""Ratio of the powers of I and Q that no radio produces."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
-"""Power of the DC line over the noise in the same bandwidth."""
+"""Least power of a disturbing DC line over the noise in the same bandwidth."""
 
 WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
 UNEQUAL: Final = "I and Q differ in power: wrong format, or half is dead"
@@ -31,7 +31,7 @@ GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
 
 
 class InputCheck:
-    """Checks once a second, for the searched tags, for faults of the radio's set-up."""
+    """Checks once a second for faults of the radio's set-up that affect the searched tags."""
 
     def __init__(self, tags: Iterable[Tag], center_frequency_hz: float) -> None:
         self._on_dc = sorted(
@@ -43,7 +43,7 @@ class InputCheck:
         self._seen: dict[str, int] = {}
 
     def look(self, block: IQBlock) -> list[str]:
-        """Check a block, if it is time; get new faults."""
+        """Check a block, if a check is due; return new faults."""
         due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
         samples = block.samples[:_LOOKED_AT]
         if not due or len(samples) < _FEWEST_SAMPLES:
@@ -80,5 +80,5 @@ class InputCheck:
 
 
 def _most_common(values: NDArray[np.float32]) -> float:
-    """Share of the values that are the most frequent one."""
+    """Share of the values that equal the most frequent one."""
     return float(np.unique(values, return_counts=True)[1].max()) / values.size

@@ -9,25 +9,26 @@ from uavrt.dsp.filters import CLEAN_FRACTION
 from uavrt.errors import TunerError, UsageError
 
 CHANNEL_SPACING_HZ = 3750.0
-"""Spacing of the thesis (375 kHz / 100); ours is as near as small prime factors allow."""
+"""Spacing of the thesis (375 kHz / 100) [Hz]; ours is as near as small prime factors allow."""
 
 NARROWEST_BAND_HZ = 375_000.0
-"""The decimator brings the rate down to the least that is not below this."""
+"""Least rate after decimation [Hz]."""
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
-"""A recording slower than this is one channel: the bank would need at least four."""
+"""Highest rate of a recording that is one channel [Hz]: the bank would need at least four."""
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45
-"""Half the usable span over the rate where the radio's own filter is the only one."""
+"""Half of the usable span without decimation, as a share of the rate: the radio's own
+filter."""
 
 
 DEFAULT_WINDOW_HZ = 500.0
-"""Half-width of the search that every channel has room for."""
+"""Half-width of the search for which every channel is wide enough [Hz]."""
 SEARCHED_FRACTION = 0.4
-"""Frequencies to search, from a channel's centre, over the channel's rate: 3000 Hz of 7500.
-There the bank attenuates by 0.3 dB, and what folds in from beyond its channel by 30 dB."""
+"""Largest distance of searched frequencies from a channel's centre, as a share of its rate:
+3000 of 7500 Hz. There the bank attenuates by 0.3 dB, and aliases by 30 dB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +42,10 @@ class BandPlan:
     usable_half_span_hz: float
 
     def offset_hz(self, from_center_hz: float) -> float:
-        """Distance from its channel's centre, of a frequency given from the radio's centre."""
+        """Distance of a frequency from its channel's centre [Hz].
+
+        `from_center_hz`: frequency from the radio's centre.
+        """
         half, spacing = self.channel_count // 2, self.channel_spacing_hz
         highest = half - 1 if self.channel_count > 1 else 0
         return from_center_hz - spacing * min(
@@ -50,15 +54,14 @@ class BandPlan:
 
     @property
     def channel_rate_hz(self) -> float:
-        """Rate of a channel of the oversampled bank; of the band if it is one channel."""
+        """Rate of a channel of the oversampled bank [Hz]; of the band if it is one channel."""
         return self.channel_spacing_hz * (2.0 if self.channel_count > 1 else 1.0)
 
 
 def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default") -> BandPlan:
     """Choose decimation and channels so that the usable span reaches `reach_hz` if it can.
 
-    `sample_rate_hz`: rate of the radio [Hz].
-    `reach_hz`: greatest distance of a frequency from the radio's centre [Hz].
+    `reach_hz`: largest distance of a frequency from the radio's centre [Hz].
     """
     factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=reach_hz, mode=mode)
     one = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
@@ -79,37 +82,36 @@ def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default")
 def widest_window_hz(offset_hz: float, channel_rate_hz: float) -> float:
     """Widest half-width of the search around a frequency in a channel [Hz].
 
-    `offset_hz`: of the frequency, from the channel's centre [Hz].
-    `channel_rate_hz`: rate of the channel [Hz].
+    `offset_hz`: distance of the frequency from the channel's centre [Hz].
     """
     return max(DEFAULT_WINDOW_HZ, SEARCHED_FRACTION * channel_rate_hz - abs(offset_hz))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEndPlan:
-    """Settings of the front end."""
+    """Settings of the front end, derived from the sample rate and the tags."""
 
     mode: Literal["default", "compatible"]
     sample_rate_hz: float
     center_frequency_hz: float
     decimation_factor: int
-    """1: no decimator."""
+    """Factor of the decimator; 1: no decimator."""
     band_rate_hz: float
     channel_count: int
-    """Channels across the band; 1: no channelizer."""
+    """Number of channels across the band; 1: no channelizer."""
     channel_spacing_hz: float
     channel_rate_hz: float
     usable_half_span_hz: float
-    """Frequencies further than this from the centre are refused."""
+    """Largest distance of a tag from the centre [Hz]."""
     frequencies_hz: tuple[float, ...]
     frequency_channels: tuple[int, ...]
     """Channel of each frequency, in the order of `frequencies_hz`."""
     channels_in_use: tuple[int, ...]
-    """Channels that are computed, ascending."""
+    """Numbers of the channels that are computed, ascending."""
     channel_centers_hz: tuple[float, ...]
-    """Absolute centre frequency of each channel in use."""
+    """Absolute centre frequency of each channel in use [Hz]."""
     latency_s: float
-    """Group delay of decimator and channelizer; already taken out of all times."""
+    """Group delay of decimator and channelizer [s], already subtracted from all times."""
 
     def channel_of(self, frequency_hz: float) -> int:
         """Channel whose centre is nearest to a frequency.
@@ -132,8 +134,8 @@ def channel_center_hz(
 ) -> float:
     """Absolute frequency of a channel's centre [Hz].
 
-    The first half of the channels lies at and above the radio's centre, the rest below it;
-    of an even number, the middle one is the negative Nyquist frequency.
+    The first half of the channels lies at and above the radio's centre, the rest below it; of
+    an even number, the middle one is the negative Nyquist frequency.
     """
     signed = channel if 2 * channel < channel_count else channel - channel_count
     return center_frequency_hz + signed * spacing_hz
@@ -142,7 +144,7 @@ def channel_center_hz(
 def outside_span(
     frequencies_hz: Sequence[float], center_hz: float, half_span_hz: float
 ) -> TunerError:
-    """Error for frequencies that a radio setting does not serve."""
+    """Error for frequencies outside of the span that a radio setting serves."""
     listed = ", ".join(f"{frequency / 1e6:.6f}" for frequency in frequencies_hz)
     low, high = (center_hz - half_span_hz) / 1e6, (center_hz + half_span_hz) / 1e6
     return TunerError(
@@ -153,10 +155,10 @@ def outside_span(
 
 
 def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
-    """Half the span in which a tag may lie, about the radio's centre [Hz].
+    """Largest distance of a tag from the radio's centre [Hz].
 
-    The clean span of the decimator; where nothing is decimated, the radio's own filter bounds
-    it. The compatible mode takes the whole band, as the original does, aliases included.
+    It is the clean span of the decimator; without decimation, the radio's own filter limits it.
+    The compatible mode takes the whole band with its aliases, as the original does.
     """
     if mode == "compatible":
         return band_rate_hz / 2
@@ -164,7 +166,7 @@ def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> 
 
 
 def widest_half_span_hz(sample_rate_hz: float) -> float:
-    """Half the span that a recording of a rate serves at most, about its centre [Hz]."""
+    """Largest distance of a tag from the centre of a recording of this rate [Hz]."""
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     return sample_rate_hz * (0.5 if one_channel else UNDECIMATED_FRACTION)
 
@@ -172,9 +174,7 @@ def widest_half_span_hz(sample_rate_hz: float) -> float:
 def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
     """Largest decimation whose usable span reaches `reach_hz` from the centre.
 
-    `sample_rate_hz`: rate of the radio [Hz].
-    `reach_hz`: greatest distance of a frequency from the centre [Hz].
-    `mode`: the compatible mode never widens the band for the sake of a tag.
+    `mode`: the compatible mode never widens the band for a tag.
     """
     largest = int(sample_rate_hz / NARROWEST_BAND_HZ + 1e-9)
     largest = min(max(largest, 1), HIGHEST_FACTOR)
@@ -205,7 +205,7 @@ def _smooth(number: int) -> bool:
 
 
 def check_rate(sample_rate_hz: float) -> None:
-    """Refuse a sample rate that no plan serves; raises `UsageError`."""
+    """Raise `UsageError` for a sample rate that no plan serves."""
     highest = HIGHEST_FACTOR * NARROWEST_BAND_HZ
     if not LOWEST_RATE_HZ <= sample_rate_hz <= highest:
         raise UsageError(

@@ -7,10 +7,8 @@ from numpy.typing import NDArray
 def medians(power: NDArray[np.float32]) -> NDArray[np.float32]:
     """Median of each column of an array, the same as `np.median(power, axis=0)`.
 
-    One partition of contiguous lines at one place; `np.median` takes two places, and strides.
-
-    `power` (times, rows): at least one time, no NaN.
-    Returns: shape (rows,).
+    `power` (times, rows): at least one time, no NaN. Contiguous lines are partitioned at one
+    place; `np.median` partitions strided ones at two.
     """
     lines = power.T.copy()
     count = lines.shape[1]

@@ -1,9 +1,9 @@
 """Choose the radio frequency that serves all tags.
 
 The default keeps every tag within the clean span of the decimator, which it widens as far as
-the tags need, and away from the radio's own centre, where a zero-IF receiver has its DC spur;
-then avoids mirror images (an IQ imbalance shows a tag at +f also at -f), and sits the tags near
-channel centres.
+the tags need, and away from the radio's own centre, where a zero-IF receiver has its DC spur.
+Then it avoids mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags
+near channel centres.
 
 Among frequencies that keep these guards, those come first that the original's own cost (tags
 per channel, nearness to channel edges) rates no worse than its choice, so that the same plan
@@ -22,14 +22,16 @@ from uavrt.dsp.plan import BandPlan, check_rate, plan_band
 from uavrt.errors import TunerError, UsageError
 
 DC_GUARD_HZ = 1000.0
-"""Least distance of a tag from the radio's centre: search window 500 Hz and as much again."""
+"""Least distance of a tag from the radio's centre [Hz]: search window 500 Hz and as much
+again."""
 
 IMAGE_GUARD_HZ = 1000.0
-"""Wanted distance of a tag from another's mirror image: two search windows of 500 Hz."""
+"""Preferred distance of a tag from another's mirror image [Hz]: two search windows of 500
+Hz."""
 
 GRID_STEP_HZ = 100.0
 FLAT_FRACTION = 0.85
-"""Part of a channel that the original takes as flat; the rest are its two shoulders."""
+"""Share of a channel that the original takes as flat; the rest are its two shoulders."""
 
 Floats = NDArray[np.float64]
 
@@ -40,19 +42,19 @@ class TunerPlan:
 
     center_frequency_hz: float
     channels: tuple[int, ...]
-    """Channel of each tag, from 0 (the original counts from 1)."""
+    """Channel number of each tag, from 0 (the original counts from 1)."""
     offsets_hz: tuple[float, ...]
-    """Tag frequency minus its channel's centre."""
+    """Distance of each tag from its channel's centre [Hz]."""
     near_edge: tuple[bool, ...]
-    """Whether each tag is in the outer 7.5 % of its channel."""
+    """True for each tag in the outer 7.5 % of its channel."""
     shares_channel: bool
-    """Whether each tag shares its channel with another."""
+    """True if two tags share a channel."""
     image_pairs: tuple[tuple[int, int], ...]
-    """Places (in the order given) of tags that lie on each other's mirror image."""
+    """Indices of tags that lie on each other's mirror image, in pairs."""
     band_rate_hz: float
     channel_count: int
     warnings: tuple[str, ...]
-    """Guards that could not be kept, in words for the operator."""
+    """Guards that could not be kept, as texts for the operator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,11 +62,11 @@ class CompatibleCost:
     """Costs that the original minimises, in this order."""
 
     tags_per_channel: Floats
-    """(candidates,) mean over the occupied channels."""
+    """(candidates,) mean number of tags over the occupied channels."""
     edge_cost: Floats
-    """(candidates,) sum over tags; infinite on an edge."""
+    """(candidates,) sum of the tags' costs near channel edges; infinite on an edge."""
     mean_offset_hz: Floats
-    """(candidates,) mean distance from the channel's centre."""
+    """(candidates,) mean distance of the tags from their channels' centres [Hz]."""
 
 
 def tune(
@@ -121,12 +123,11 @@ def tune(
 def compatible_cost(
     tags_hz: Floats, centers_hz: Floats, *, spacing_hz: float, channel_count: int
 ) -> CompatibleCost:
-    """The original tuner's cost of radio frequencies.
+    """Cost of candidate radio frequencies by the original's tuner.
 
     With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
-    (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing.
-    `tags_hz`: shape (tags,).
-    `centers_hz`: shape (candidates,).
+    (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing. `tags_hz`
+    (tags,); `centers_hz` (candidates,).
     """
     offsets = tags_hz - centers_hz[:, None]
     channels = _nearest_channels(offsets, spacing_hz, channel_count)
@@ -181,9 +182,9 @@ def _candidates(
 ) -> Floats:
     """Whole hertz in [low, high] among which the best choice lies.
 
-    A grid, and the points where a cost has its kinks: tags on a channel centre (the mean
-    offset is piecewise linear, so its minima are there), at the edge of a guard, at the start
-    of a shoulder.
+    A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
+    is piecewise linear, so its minima are there), at the edge of a guard, at the start of a
+    shoulder.
     """
     steps = np.arange(np.floor((low - tags[0]) / spacing), (high - tags[0]) / spacing + 2)
     flat = spacing * FLAT_FRACTION / 2
@@ -210,7 +211,7 @@ def _candidates(
 
 
 def _middles(tags: Floats) -> Floats:
-    """Sorted mid-points of all pairs of tags: a radio tuned there mirrors one on the other."""
+    """Sorted mid-points of all pairs of tags, at which one is the mirror image of the other."""
     first, second = np.triu_indices(tags.size, 1)
     middles: Floats = np.sort((tags[first] + tags[second]) / 2)
     return middles

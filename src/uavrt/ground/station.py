@@ -26,7 +26,7 @@ from uavrt.ground.session import GroundSession
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.stored import PULSES_NAME, PulseLines
 from uavrt.messages import BurstInside, PulsePose, SearchReport, StatusText, Tag
-from uavrt.recording.plain_database import ended as queries_ended
+from uavrt.recording.plain_database import queries_ended
 from uavrt.recording.pulse_files import inside_record, pulse_record
 from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
 from uavrt.tunnel.wire import command_name

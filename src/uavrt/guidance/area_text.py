@@ -18,7 +18,7 @@ from uavrt.messages import KeepOut
 from uavrt.tangent_plane import TangentPlane
 
 CIRCLE_CORNERS = 20
-"""Corners of a polygon that stands for a circle, which is the most that an order carries."""
+"""Number of corners of the polygon that replaces a circle; an order carries no more."""
 MOST_KEEP_OUT = 100
 MOST_OUTLINES = 1000
 MOST_CORNERS = 1000
@@ -27,7 +27,7 @@ MOST_NAME = 24
 _NOT_OUTLINES = frozenset(
     ("Point", "LineString", "LinearRing", "Track", "MultiTrack", "Model", "NetworkLink")
 )
-"""KML elements other than polygons, and links to other files."""
+"""KML elements that are no outline: points, lines, models and links to other files."""
 _REMEDY = (
     "Draw one outline without holes, in QGIS or on geojson.io (GeoJSON), in Google Earth "
     "(KML), or as a survey in QGroundControl (.plan)"
@@ -57,9 +57,9 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
 
     In GeoJSON features with ``"keep_out": true`` (a Point with its ``radius_m``), in KML
     polygons whose name begins with "keep out", in a plan the exclusion fences. A marked feature
-    that is neither is refused by name, so that none is left out. `every`: the file has only
-    excluded areas: every outline of GeoJSON or KML counts, and every Point of GeoJSON. Raises
-    `FormatError`: it is none of the three formats, or one area is invalid.
+    that is neither is refused by name, so that none is left out. `every`: every outline, and
+    every Point of GeoJSON, is an excluded area, marked or not. Raises `FormatError`: it is none
+    of the three formats, or one area is invalid.
     """
     with in_words(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
         found = tuple(
@@ -68,9 +68,9 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
             if one.keep_out or (every and one.mixed)
         )
         if len(found) > MOST_KEEP_OUT:
-            raise ValueError(f"it holds {len(found)} of them, more than {MOST_KEEP_OUT}")
+            raise ValueError(f"it holds {len(found)} areas, more than {MOST_KEEP_OUT}")
         if every and not found:
-            raise ValueError("it holds none")
+            raise ValueError("it holds no area")
         return found
 
 
@@ -136,15 +136,15 @@ def check_places(places: tuple[Place, ...]) -> None:
     """Raise `ValueError` for an invalid latitude or longitude."""
     for north, east in places:
         if not (abs(north) <= 90 and abs(east) <= 180):
-            raise ValueError(f"{north:g}, {east:g} is not a place on earth")
+            raise ValueError(f"{north:g}, {east:g} is not a position on earth")
 
 
 def _kept(one: _Outline) -> KeepOut:
-    """Make an excluded area; holes in it count as part of it."""
+    """Make an excluded area from an outline; holes in it count as part of it."""
     radius, name = one.radius_m, one.name[:MOST_NAME].encode("utf-8", "replace").decode()
     if radius is None:
         if len(one.corners) == 1:
-            raise ValueError(f'the point "{name}" to keep out of needs a radius_m')
+            raise ValueError(f'the excluded point "{name}" has no radius_m')
         return KeepOut(places=_checked(one.corners), name=name)
     if isinstance(radius, bool) or not 0.0 < float(radius) < 1e5:
         raise ValueError(f"the radius of {radius} m is not positive")
@@ -152,7 +152,7 @@ def _kept(one: _Outline) -> KeepOut:
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
-    """Corners of a circle; raises `FormatError` for a radius that is not positive."""
+    """Corners of a polygon that replaces a circle; `FormatError` for a radius of 0 or less."""
     if not 0.0 < radius_m < 1e5:
         raise FormatError(
             f"the circle's radius of {radius_m:g} m is not positive",
@@ -173,7 +173,7 @@ def _of_json(text: str, every: bool) -> Iterator[_Outline]:
 
 
 def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
-    """Polygons of GeoJSON, and points to exclude."""
+    """Polygons of GeoJSON, and the points to exclude."""
     keep_out = bool(properties.get("keep_out", False))
     name = str(properties.get("name") or "")
     match found["type"]:
@@ -208,7 +208,7 @@ def _not_understood(name: str, kind: object) -> ValueError:
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
-    """Areas of a plan: the survey's, else the inclusion fence; and exclusion fences."""
+    """Areas in a QGroundControl plan: survey or else inclusion fence; exclusion fences."""
     surveyed = [
         _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)
         for item in found.get("mission", {}).get("items", [])

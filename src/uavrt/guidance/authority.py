@@ -1,13 +1,13 @@
-"""Decide whether we command the vehicle: only until anyone or anything objects. Pure.
+"""Decide whether the drone may be commanded: only until any pilot or fault objects. Pure.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
-begin within 10 s. *In command*: the first command was sent. Any observed change that we did not
-cause ends the order permanently: nothing is repeated or queued, and only the confirmation of a
-new order, with an unused nonce, begins again.
+begin within 10 s. *In command*: the first command was sent. Any observed change that no command
+caused ends the order for good: nothing is repeated or queued. Only the confirmation of a new
+order, with an unused nonce, begins again.
 
 Acknowledgements of commands are ignored: PX4 refuses commands that it flies, and accepts some
-that it does not. A command counts as obeyed when the vehicle reports its target. This class is
-the last stage on the drone before the autopilot, and receives the autopilot's reports first: it
+that it does not. A command counts as obeyed when the vehicle reports its target. `Authority` is
+the last stage on the drone before the autopilot, and receives the autopilot's reports first. It
 refuses a planner's command that was in transit when a pilot took over.
 """
 
@@ -20,12 +20,12 @@ from uavrt.guidance.observed_vehicle import ObservedVehicle, ended_by
 from uavrt.guidance.offers import Offer, Offers, resting
 from uavrt.guidance.order_watch import OrderWatch
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.wishes import CommandWriter, VehicleCommand
+from uavrt.guidance.vehicle_commands import CommandWriter, VehicleCommand
 from uavrt.messages import TakeOff, VehicleSeen, Wish
 
 
 class Standing(StrEnum):
-    """The three states of the module's text."""
+    """State of the authority over the vehicle: out, confirmed or in command."""
 
     OUT = "out"
     CONFIRMED = "confirmed"
@@ -35,7 +35,7 @@ class Standing(StrEnum):
 class Authority:
     """Checks commands to one vehicle last; nothing is sent without it.
 
-    It confirms a take-off only with `may_take_off`, and ignores `unwatched_channels` of the
+    It confirms a take-off only with `may_take_off`. It ignores `unwatched_channels` of the
     remote control, which carry no switch or stick.
     """
 
@@ -46,21 +46,21 @@ class Authority:
         may_take_off: bool = False,
         unwatched_channels: frozenset[int] = frozenset(),
     ) -> None:
-        self._writer, self.manners = writer, writer.manners
+        self._writer, self.behaviour = writer, writer.behaviour
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self.reason = "nothing was confirmed"
-        """Why it is out of command."""
+        """Reason why it is out of command."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
-        """Least distance to the target reached on the previous leg [m]; None: not a leg."""
+        """Shortest distance to the target reached on the previous leg [m]; None: no leg."""
         self.counters: Counter[str] = Counter()
-        self.vehicle = ObservedVehicle(self.manners)
+        self.vehicle = ObservedVehicle(self.behaviour)
         self._offers = Offers()
         self._order: OrderWatch | None = None
 
     @property
     def standing(self) -> Standing:
-        """Which of the three states is active."""
+        """Present state: out, confirmed or in command."""
         if self._order is None:
             return Standing.OUT
         begun = self._order.motion is not None
@@ -68,11 +68,11 @@ class Authority:
 
     @property
     def order_id(self) -> int | None:
-        """The confirmed or commanded order."""
+        """Number of the confirmed or commanded order; None if there is none."""
         return None if self._order is None else self._order.offer.order_id
 
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
-        """Handle an order that the operator is asked to confirm, instead of the one before.
+        """Propose an order to the operator for confirmation; it replaces an earlier proposal.
 
         Raises `CommandRefused`: the vehicle cannot be flown now, or the nonce was used.
         """
@@ -90,7 +90,7 @@ class Authority:
             target=target,
             place=place,
             home=home,
-            hands=vehicle.hands(now_s, self._unwatched),
+            rc=vehicle.rc(now_s, self._unwatched),
             yaw=resting(heading, now_s, vehicle.turning_deg_s, SAFETY.yaw_deg),
             target_yaw=resting(
                 target, now_s, vehicle.target_turning_deg_s, SAFETY.target_yaw_deg
@@ -101,7 +101,7 @@ class Authority:
     def confirm(
         self, order_id: int, nonce: int, now_s: float, *, sticks_unseen: bool = False
     ) -> None:
-        """Accept the operator's confirmation of the offered order.
+        """Accept the operator's confirmation of the proposed order.
 
         With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
         Raises `CommandRefused`: it is another order, too late, or the vehicle changed.
@@ -110,12 +110,12 @@ class Authority:
         vehicle, before = self.vehicle, self._order
         _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
         offer.check(vehicle)
-        if not sticks_unseen and not vehicle.sees_sticks(now_s, SAFETY.sticks_age_s):
+        if not sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
             what = "the sticks are not seen, so a takeover by them would go unnoticed"
-            if vehicle.sees_sticks(now_s, SAFETY.sticks_lost_s):
+            if vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s):
                 what = f"the sticks are reported too seldom: not every {SAFETY.sticks_age_s} s"
             raise CommandRefused(
-                what, remedy="Switch the remote on, or confirm that sticks are not seen"
+                what, remedy="Switch the remote control on, or confirm to fly without it"
             )
         self._end("another order was confirmed", now_s)
         self._order = OrderWatch(
@@ -125,7 +125,7 @@ class Authority:
             place=place,
             home=home,
             target=vehicle.target,
-            hands=vehicle.hands(now_s, self._unwatched),
+            rc=vehicle.rc(now_s, self._unwatched),
             sticks_unseen=sticks_unseen,
             flown=before.leg if before is not None and vehicle.in_own_mode else None,
         )
@@ -135,21 +135,21 @@ class Authority:
     def _check_vehicle(
         self, now_s: float, *, takeoff: bool
     ) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
-        """Get the vehicle's state; raises `CommandRefused` unless we can fly it."""
+        """Return the vehicle's state; raises `CommandRefused` if it cannot be flown now."""
         fault = self.fault(now_s, takeoff=takeoff)
         if fault is not None:
             raise CommandRefused(*fault[:1], remedy=fault[1])
         return self.vehicle.known
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
-        """Why an order or a take-off cannot be confirmed now, with the remedy; else None."""
+        """Reason why no order can be confirmed now, with the remedy; None if one can."""
         if takeoff and not self._may_take_off:
             remedy = "Take off by hand, or set guidance.may_take_off = true on the drone"
             return "this drone does not take off by order", remedy
         return self.vehicle.fault(now_s, takeoff=takeoff)
 
     def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:
-        """End the order from our side."""
+        """End the order, for a reason on this side."""
         self._end(reason, now_s)
 
     def planner_alive(self, now_s: float) -> None:
@@ -160,7 +160,7 @@ class Authority:
     def command(
         self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
     ) -> VehicleCommand:
-        """Turn a requested motion into the command to be sent now, once.
+        """Convert a requested motion to the command to send now, once.
 
         One that `stops` the drone in its present mode may be the first command of an order
         while the previous one is still flown; it never changes the mode. Raises
@@ -182,19 +182,19 @@ class Authority:
 
     @property
     def taking_off(self) -> bool:
-        """True while a take-off order is in command; nothing stops the drone during it."""
+        """True while a take-off order is in command; the drone is not stopped during it."""
         order = self._order
         return order is not None and order.offer.takeoff and order.motion is not None
 
     @property
     def climbs(self) -> bool:
-        """True once the take-off itself was commanded: it continues to its height."""
+        """True once the take-off itself was commanded; the drone then climbs to its height."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and isinstance(motion.wish, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies our command, of this order or still of the last one."""
+        """True while the vehicle flies a command of this order, or still of the last one."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -205,7 +205,7 @@ class Authority:
         wishes_refused: int = 0,
         ground_silent_s: float = 0.0,
     ) -> VehicleSeen | None:
-        """Vehicle state for the pilot; None without a position or a home."""
+        """Vehicle state for the pilot module; None without a position or a home."""
         position, home, order = self.vehicle.position, self.vehicle.home, self._order
         if position is None or home is None:
             return None
@@ -238,11 +238,11 @@ class Authority:
         return motion is not None and motion.obeyed
 
     def see(self, seen: Observation) -> None:
-        """Handle a report of the vehicle; any change that we did not cause ends the order."""
+        """Handle a report of the vehicle; a change that no command caused ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
-            self.vehicle = ObservedVehicle(self.manners, self.vehicle.failsafe)
+            self.vehicle = ObservedVehicle(self.behaviour, self.vehicle.failsafe)
         if not self.vehicle.take(seen):
             return
         self._offers.see(seen, self.vehicle)
@@ -251,12 +251,12 @@ class Authority:
             self._end(self._order.see(seen, self.vehicle), seen.time_s)
 
     def tick(self, now_s: float) -> None:
-        """End whatever has timed out."""
+        """End an order or proposal that has timed out."""
         if self._order is not None:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """Leave command with this reason and withdraw any offer; the first reason is kept."""
+        """Leave command for this reason and withdraw any proposal; the first reason is kept."""
         if reason is None:
             return
         self._offers.clear()

@@ -1,9 +1,9 @@
-"""Monitor the last command: the drone must fly that and nothing else. Pure."""
+"""Monitor the last command: the drone must fly it and nothing else. Pure."""
 
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, radians, sin
 
-from uavrt.guidance.manners import Manners
+from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.observed import PositionSeen, TargetSeen, between_m, same_place
 from uavrt.guidance.progress import Left, Progress
 from uavrt.guidance.safety import SAFETY
@@ -20,20 +20,20 @@ class Commanded:
     """The last command, and how the drone follows it; its methods return deviations."""
 
     wish: Wish
-    manners: Manners
+    behaviour: Behaviour
     sent_s: float
     first: bool
     """True for the first command of its order, which may change the mode."""
     before: TargetSeen | None
-    """Target before the command."""
+    """Target that the autopilot reported before the command."""
     start: PositionSeen
-    """Position of the drone when it was sent."""
+    """Position of the drone when the command was sent."""
     turning_deg_s: InitVar[float]
-    """Rate at which the drone's heading changed then."""
+    """Rate at which the drone's heading changed when the command was sent [°/s]."""
     previous: InitVar["Commanded | None"]
-    """Previous command of the same order."""
+    """Previous command of the same order; None for the first."""
     left_m: float = field(init=False)
-    """Least distance to the target so far."""
+    """Shortest distance to the target since the command [m]."""
     slack_m: float = field(init=False)
     lowest_m: float = field(init=False)
     highest_m: float = field(init=False)
@@ -41,12 +41,12 @@ class Commanded:
     target_yaw: YawWatch | None = field(init=False, default=None)
     progress: Progress = field(init=False, default_factory=Progress)
     top_m: float = field(init=False)
-    """Highest altitude so far during a take-off."""
+    """Highest altitude so far during a take-off [m]."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
-    """True once it was at its target."""
+    """True once the drone was at its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """True while it is near its target, where it may stop: a pause would be invisible."""
+    """True while it is near its target, where it may stop and a pause would not show."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -74,8 +74,8 @@ class Commanded:
 
     @property
     def _wanted_yaw_deg(self) -> float | None:
-        """Heading of the command, for an autopilot that takes one."""
-        if isinstance(self.wish, FlyThere) and self.manners.yaw_in_reposition:
+        """Heading of the command, for an autopilot that takes one [°]."""
+        if isinstance(self.wish, FlyThere) and self.behaviour.yaw_in_reposition:
             return self.wish.yaw_deg
         return None
 
@@ -86,29 +86,29 @@ class Commanded:
 
     @property
     def turned_deg(self) -> float:
-        """Progress of the turn in place."""
+        """Angle turned so far by a turn in place [°]."""
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Return what should have been reported by now and is missing."""
+        """Return which report or progress is missing by now; None if none is."""
         rises = isinstance(self.wish, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
             late = now_s - self.sent_s > longest_s
             return "the command was not seen to be obeyed" if late else None
-        if self.progress.stands(now_s):
+        if self.progress.stopped(now_s):
             return "the drone has stopped on its way"
-        lost = not self.takes_off and target_age_s > self.manners.target_lost_s
+        lost = not self.takes_off and target_age_s > self.behaviour.target_lost_s
         return "the target is no longer reported" if lost else None
 
     def in_own_mode(self) -> None:
-        """Record that the vehicle is in our mode, which is all that `TakeMode` requests."""
+        """Record that the vehicle is in the mode for commands; `TakeMode` requests no more."""
         self.obeyed |= isinstance(self.wish, TakeMode)
 
     def see_target(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
-        """Check the reported target, given the rate of change of the heading."""
+        """Check the reported target; `turning_deg_s`: rate of change of the heading [°/s]."""
         match self.wish:
             case GoHome():
                 return None  # the mode shows it
@@ -131,7 +131,7 @@ class Commanded:
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
         """Check the heading that the autopilot reports with its target."""
-        if seen.yaw_deg is None or not self.manners.yaw_in_reposition:
+        if seen.yaw_deg is None or not self.behaviour.yaw_in_reposition:
             return None
         if not isinstance(self.wish, FlyThere):
             return None
@@ -155,12 +155,12 @@ class Commanded:
         waits = isinstance(self.wish, TakeMode) or self._waits(seen)
         before = waits and abs(height - self.start.altitude_amsl_m) < SAFETY.height_error_m
         rises = isinstance(self.wish, TakeOff)
-        wanted = rises and abs(height - self.highest_m) <= self.manners.target_m
+        wanted = rises and abs(height - self.highest_m) <= self.behaviour.target_m
         here = between_m(self.start, seen) < SAFETY.astray_m
         return None if here and (before or wanted) else OTHERS_TARGET
 
     def _same(self, one: TargetSeen, other: TargetSeen | FlyThere) -> bool:
-        return same_place(one, other, self.manners.target_m)
+        return same_place(one, other, self.behaviour.target_m)
 
     def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
         """Time of a report by its own clock [s]; after a stall it is processed later."""
@@ -172,7 +172,7 @@ class Commanded:
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
-        """True if the target may be the previous one, or caused by our change of mode."""
+        """True if the target may be the previous one, or come from the change of mode."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):
@@ -182,7 +182,7 @@ class Commanded:
         return between_m(seen, position) < SAFETY.astray_m + stops_within_m(position.speed_m_s)
 
     def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
-        """Check a position, given the rate of change of the heading."""
+        """Check a position; `turning_deg_s`: rate of change of the heading [°/s]."""
         wish = self.wish
         if isinstance(wish, GoHome):
             return None
@@ -212,7 +212,7 @@ class Commanded:
             return self.yaw.fault(made_s, seen.yaw_deg)
         bearing_deg, away_m = seen.way_to(wish)
         least_m_s = SAFETY.course_m_s if away_m > SAFETY.frozen_m else SAFETY.near_course_m_s
-        follows = self.manners.follows_course and seen.speed_m_s > least_m_s
+        follows = self.behaviour.follows_course and seen.speed_m_s > least_m_s
         course_deg = seen.course_deg if follows else None
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
@@ -234,7 +234,7 @@ class Commanded:
         return self._see_yaw(seen)
 
     def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-        """Remaining parts of a motion in the air."""
+        """Remaining distances and angles of a motion in the air."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
             return _left_of_turn(yaw)
@@ -244,9 +244,9 @@ class Commanded:
         stops = [one * seen.speed_m_s / twice for one in seen.velocity_m_s[:2]]
         along = radians(bearing)
         soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
-        self.settled |= left <= self.manners.settles_m
+        self.settled |= left <= self.behaviour.settles_m
         self.not_settled_yet = not self.settled and left <= SAFETY.arrived_m
-        near = SAFETY.arrived_m if self.settled else self.manners.settles_m
+        near = SAFETY.arrived_m if self.settled else self.behaviour.settles_m
         place = Left(now=left, soon=soon, least=SAFETY.nearer_m, tolerance=near)
         up = Left(now=height, soon=height, least=SAFETY.higher_m, tolerance=SAFETY.at_height_m)
         if seen.yaw_deg is None:
@@ -265,7 +265,7 @@ class Commanded:
 
 
 def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:
-    """Remaining part of a turn in place."""
+    """Remaining angle of a turn in place."""
     if yaw is None or yaw.turn_deg is None:
         return ()
     left = abs(yaw.turn_deg) - yaw.turned_deg

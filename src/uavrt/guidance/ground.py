@@ -16,25 +16,25 @@ from uavrt.tangent_plane import TangentPlane
 
 _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
-"""Above sea level [m] at latitudes and longitudes; NaN where nothing is known."""
+"""Heights above sea level [m] as a function of latitudes and longitudes; NaN if unknown."""
 STEP_M = 10.0
 _MOST_SQUARES = 300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundAround:
-    """The ground around home, on squares.
+    """Heights of the ground around home, on a grid.
 
     `above_home_m` gives the highest of the four corners around a position, which is never less
     than the ground between them.
     """
 
     home_amsl_m: float
-    """Elevation of home by the map."""
+    """Height of home above sea level by the map [m]."""
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """(north, east) heights above home, from south-west; NaN if unknown."""
+    """Ground above home (north, east) from the south-west corner [m]; NaN if unknown."""
 
     @classmethod
     def around(
@@ -50,14 +50,14 @@ class GroundAround:
         )
         if not np.isfinite(home):
             raise PlanError(
-                "the map of heights does not know home",
+                "the elevation map does not cover home",
                 remedy="Add its tile to guidance.terrain, or take the setting out",
             )
         heights = heights_at(np.asarray(latitude), np.asarray(longitude)) - home
         return cls(home_amsl_m=home, reach_m=count * step, step_m=step, heights_m=heights)
 
     def above_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """The highest ground around positions; NaN if a corner is unknown."""
+        """Highest ground around positions, above home [m]; NaN if a corner is unknown."""
         last = len(self.heights_m) - 1
         column = np.floor((east_m + self.reach_m) / self.step_m).astype(np.intp)
         row = np.floor((north_m + self.reach_m) / self.step_m).astype(np.intp)
@@ -69,7 +69,7 @@ class GroundAround:
         return np.where(beyond, np.nan, high)
 
     def highest_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """The highest known ground on the straight line home from positions; else 0."""
+        """Highest known ground above home on the straight line home [m]; else 0."""
         farthest = float(np.max(np.hypot(east_m, north_m), initial=0.0))
         shares = np.linspace(0.0, 1.0, int(farthest / self.step_m) + 2)[:, None]
         x, y = np.ravel(east_m), np.ravel(north_m)
@@ -77,6 +77,6 @@ class GroundAround:
         return np.asarray(ground.max(axis=0, initial=0.0)).reshape(np.shape(east_m))
 
     def apart_m(self, home_amsl_m: float) -> float | None:
-        """Height of the autopilot's home above the map's [m], if that is too much."""
+        """Height of home by the autopilot less that of the map [m]; None if small."""
         apart = home_amsl_m - self.home_amsl_m
         return apart if abs(apart) > SAFETY.home_height_error_m else None

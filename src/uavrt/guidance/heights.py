@@ -5,7 +5,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> float:
-    """Altitude to send for a wanted height above home.
+    """Altitude above sea level to send for a wanted height above home [m].
 
     Barometer drift and an offset of the autopilot's sea level, up to tens of metres, affect
     altitude and height of one message alike, and cancel in their difference.
@@ -20,7 +20,7 @@ def check_height(
     highest_m: float = 120.0,
     ground_above_home_m: float = 0.0,
 ) -> None:
-    """Refuse a height above home that is too low or too high; raises `PlanError`."""
+    """Raise `PlanError` for a height above home that is too low or too high."""
     above = wanted_m - ground_above_home_m
     if above != above or above < lowest_m:
         raise PlanError(

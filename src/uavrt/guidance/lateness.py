@@ -8,21 +8,21 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Lateness:
-    """Measures the delay by the autopilot's time since its start.
+    """Measures the delay of reports by the autopilot's time since its start.
 
-    Uses TIMESYNC if available, else the least offset since the link came up: the quickest
-    message is taken as undelayed.
+    Uses TIMESYNC if available, else the smallest offset since the link came up: the message
+    with the smallest delay counts as not delayed.
     """
 
     def __init__(self) -> None:
         self._least: tuple[float, float] | None = None
-        """Arrival [s] and offset [s] of the quickest message."""
+        """Arrival [s] and offset [s] of the message with the smallest delay."""
         self._boot_s = 0.0
         self.late_s = 0.0
-        """Delay of the last message."""
+        """Delay of the last message [s]."""
 
     def see(self, seen: BootTimeSeen) -> None:
-        """Measure a message."""
+        """Measure the delay of a message."""
         self._boot_s = max(seen.boot_s, self._boot_s)
         offset_s = seen.time_s - seen.boot_s
         expected_s = offset_s

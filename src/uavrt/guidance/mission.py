@@ -1,4 +1,4 @@
-"""Missions and fences in the form of MAVLink items. Pure.
+"""Convert surveys and fences to MAVLink mission items and back. Pure.
 
 Formats: https://mavlink.io/en/services/mission.html, https://mavlink.io/en/file_formats/#fence.
 """
@@ -14,7 +14,7 @@ from uavrt.errors import FormatError, PlanError
 from uavrt.geodesy import distance_m
 from uavrt.guidance.heights import check_height
 from uavrt.guidance.orders import Limits, Order, Place
-from uavrt.guidance.plans import check_keep_out, survey_places, voids_of
+from uavrt.guidance.plans import check_keep_out, excluded_areas, survey_places
 from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut, VehicleFence
 from uavrt.planning.area import Polygon, SearchArea
@@ -22,23 +22,23 @@ from uavrt.tangent_plane import TangentPlane
 
 MissionKind = Literal["mission", "fence"]
 WAYPOINT, RETURN = 16, 20
-"""MAV_CMD_NAV_WAYPOINT, NAV_RETURN_TO_LAUNCH."""
+"""MAV_CMD numbers: NAV_WAYPOINT, NAV_RETURN_TO_LAUNCH."""
 ABSOLUTE_FRAME, MISSION_FRAME, RELATIVE_FRAME = 0, 2, 3
 RETURN_POINT = 5000
 CORNER_WITHIN, CORNER_OUTSIDE, CIRCLE_WITHIN, CIRCLE_OUTSIDE = 5001, 5002, 5003, 5004
-"""MAV_CMD_NAV_FENCE_*."""
+"""MAV_CMD numbers of fence corners and circles, inclusion and exclusion."""
 FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
-"""GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, mapped to the equivalent older frames."""
+"""MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, with their older equals."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
-"""Tolerances of an item read back: PX4 stores degrees as doubles, ArduPilot whole
+"""Tolerances of an item read back [1e-7 deg; m]: PX4 stores degrees as doubles, ArduPilot whole
 centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionItem:
-    """One item, as in MISSION_ITEM_INT."""
+    """A mission or fence item, with the fields of MISSION_ITEM_INT."""
 
     command: int
     frame: int = ABSOLUTE_FRAME
@@ -48,13 +48,13 @@ class MissionItem:
     y: int = 0
     """Longitude [1e-7 deg]."""
     z: float = 0.0
-    """Height [m] in the item's frame."""
+    """Height in the item's frame [m]."""
 
     @classmethod
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Make the item of a position; the heading follows the flight."""
+        """Make the waypoint of a position; the heading follows the course."""
         return cls(
             command=command,
             frame=frame,
@@ -66,11 +66,11 @@ class MissionItem:
 
     @property
     def place(self) -> Place:
-        """Latitude and longitude [deg]."""
+        """Latitude and longitude of the item [deg]."""
         return self.x / FULL_SCALE_DEG, self.y / FULL_SCALE_DEG
 
     def flies_as(self, other: "MissionItem") -> bool:
-        """True if an autopilot holding the other item flies the same."""
+        """True if another item means the same flight to an autopilot."""
         if self.command != other.command:
             return False
         if self.command == RETURN:
@@ -86,15 +86,15 @@ class MissionItem:
 
 
 NOT_CHECKED = "the vehicle's fence, home, battery, and the ground beneath the ways"
-"""Checks left to the operator when a survey is saved to a file."""
+"""Text with the checks left to the operator when a survey is saved to a file."""
 NOT_CHECKED_ABOARD = "its battery, and the ground beneath the ways"
-"""Checks left to the operator when a survey is uploaded to a vehicle."""
+"""Text with the checks left to the operator when a survey is uploaded to a vehicle."""
 
 
 def survey_items(
     order: Order, limits: Limits | None = None, home: Place | None = None
 ) -> tuple[MissionItem, ...]:
-    """Write a survey as a mission: its path at the height above home, then the return.
+    """Convert a survey to a mission: its path at the height above home, then the return.
 
     It has no take-off: a pilot takes off and starts the mission. `order`: a survey along lines
     or around; turns at positions differ between autopilots. `limits`: heights; with `home` also
@@ -105,7 +105,7 @@ def survey_items(
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
             "a mission cannot contain turns",
-            remedy="Take a survey with --pattern lines or around",
+            remedy="Choose --pattern lines or around",
         )
     if order.height_m is None:
         raise PlanError("a survey as a mission needs a height", remedy="Give --height 60")
@@ -124,12 +124,12 @@ def survey_items(
 
 
 def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
-    """Check a path against excluded areas; without a home the return is not known."""
+    """Raise `PlanError` if a path, or with a home its return, crosses an excluded area."""
     plane = TangentPlane(latitude_deg=places[0][0], longitude_deg=places[0][1])
     east, north = plane.to_local(*np.array(places).T)
     area = SearchArea(
         search=Polygon.rectangle(-1e5, 1e5, -1e5, 1e5),
-        voids=voids_of(order, Limits(), plane),
+        voids=excluded_areas(order, Limits(), plane),
         margin_m=SAFETY.margin_m,
     )
     reason = area.entered(np.asarray(east), np.asarray(north))
@@ -153,7 +153,7 @@ def _check_with_home(
 
 
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
-    """Describe how the mission read back differs from the one sent; None: it does not."""
+    """Text on a difference of the mission read back from the one sent; else None."""
     if len(sent) != len(held):
         return f"it holds {len(held)} items, not {len(sent)}"
     for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
@@ -163,7 +163,7 @@ def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str 
 
 
 def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
-    """Read the fence that a vehicle holds; raises `FormatError` for an invalid one."""
+    """Read the fence of a vehicle from its items; raises `FormatError` for an invalid one."""
     within: list[KeepOut] = []
     outside: list[KeepOut] = []
     rest = iter(items)
@@ -187,7 +187,7 @@ def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
 
 
 def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ...]:
-    """Corners of a polygon; each item has their number."""
+    """Read the corners of a fence polygon; each item repeats their number."""
     count = first.params[0]
     if not (isfinite(count) and 3.0 <= count <= 1000.0):
         raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)
@@ -217,7 +217,7 @@ def _checked(item: MissionItem) -> Place:
 
 
 def fence_items(fence: VehicleFence) -> tuple[MissionItem, ...]:
-    """Write a fence as items."""
+    """Convert a fence to items."""
     found: list[MissionItem] = []
     for areas, corner, circle in (
         (fence.within, CORNER_WITHIN, CIRCLE_WITHIN),

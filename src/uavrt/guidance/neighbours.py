@@ -1,7 +1,7 @@
-"""Other drones of the same search, as the deciding drone represents them. Pure.
+"""Positions and paths of other drones in the same search. Pure.
 
-Without a common clock, a straight path belongs to its drone from its last known position to its
-goal, whenever it is flown. So nothing depends on the delay of messages.
+The drones have no common clock. So a straight path belongs to its drone from its last known
+position to its goal, whenever it is flown, and nothing depends on the delay of messages.
 """
 
 from collections.abc import Collection, Sequence
@@ -21,17 +21,17 @@ from uavrt.tangent_plane import TangentPlane
 
 SEPARATION = Separation()
 _OWN = 0
-"""Number of this drone among the vehicles, which begin at 1."""
+"""Vehicle number of this drone among all drones; others begin at 1."""
 _Metres = tuple[float, float]
 
 
-def strips_of(others: Sequence[Neighbour], plane: TangentPlane) -> tuple[Strip, ...]:
-    """Paths of others: those being flown and those assigned next."""
+def paths_of(others: Sequence[Neighbour], plane: TangentPlane) -> tuple[Strip, ...]:
+    """Straight paths of other drones: those being flown and those assigned next."""
     return tuple(strip for one in others for strip in pairwise(_corners(one, plane)))
 
 
 def _corners(one: Neighbour, plane: TangentPlane) -> list[_Metres]:
-    """Present position of a drone, its goal, and the next goal."""
+    """Present position of another drone, its goal, and its next goal."""
     course = one.course
     if course is None:
         return []
@@ -54,10 +54,10 @@ def other_drones_of(
     *,
     speed_m_s: float,
 ) -> tuple[OtherDrones, tuple[int, ...]]:
-    """Other drones as the planner needs them, and the tags that this drone takes on.
+    """Other drones for the planner, and the tags that this drone searches for.
 
-    `state`: start of the decision. `beliefs`: this drone's. `found`: tags that need no more
-    searching. `held`: tags that it had taken on until now. `speed_m_s`: of all drones.
+    `state`: start of the decision. `beliefs`: this drone's. `found`: tags already found.
+    `held`: tags that this drone searched for until now. `speed_m_s`: speed of all drones.
     """
     starts = {_OWN: Start(east_m=state.east_m, north_m=state.north_m)}
     owners, listening = dict.fromkeys(held, _OWN), []
@@ -84,7 +84,7 @@ def other_drones_of(
         separation=SEPARATION,
         listening=tuple(listening),
         left=frozenset(theirs & wanted) if wanted - theirs else frozenset(),
-        strips=strips_of(others, plane),
+        strips=paths_of(others, plane),
     )
     return drones, tuple(mine)
 
@@ -106,7 +106,7 @@ def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path
 
 
 def nearest_m(drones: OtherDrones, places: Sequence[_Metres]) -> float:
-    """Least distance of a path from the other drones' paths."""
+    """Shortest distance of a path from the other drones' paths [m]."""
     return min(
         float(drones.strips_apart_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
         for begin, end in pairwise(places)

@@ -1,4 +1,4 @@
-"""Observed vehicle state, each item with our monotonic arrival time [s]."""
+"""Reports of the vehicle, each with its monotonic time of arrival [s]."""
 
 from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, radians
@@ -11,36 +11,36 @@ from uavrt.units import wrap_degrees_180
 
 @dataclass(frozen=True, slots=True)
 class ModeSeen:
-    """A heartbeat or CURRENT_MODE."""
+    """Flight mode, from a HEARTBEAT or CURRENT_MODE."""
 
     time_s: float
     mode: int
-    """Custom mode."""
+    """Number of the custom mode."""
     armed: bool | None = None
-    """None: the message does not contain it."""
+    """True if the motors are armed; None: not in the message."""
     failsafe: bool = False
     """True if the autopilot reports a critical or worse state."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionSeen:
-    """GLOBAL_POSITION_INT."""
+    """Position and velocity, from GLOBAL_POSITION_INT."""
 
     time_s: float
     boot_s: float
-    """The autopilot's time since its start [s]."""
+    """Autopilot's time since its start [s]."""
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     altitude_relative_m: float
-    """Height above home."""
+    """Height above home [m]."""
     velocity_m_s: tuple[float, float, float]
-    """Velocity north, east and up."""
+    """Velocity north, east and up [m/s]."""
     yaw_deg: float | None
 
     @property
     def speed_m_s(self) -> float:
-        """Speed over ground."""
+        """Speed over ground [m/s]."""
         return hypot(self.velocity_m_s[0], self.velocity_m_s[1])
 
     @property
@@ -49,7 +49,7 @@ class PositionSeen:
         return degrees(atan2(self.velocity_m_s[1], self.velocity_m_s[0]))
 
     def way_to(self, place: FlyThere) -> tuple[float, float]:
-        """Bearing [deg] and distance [m] of a position."""
+        """Bearing [deg] and distance [m] to a position."""
         east = wrap_degrees_180(place.longitude_deg - self.longitude_deg)
         north = place.latitude_deg - self.latitude_deg
         bearing = degrees(atan2(east * cos(radians(self.latitude_deg)), north))
@@ -65,13 +65,13 @@ class PositionLost:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSeen:
-    """POSITION_TARGET_GLOBAL_INT: the autopilot's present target."""
+    """Present target of the autopilot, from POSITION_TARGET_GLOBAL_INT."""
 
     time_s: float
     boot_s: float
-    """The autopilot's time since its start [s]."""
+    """Autopilot's time since its start [s]."""
     latitude_deg: float | None
-    """None: it has no target position."""
+    """Latitude of the target [deg]; None: it has no target position."""
     longitude_deg: float | None
     altitude_amsl_m: float | None
     yaw_deg: float | None
@@ -79,18 +79,18 @@ class TargetSeen:
 
 @dataclass(frozen=True, slots=True)
 class SticksSeen:
-    """RC_CHANNELS in microseconds; empty: no receiver, or no signal."""
+    """Channels of the remote control, from RC_CHANNELS [µs]; empty: no signal."""
 
     time_s: float
     channels_us: tuple[int, ...]
-    """Roll, pitch, throttle, yaw."""
+    """Roll, pitch, throttle and yaw stick [µs]."""
     switches_us: tuple[int, ...] = ()
-    """Channels from 5 on; 0 if unused."""
+    """Channels from 5 on [µs]; 0 if unused."""
 
 
 @dataclass(frozen=True, slots=True)
 class HomeSeen:
-    """HOME_POSITION."""
+    """Home position, from HOME_POSITION."""
 
     time_s: float
     latitude_deg: float
@@ -100,11 +100,11 @@ class HomeSeen:
 
 @dataclass(frozen=True, slots=True)
 class LandedSeen:
-    """EXTENDED_SYS_STATE."""
+    """Landed state, from EXTENDED_SYS_STATE."""
 
     time_s: float
     on_ground: bool | None
-    """None: unknown to the autopilot."""
+    """True if the vehicle is on the ground; None: unknown to the autopilot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class FailsafeSeen:
 
 @dataclass(frozen=True, slots=True)
 class BootTimeSeen:
-    """Any message with the time since the autopilot's start."""
+    """Autopilot's time since its start, from any message that has it."""
 
     time_s: float
     boot_s: float
@@ -148,13 +148,13 @@ Located = PositionSeen | TargetSeen | HomeSeen | FlyThere
 
 
 def between_m(one: Located, other: Located) -> float:
-    """Distance over ground [m]; 0 if one of them has no position."""
+    """Horizontal distance of two positions [m]; 0 if one is missing."""
     a, b, c, d = one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg
     return 0.0 if a is None or b is None or c is None or d is None else distance_m(a, b, c, d)
 
 
 def same_place(one: Located, other: Located, within_m: float) -> bool:
-    """True if both are at the same position and height, or neither has one."""
+    """True if two targets have the same position and height, or neither has one."""
     if one.latitude_deg is None or other.latitude_deg is None:
         return one.latitude_deg is other.latitude_deg
     a, b = one.altitude_amsl_m, other.altitude_amsl_m

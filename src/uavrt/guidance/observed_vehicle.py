@@ -1,10 +1,9 @@
-"""The vehicle by its last reports, and why it cannot be flown by order. Pure."""
+"""State of the vehicle by its last reports, and reasons against a command. Pure."""
 
 from math import inf
 
-from uavrt.guidance.hands import HandWatch
+from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.lateness import Lateness
-from uavrt.guidance.manners import Manners
 from uavrt.guidance.observed import (
     Boot,
     BootTimeSeen,
@@ -18,24 +17,25 @@ from uavrt.guidance.observed import (
     SticksSeen,
     TargetSeen,
 )
+from uavrt.guidance.rc_watch import RcWatch
 from uavrt.guidance.safety import SAFETY
 from uavrt.units import wrap_degrees_180
 
 
 class ObservedVehicle:
-    """Holds the newest report of each kind."""
+    """Newest report of each kind from one vehicle."""
 
-    def __init__(self, manners: Manners, failsafe: FailsafeSeen | None = None) -> None:
-        self.manners = manners
+    def __init__(self, behaviour: Behaviour, failsafe: FailsafeSeen | None = None) -> None:
+        self.behaviour = behaviour
         self.mode: ModeSeen | None = None
         self.heartbeat: ModeSeen | None = None
         """Newest mode report that includes the arming state."""
         self.position: PositionSeen | None = None
         self.target: TargetSeen | None = None
         self.turning_deg_s = self.target_turning_deg_s = 0.0
-        """Last rates of change of heading and reported target heading."""
+        """Last rates of change of the heading and of the reported target heading [°/s]."""
         self._rest: PositionSeen | None = None
-        """First position with about the present heading."""
+        """First of the latest positions with about the present heading."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
@@ -80,7 +80,7 @@ class ObservedVehicle:
         return True
 
     def restarted(self, seen: Observation) -> str | None:
-        """Return the reason if this report shows that the autopilot has restarted."""
+        """Return the reason if a report shows that the autopilot has restarted."""
         if isinstance(seen, Boot):
             return "another autopilot"
         restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
@@ -88,7 +88,7 @@ class ObservedVehicle:
 
     @property
     def known(self) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
-        """Mode, position and home of a vehicle that has no `fault`."""
+        """Mode, position and home of a vehicle without a `fault`."""
         assert self.mode is not None
         assert self.position is not None
         assert self.home is not None
@@ -96,22 +96,22 @@ class ObservedVehicle:
 
     @property
     def heading_rests(self) -> bool:
-        """True if the heading is at its end: another turn is then ours, or a takeover."""
+        """True if the heading is at rest: a new turn comes from a command or a pilot."""
         position = self.position
         if position is None or self._rest is None:
             return False
-        follows = self.manners.follows_course and position.speed_m_s > SAFETY.course_m_s
+        follows = self.behaviour.follows_course and position.speed_m_s > SAFETY.course_m_s
         return not follows and position.boot_s - self._rest.boot_s >= SAFETY.rest_s
 
     @property
     def mode_name(self) -> str:
-        """The mode's name; empty before any report."""
-        return "" if self.mode is None else self.manners.mode_name(self.mode.mode)
+        """Name of the present mode; empty before any report."""
+        return "" if self.mode is None else self.behaviour.mode_name(self.mode.mode)
 
     @property
     def in_own_mode(self) -> bool:
-        """True if it is in the mode that flies our commands."""
-        return self.mode is not None and self.mode.mode == self.manners.own_mode
+        """True if the vehicle is in the mode in which commands are flown."""
+        return self.mode is not None and self.mode.mode == self.behaviour.own_mode
 
     @property
     def late(self) -> str | None:
@@ -119,9 +119,9 @@ class ObservedVehicle:
         return self._lateness.fault
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
-        """Why an order or a take-off cannot be confirmed now, with the remedy; else None."""
+        """Reason why no order can be confirmed now, with the remedy; None if one can."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_age_s:
-            return "the autopilot's mode is not known", "Check the link to the autopilot"
+            return "the autopilot's mode is unknown", "Check the link to the autopilot"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
             return "no heartbeat of the autopilot", "Check the link to the autopilot"
         if self.position is None or now_s - self.position.time_s > SAFETY.position_age_s:
@@ -137,7 +137,7 @@ class ObservedVehicle:
             return "the vehicle is on the ground", "Take off by hand first"
         if takeoff and not self.on_ground(now_s):
             return "the vehicle is in the air already", "Ask for another motion"
-        climbs = self.mode.mode == self.manners.takeoff_mode and not self.in_own_mode
+        climbs = self.mode.mode == self.behaviour.takeoff_mode and not self.in_own_mode
         if climbs and not takeoff:
             return "the vehicle still takes off", "Ask again once it hovers"
         if self.failsafe is not None and now_s - self.failsafe.time_s <= SAFETY.mode_lost_s:
@@ -146,7 +146,7 @@ class ObservedVehicle:
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Return which report has been missing so long that an order ends."""
+        """Return which report is missing for so long that an order ends."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
@@ -156,7 +156,7 @@ class ObservedVehicle:
         return None
 
     def on_ground(self, now_s: float) -> bool:
-        """True if it is on the ground, as reported or else by its height above home."""
+        """True if on the ground, as reported or else by the height above home."""
         landed, position = self.landed, self.position
         fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
         if fresh and landed is not None and landed.on_ground is not None:
@@ -164,19 +164,19 @@ class ObservedVehicle:
         return position is not None and position.altitude_relative_m < SAFETY.flying_height_m
 
     def target_age_s(self, now_s: float) -> float:
-        """Time since the target was reported."""
+        """Time since the target was reported [s]."""
         return inf if self.target is None else now_s - self.target.time_s
 
-    def sees_sticks(self, now_s: float, within_s: float) -> bool:
-        """True if a remote control's sticks were reported within this time."""
+    def sticks_reported(self, now_s: float, within_s: float) -> bool:
+        """True if the sticks of a remote control were reported recently."""
         seen = self.sticks
         return seen is not None and bool(seen.channels_us) and now_s - seen.time_s <= within_s
 
-    def hands(self, now_s: float, unwatched: frozenset[int]) -> HandWatch | None:
-        """Start to monitor the remote control; None: not received."""
-        if self.sticks is None or not self.sees_sticks(now_s, SAFETY.sticks_lost_s):
+    def rc(self, now_s: float, unwatched: frozenset[int]) -> RcWatch | None:
+        """New monitor of the remote control; None without one."""
+        if self.sticks is None or not self.sticks_reported(now_s, SAFETY.sticks_lost_s):
             return None
-        return HandWatch(self.sticks, unwatched)
+        return RcWatch(self.sticks, unwatched)
 
 
 def ended_by(seen: Observation) -> str | None:
@@ -194,7 +194,7 @@ def ended_by(seen: Observation) -> str | None:
 
 
 def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
-    """Difference of two headings; 0 if one is not reported."""
+    """Difference of two headings [°]; 0 if one is not reported."""
     if one.yaw_deg is None or other.yaw_deg is None:
         return 0.0
     return abs(wrap_degrees_180(one.yaw_deg - other.yaw_deg))
@@ -203,7 +203,7 @@ def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
 def _turning(
     before: PositionSeen | TargetSeen | None, seen: PositionSeen | TargetSeen, known: float
 ) -> float:
-    """Rate of turn by two reports; unchanged if both are of the same instant."""
+    """Rate of turn between two reports [°/s]; unchanged if both have the same time."""
     gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
     if before is None or gap_s <= 0.0:
         return known

@@ -1,9 +1,8 @@
-"""The order that the operator is asked to confirm, and what withdraws it. Pure."""
+"""Orders proposed to the operator for confirmation, and what withdraws them. Pure."""
 
 from dataclasses import dataclass
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.hands import HandWatch
 from uavrt.guidance.observed import (
     HomeSeen,
     ModeSeen,
@@ -15,6 +14,7 @@ from uavrt.guidance.observed import (
     same_place,
 )
 from uavrt.guidance.observed_vehicle import ObservedVehicle
+from uavrt.guidance.rc_watch import RcWatch
 from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.stopping import stops_within_m
 from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw
@@ -24,7 +24,7 @@ WHEN_YOURS = "A pilot flies it; ask again once it is yours"
 
 @dataclass(slots=True, kw_only=True)
 class Offer:
-    """An order that waits for confirmation, and the vehicle's state when it was offered."""
+    """A proposed order, and the vehicle's state when it was proposed."""
 
     order_id: int
     takeoff: bool
@@ -32,42 +32,42 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """True if the vehicle was in our mode without an order."""
+    """True if the vehicle was in its command mode without an order."""
     target: TargetSeen | None
     """Target of a resting vehicle; another station's command would change it."""
     place: PositionSeen
     home: HomeSeen
-    hands: HandWatch | None
-    """Remote control since then; None: not received."""
+    rc: RcWatch | None
+    """Monitor of the remote control since the proposal; None without one."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Headings of a resting vehicle: measured, and reported as target."""
+    """Monitors of a resting vehicle's headings: measured, and reported as target."""
 
     def turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """True if something else has turned the vehicle since, or commanded a turn."""
+        """True if another has turned the vehicle since the proposal, or commanded a turn."""
         watch = self.yaw if isinstance(seen, PositionSeen) else self.target_yaw
         if watch is None or seen.yaw_deg is None:
             return False
         return watch.turned(seen.boot_s, seen.yaw_deg)
 
     def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Return the reason if a report shows that a pilot has flown the vehicle since."""
+        """Reason why a report shows that a pilot has flown the vehicle since the proposal."""
         match seen:
             case ModeSeen() if seen.mode != self.mode:  # also if it comes back
-                return f"the mode has changed to {vehicle.manners.mode_name(seen.mode)}"
+                return f"the mode has changed to {vehicle.behaviour.mode_name(seen.mode)}"
             case PositionSeen() | TargetSeen() if self.turned(seen):
                 return f"{OTHERS_TURN} since you were asked"
-            case SticksSeen() if self.hands is not None and seen.channels_us:
-                return self.hands.see(seen)
+            case SticksSeen() if self.rc is not None and seen.channels_us:
+                return self.rc.see(seen)
         return None
 
     def check(self, vehicle: ObservedVehicle) -> None:
-        """Raise `CommandRefused` if another has taken the vehicle since the offer."""
-        then, now, within_m = self.target, vehicle.target, vehicle.manners.target_m
+        """Raise `CommandRefused` if another has taken over the vehicle since the proposal."""
+        then, now, within_m = self.target, vehicle.target, vehicle.behaviour.target_m
         given = then is not None and now is not None and not same_place(then, now, within_m)
         if given or (self.rests and then is None and is_elsewhere(now, self.place)):
             what = "another has given a target since you were asked"
-        elif self.hands is not None and self.hands.unsure:
+        elif self.rc is not None and self.rc.unsure:
             what = "a switch of the remote control was moved just now"
         else:
             return
@@ -75,16 +75,16 @@ class Offer:
 
 
 class Offers:
-    """Holds at most one offer; each nonce is valid once."""
+    """Holds at most one proposed order; each nonce is valid once."""
 
     def __init__(self) -> None:
         self._offer: Offer | None = None
         self._withdrawn: tuple[int, str] | None = None
-        """Nonce of an offer that a pilot ended, and how."""
+        """Nonce of a proposal that a pilot's action ended, and that action."""
         self._used: set[int] = set()
 
     def add(self, offer: Offer) -> None:
-        """Replace the offer; a used nonce raises `CommandRefused`."""
+        """Replace the proposed order; raises `CommandRefused` for a used nonce."""
         if offer.nonce in self._used:
             raise CommandRefused(
                 "this nonce was used before", remedy="Request the motion again"
@@ -93,13 +93,14 @@ class Offers:
         self._withdrawn, self._offer = None, offer
 
     def take(self, order_id: int, nonce: int, now_s: float) -> Offer:
-        """Take the offered order for confirmation; raises `CommandRefused` if not allowed."""
+        """Return the proposed order for confirmation; `CommandRefused` if not allowed."""
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
-                "this order is not on offer", remedy="Request the motion again, then confirm"
+                "this order is not the proposed one",
+                remedy="Request the motion again, then confirm",
             )
         if now_s - offer.made_s > SAFETY.offer_holds_s:
             within = f"{SAFETY.offer_holds_s:.0f} s"
@@ -110,11 +111,11 @@ class Offers:
         return offer
 
     def clear(self) -> None:
-        """Withdraw the offer."""
+        """Withdraw the proposed order."""
         self._offer = None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> None:
-        """Withdraw the offer if a report shows that another flies the vehicle."""
+        """Withdraw the proposed order if a report shows that another flies the vehicle."""
         offer = self._offer
         if offer is None:
             return
@@ -128,7 +129,7 @@ class Offers:
 def resting(
     seen: PositionSeen | TargetSeen | None, now_s: float, turning: float, tolerance: float
 ) -> RestingYaw | None:
-    """Start to monitor the heading of a resting vehicle, if it reports one."""
+    """New monitor of a resting vehicle's heading; None if the heading is not reported."""
     if seen is None or seen.yaw_deg is None:
         return None
     boot_s = seen.boot_s + now_s - seen.time_s
@@ -143,7 +144,7 @@ def resting(
 def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
     """True if a first reported target is not where the vehicle holds.
 
-    In Guided, ArduPilot reports no target before it has one; a target where it holds or comes
+    In Guided, ArduPilot reports no target before it has one. A target where it holds or comes
     to rest belongs to no order.
     """
     if target is None or target.latitude_deg is None or place is None:

@@ -1,4 +1,4 @@
-"""Monitor a confirmed order: changes that we did not cause, and what may be sent. Pure.
+"""Monitor a confirmed order for changes that no command caused, and check commands. Pure.
 
 Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
 previous order's target; after it, the vehicle must follow the command (`Commanded`).
@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 from uavrt.errors import CommandRefused
 from uavrt.guidance.commanded import OTHERS_TARGET, Commanded
-from uavrt.guidance.hands import HandWatch
 from uavrt.guidance.observed import (
     HomeSeen,
     LandedSeen,
@@ -22,6 +21,7 @@ from uavrt.guidance.observed import (
 )
 from uavrt.guidance.observed_vehicle import ObservedVehicle
 from uavrt.guidance.offers import Offer, is_elsewhere
+from uavrt.guidance.rc_watch import RcWatch
 from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.yaw import OTHERS_TURN
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
@@ -33,10 +33,10 @@ class JumpWatch:
 
     before: PositionSeen
     jumped_m: float = 0.0
-    """Sum of altitude jumps against the height above home."""
+    """Sum of altitude jumps against the height above home [m]."""
 
     def see(self, seen: PositionSeen) -> str | None:
-        """Return what has jumped since the previous report."""
+        """Return which value has jumped since the previous report; None if none has."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -55,22 +55,22 @@ class JumpWatch:
 
 @dataclass(slots=True, kw_only=True)
 class OrderWatch:
-    """One order, from its confirmation to its end."""
+    """Monitor of one order, from its confirmation to its end."""
 
     offer: Offer
     """The confirmed offer."""
     confirmed_s: float
     planner_s: float
-    """Time of the planning process's last heartbeat."""
+    """Time of the planning process's last heartbeat [s]."""
     place: PositionSeen
     home: HomeSeen
-    """Home at the confirmation."""
+    """Home position at the confirmation."""
     target: TargetSeen | None
-    """Newest reported target, until the first command."""
-    hands: HandWatch | None
-    """Remote control since the confirmation, if received."""
+    """Newest target reported before the first command."""
+    rc: RcWatch | None
+    """Monitor of the remote control since the confirmation; None without one."""
     sticks_unseen: bool
-    """True if the operator accepted that sticks are not monitored in time."""
+    """True if the operator accepted that sticks are not monitored."""
     flown: Commanded | None
     """Command of the previous order, flown until this order's first command."""
     motion: Commanded | None = None
@@ -82,17 +82,17 @@ class OrderWatch:
 
     @property
     def datum_m(self) -> float:
-        """Reference altitude for the order's heights, kept even if home changes."""
+        """Reference altitude of the order's heights [m]; kept even if home changes."""
         return self.place.altitude_amsl_m - self.place.altitude_relative_m
 
     @property
     def leg(self) -> Commanded | None:
-        """The command that the vehicle flies, if any."""
+        """Flight to a position in progress; None if there is none."""
         return self.motion or self.flown
 
     @property
     def nearest_m(self) -> float | None:
-        """Least distance to the target reached on this leg; None: not a leg."""
+        """Shortest distance to the target reached on this leg [m]; None: no leg."""
         leg = self.leg
         flies = leg is not None and isinstance(leg.wish, FlyThere)
         return round(leg.left_m, 2) if leg is not None and flies else None
@@ -108,11 +108,11 @@ class OrderWatch:
         self._check_seen(vehicle, now_s)
         mode, _, _ = vehicle.known
         if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
-            raise CommandRefused("this is not what was confirmed")
+            raise CommandRefused("another order was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
         if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
             raise CommandRefused("the autopilot's mode was not reported just now")
-        if not first and mode.mode != vehicle.manners.own_mode:
+        if not first and mode.mode != vehicle.behaviour.own_mode:
             raise CommandRefused(
                 "the vehicle has not yet reported that it follows the first command"
             )
@@ -124,14 +124,16 @@ class OrderWatch:
         if motion is not None and not stops:
             brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
             brakes &= not isinstance(wish, GoHome)
-            if brakes or motion.progress.stands(now_s, SAFETY.slow_progress_s):
+            if brakes or motion.progress.stopped(now_s, SAFETY.slow_progress_s):
                 raise CommandRefused("the drone is not approaching its target")
         if (
             not first
             and not self.offer.takeoff
             and vehicle.target_age_s(now_s) > SAFETY.target_age_s
         ):
-            raise CommandRefused(f"the target is older than {SAFETY.target_age_s} s")
+            raise CommandRefused(
+                f"the last target report is older than {SAFETY.target_age_s} s"
+            )
         if self.offer.takeoff and not vehicle.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
         if isinstance(wish, TurnInPlace) and not vehicle.heading_rests:
@@ -140,23 +142,25 @@ class OrderWatch:
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
         """Raise `CommandRefused` if a takeover would not have been noticed."""
         if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
-            raise CommandRefused("the mode is older than 1 s")
+            raise CommandRefused("the last mode report is older than 1 s")
         if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
-            raise CommandRefused("the position is older than 0.5 s")
+            raise CommandRefused("the last position is older than 0.5 s")
         if vehicle.late is not None:
             raise CommandRefused(vehicle.late)
-        if self.hands is None:
+        if self.rc is None:
             return
-        if not self.sticks_unseen and not vehicle.sees_sticks(now_s, SAFETY.sticks_age_s):
-            raise CommandRefused(f"the sticks are older than {SAFETY.sticks_age_s} s")
-        if self.hands.unsure:
+        if not self.sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
+            raise CommandRefused(
+                f"the last report of the sticks is older than {SAFETY.sticks_age_s} s"
+            )
+        if self.rc.unsure:
             raise CommandRefused("a switch of the remote control was moved just now")
 
     def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
         """Record a sent command, which the vehicle must follow from now on."""
         self.motion = Commanded(
             wish=wish,
-            manners=vehicle.manners,
+            behaviour=vehicle.behaviour,
             sent_s=now_s,
             first=first,
             before=vehicle.target,
@@ -167,13 +171,13 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Return what should have been reported by now and is missing."""
+        """Return which report or progress is missing by now; None if none is."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)
-        if lost is None and self.hands is not None:
-            unseen = not vehicle.sees_sticks(now_s, SAFETY.sticks_lost_s)
-            lost = "the sticks are no longer reported" if unseen else self.hands.sure(now_s)
+        if lost is None and self.rc is not None:
+            unseen = not vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s)
+            lost = "the sticks are no longer reported" if unseen else self.rc.sure(now_s)
         if lost is not None:
             return lost
         if self.motion is not None:
@@ -184,7 +188,7 @@ class OrderWatch:
         return None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Return what a report, already in `vehicle`, shows that we did not cause."""
+        """Return the change in a report that no command caused; None if there is none."""
         match seen:
             case PositionSeen():
                 return self._see_position(seen, vehicle)
@@ -201,14 +205,14 @@ class OrderWatch:
         return None
 
     def _see_mode(self, seen: ModeSeen, vehicle: ObservedVehicle) -> str | None:
-        manners, motion = vehicle.manners, self.motion
-        others = f"the mode is {manners.mode_name(seen.mode)}"
+        behaviour, motion = vehicle.behaviour, self.motion
+        others = f"the mode is {behaviour.mode_name(seen.mode)}"
         if motion is None:
             return None if seen.mode == self.offer.mode else others
-        if isinstance(motion.wish, GoHome) and seen.mode in manners.return_modes:
+        if isinstance(motion.wish, GoHome) and seen.mode in behaviour.return_modes:
             return "returning: the autopilot flies home"
-        if isinstance(motion.wish, TakeOff) and not manners.own_mode_first:
-            if seen.mode == manners.takeoff_mode:
+        if isinstance(motion.wish, TakeOff) and not behaviour.own_mode_first:
+            if seen.mode == behaviour.takeoff_mode:
                 self.own_mode_seen = True
                 return None
             if vehicle.in_own_mode and motion.top_m >= motion.highest_m - SAFETY.takeoff_done_m:
@@ -230,9 +234,9 @@ class OrderWatch:
             return self.motion.see_target(*watched)
         fault = None if self.flown is None else self.flown.see_target_yaw(*watched)
         # A vehicle in another mode follows the sticks with its target, or a mission.
-        if fault is not None or self.offer.mode != vehicle.manners.own_mode:
+        if fault is not None or self.offer.mode != vehicle.behaviour.own_mode:
             return fault
-        within_m = vehicle.manners.target_m
+        within_m = vehicle.behaviour.target_m
         changed = before is not None and not same_place(seen, before, within_m)
         others = changed or (before is None and is_elsewhere(seen, self.place))
         return OTHERS_TARGET if others else None
@@ -246,7 +250,7 @@ class OrderWatch:
         return leg.see_position(seen, vehicle.turning_deg_s)
 
     def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """True if another turns a resting vehicle before our first command."""
+        """True if another turns a resting vehicle before the order's first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
     def _see_landed(self, seen: LandedSeen) -> str | None:
@@ -257,8 +261,8 @@ class OrderWatch:
         return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
 
     def _see_sticks(self, seen: SticksSeen) -> str | None:
-        if self.hands is None:
+        if self.rc is None:
             return "a remote control was switched on" if seen.channels_us else None
         if not seen.channels_us:
             return "the sticks are no longer reported"
-        return self.hands.see(seen)
+        return self.rc.see(seen)

@@ -1,4 +1,4 @@
-"""Fly an order step by step: one request at a time, the next when the last is done. Pure.
+"""Fly an order step by step: each motion is requested when the last is done. Pure.
 
 `uavrt.guidance.authority` decides on each request. A refused request is dropped: the next one
 follows from the vehicle's state then.
@@ -28,7 +28,7 @@ from uavrt.units import wrap_degrees_180
 
 
 class _BatteryWatch:
-    """Checks the battery from time to time."""
+    """Checks the battery every `SAFETY.battery_s`."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -36,13 +36,13 @@ class _BatteryWatch:
         self._reported = False
 
     def due(self, now: VehicleNow) -> bool:
-        """True if it is time for a check."""
+        """True if the next check of the battery is due."""
         due = now.time_s >= self._checked_s + SAFETY.battery_s
         self._checked_s = now.time_s if due else self._checked_s
         return due
 
     def reason(self, now: VehicleNow) -> str | None:
-        """Why the battery requires the return: low charge, or no report."""
+        """Reason why the battery requires the return: low charge, or no report."""
         if now.battery_percent is not None:
             self._reported = True
         elif self._reported and self._limits.battery_wh is not None:
@@ -51,7 +51,7 @@ class _BatteryWatch:
 
 
 def _waits(step: Step, now: VehicleNow) -> bool:
-    """True if a step must not be requested yet because the drone still settles or turns."""
+    """True if a step must wait because the drone still settles or turns."""
     if isinstance(step, Turn) and not now.heading_rests:
         return True
     return now.settling and not isinstance(step, Home)
@@ -60,7 +60,7 @@ def _waits(step: Step, now: VehicleNow) -> bool:
 class Pilot:
     """Flies one order.
 
-    `plan`: its steps. `waits`: wait for further steps by `redirect` instead of finishing.
+    `plan`: its steps. `waits`: True: wait for further steps by `redirect` instead of finishing.
     """
 
     def __init__(
@@ -78,23 +78,23 @@ class Pilot:
         self._holding: Go | None = None
         self._holding_s = 0.0
         self._returning = self._flies_home = False
-        self.among = False
-        """True if other drones search, too: it then flies home at its own height, because the
-        autopilot's return may climb into another's height."""
+        self.shared = False
+        """True if other drones search too. It then flies home at its own height, because the
+        autopilot's return may climb into another drone's height."""
         self._asks = False
-        """Set while the operator must decide: it then only holds."""
+        """True while the operator must decide; the drone then only holds."""
         self._battery = _BatteryWatch(limits)
         self._sent = self._refused_before = 0
         self._failed: str | None = None
-        """Why the order is cut short."""
+        """Reason why the order is cut short; None if it is not."""
         self.ended: str | None = None
-        """Why the order has ended; None while it continues."""
+        """Reason why the order has ended; None while it continues."""
         self.said = ""
-        """Description of the present action and its reason."""
+        """Text on the present action and its reason, for the operator."""
 
     @property
     def progress(self) -> str:
-        """Number of the step and of all steps."""
+        """Number of the present step, and of all steps."""
         return f"step {min(self._number + 1, len(self._steps))} of {len(self._steps)}"
 
     @property
@@ -105,11 +105,11 @@ class Pilot:
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
         """Replace the remaining steps.
 
-        It stops first if a bend on its way could look like another's command.
+        The drone stops first if a bend in its path could look like another's command.
         """
         if self._flies_home:
             return
-        if self.among and isinstance(steps[0], Home):
+        if self.shared and isinstance(steps[0], Home):
             steps = (self._over_home(now), *steps)
         first: list[Step] = []
         if not self.idle and self._turns_off(steps[0], now):
@@ -125,7 +125,7 @@ class Pilot:
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """True if it is too fast to change course without looking like another's command."""
+        """True if a new course at this speed could look like another's command."""
         before = self._steps[self._number]
         if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
@@ -137,7 +137,7 @@ class Pilot:
         return near or abs(wrap_degrees_180(ways[1] - ways[0])) > SAFETY.bend_deg
 
     def next(self, now: VehicleNow) -> Wish | None:
-        """Return the motion to request now, if any."""
+        """Return the motion to request now; None if there is none."""
         if self.ended is not None:
             return None
         if now.order_id != self.order.order_id:
@@ -164,9 +164,9 @@ class Pilot:
         return None if step is None or _waits(step, now) else self._wish(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Get the step to request now: a return, then a hold, then the order's own."""
+        """Return the step to request now: a return, then a hold, then the order's own."""
         urgent = self._urgent(now)
-        if isinstance(urgent, Home) and self.among:
+        if isinstance(urgent, Home) and self.shared:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
             self._flies_home = True
         elif urgent is not None:
@@ -249,7 +249,7 @@ class Pilot:
         return now.time_s - self._there_s >= step.stay_s
 
     def _urgent(self, now: VehicleNow) -> Step | None:
-        """Return if the battery requires it; hold or return without a ground station."""
+        """Return home if the battery requires it; hold or return without a ground station."""
         limits = self._limits
         if not now.began or self._returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
@@ -281,16 +281,16 @@ class Pilot:
         return None
 
     def _stop_at(self, now: VehicleNow) -> Go:
-        """Where it comes to a stop on its way."""
+        """Point where the drone comes to a stop on its path."""
         step = None if self.idle else self._steps[self._number]
         place = (now.latitude_deg, now.longitude_deg)
         if isinstance(step, Go):
-            place = standing_place(now, step.place)
+            place = stopping_place(now, step.place)
         height = max(now.altitude_relative_m, self._limits.lowest_m)
         return Go(place=place, height_m=min(height, self._limits.highest_m))
 
     def _over_home(self, now: VehicleNow) -> Go:
-        """Position above home at the height that it has among others."""
+        """Position above home at this drone's height in a shared search."""
         height = self.order.height_m
         height = now.altitude_relative_m if height is None else height
         height = max(height, self._limits.lowest_m)
@@ -306,8 +306,8 @@ class Pilot:
         return Home()
 
 
-def standing_place(now: VehicleNow, goal: Place) -> Place:
-    """Where it can stop on its way without turning back."""
+def stopping_place(now: VehicleNow, goal: Place) -> Place:
+    """Point where the drone can stop on its path without turning back."""
     here = (now.latitude_deg, now.longitude_deg)
     left = distance_m(*here, *goal)
     share = min(1.0, stops_within_m(now.speed_m_s) / max(left, 0.1))
@@ -316,6 +316,6 @@ def standing_place(now: VehicleNow, goal: Place) -> Place:
 
 
 def _course_deg(here: Place, there: Place) -> float:
-    """Direction of a short path."""
+    """Direction of a short path, clockwise from north [°]."""
     east = wrap_degrees_180(there[1] - here[1]) * cos(radians(here[0]))
     return degrees(atan2(east, there[0] - here[0]))

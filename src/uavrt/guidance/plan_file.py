@@ -1,4 +1,4 @@
-"""Write surveys and fences as QGroundControl files. Pure.
+"""Write surveys and fences as QGroundControl plan files. Pure.
 
 Plan format, version 1, its missions and fences, version 2
 (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html).
@@ -18,7 +18,7 @@ _PX4, _MULTIROTOR, _ABOVE_HOME = 12, 2, 1
 def survey_file(order: Order, speed_m_s: float) -> str:
     """Write a survey as a .plan: its path at the given height, then the return.
 
-    A pilot uploads and starts it without us. Excluded areas become exclusion fences.
+    A pilot uploads and starts it without uavrt. Excluded areas become exclusion fences.
     `uavrt.guidance.mission.survey_items` checks the order and raises `PlanError`.
     """
     items = survey_items(order)
@@ -84,7 +84,7 @@ def _item(item: MissionItem, number: int) -> dict[str, Any]:
 
 
 def _fences(areas: Iterable[KeepOut], *, inclusion: bool) -> dict[str, list[dict[str, Any]]]:
-    """Circles and polygons, as inclusion or exclusion fences."""
+    """Circles and polygons of a plan file, as inclusion or exclusion fences."""
     areas = tuple(areas)
     return {
         "circles": [

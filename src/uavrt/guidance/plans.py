@@ -7,9 +7,9 @@ from math import cos, hypot, pi, sin
 import numpy as np
 
 from uavrt.errors import PlanError
+from uavrt.guidance.autopilot_behaviour import Behaviour
+from uavrt.guidance.energy_learning import energy_of
 from uavrt.guidance.heights import check_height
-from uavrt.guidance.lessons import energy_of
-from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut
@@ -31,9 +31,9 @@ class Go:
 
     place: Place
     height_m: float
-    """Height above home."""
+    """Height above home [m]."""
     yaw_deg: float | None = None
-    """Heading on the way, for an autopilot that takes it with the position."""
+    """Heading during the flight, for an autopilot that takes it with the position [°]."""
     stay_s: float = 0.0
 
 
@@ -47,7 +47,7 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Return by the autopilot's own mode."""
+    """Return home by the autopilot's own mode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +57,10 @@ class Ready:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Climb:
-    """Take off, straight up."""
+    """Take off straight up."""
 
     height_m: float
-    """Height above home."""
+    """Height above home [m]."""
 
 
 Step = Go | Turn | Home | Ready | Climb
@@ -68,14 +68,14 @@ Step = Go | Turn | Home | Ready | Climb
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Steps, and their description for the operator."""
+    """Steps of an order, and their description for the operator."""
 
     steps: tuple[Step, ...]
     summary: str
     duration_s: float
 
 
-def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> Plan:
+def plan_of(order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour) -> Plan:
     """Make the steps of an order; raises `PlanError` if it cannot be flown."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     here = (now.latitude_deg, now.longitude_deg)
@@ -96,13 +96,13 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
                 duration_s=0.0,
             )
         case "rotate":
-            return rotation(order, now, limits, manners, height)
+            return rotation(order, now, limits, behaviour, height)
         case "goto":
             return _way(_only_place(order), "fly to", order, now, limits, height)
         case "takeoff":
-            return _takeoff(order, now, limits, manners, height)
+            return _takeoff(order, now, limits, behaviour, height)
         case "survey":
-            return _survey(order, now, limits, manners, height)
+            return _survey(order, now, limits, behaviour, height)
         case _:
             raise PlanError(
                 f"there is no motion {order.action!r}", remedy="See `uavrt fly --help`"
@@ -110,10 +110,7 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
 
 
 def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
-    """Refuse to stay if no command would be sent, or if a return is due.
-
-    Raises `PlanError`: it is beyond the fence, or battery or wind require the return.
-    """
+    """Raise `PlanError` for a stay beyond the fence, or if battery or wind require return."""
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
         raise PlanError(
@@ -126,7 +123,7 @@ def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
 
 
 def _takeoff(
-    order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
+    order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
     if order.height_m is None:
         raise PlanError("a take-off needs a height", remedy="Give one: `uavrt fly takeoff 30`")
@@ -134,11 +131,12 @@ def _takeoff(
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
         raise PlanError(
-            "the drone stands beyond the fence", remedy="Widen guidance.fence_m, or carry it"
+            "the drone is beyond the fence",
+            remedy="Widen guidance.fence_m, or carry the drone closer",
         )
     duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _SURE_CLIMB_M_S
     check_battery(now, limits, duration, here, height)
-    first = (Ready(),) if manners.own_mode_first else ()
+    first = (Ready(),) if behaviour.own_mode_first else ()
     return Plan(
         steps=(*first, Climb(height_m=height)),
         summary=f"take off, straight up to {height:.0f} m",
@@ -156,15 +154,15 @@ def _only_place(order: Order) -> tuple[Place, ...]:
 
 
 def rotation(
-    order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
+    order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
     """Make the steps of a whole turn in place.
 
     Raises `PlanError`: the turn is too fast or too slow, or the heading is unknown.
     """
     here = (now.latitude_deg, now.longitude_deg)
-    steps, duration = _turn_steps(here, order, now, limits, manners, height)
-    by_steps = manners.yaw_in_reposition
+    steps, duration = _turn_steps(here, order, now, limits, behaviour, height)
+    by_steps = behaviour.yaw_in_reposition
     how = f"{limits.headings} headings" if by_steps else f"{360.0 / order.duration_s:.0f}°/s"
     side = "to the right" if order.clockwise else "to the left"
     return Plan(
@@ -175,7 +173,12 @@ def rotation(
 
 
 def _turn_steps(
-    place: Place, order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
+    place: Place,
+    order: Order,
+    now: VehicleNow,
+    limits: Limits,
+    behaviour: Behaviour,
+    height: float,
 ) -> tuple[tuple[Step, ...], float]:
     """Steps of a whole turn at a position, and its duration [s]."""
     least = 360.0 / _FASTEST_TURN_DEG_S
@@ -185,9 +188,9 @@ def _turn_steps(
             remedy=f"Give {least:.0f} to 600 s",
         )
     if now.yaw_deg is None:
-        raise PlanError("the heading is not known", remedy="Wait for the compass")
+        raise PlanError("heading unknown", remedy="Wait for the compass")
     way = 1.0 if order.clockwise else -1.0
-    if not manners.yaw_in_reposition:
+    if not behaviour.yaw_in_reposition:
         turn = Turn(turn_deg=way * 360.0, rate_deg_s=360.0 / order.duration_s)
         return (Go(place=place, height_m=height), turn), order.duration_s
     looks = tuple(
@@ -203,7 +206,7 @@ def _turn_steps(
 
 
 def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
-    """Positions of a survey in order, also for a preview.
+    """Positions of a survey in the order of flight, also for a preview.
 
     Raises `PlanError`: the outline is invalid, or there are too many lines or positions.
     """
@@ -228,7 +231,7 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _MOST_ORDER_TURNS:
         raise PlanError(
-            f"{sum(counts)} places to turn at are too many",
+            f"{sum(counts)} positions to turn at are too many",
             remedy="Choose a wider distance or a smaller area",
         )
     found = []
@@ -239,7 +242,7 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
 
 
 def _survey(
-    order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
+    order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
     places = survey_places(order, now.home)
     area_of(order, order.places, now, limits)
@@ -250,7 +253,7 @@ def _survey(
     }[order.pattern]
     if order.pattern != "points":
         return _way(places, f"{words}, from", order, now, limits, height)
-    turns = [_turn_steps(place, order, now, limits, manners, height) for place in places]
+    turns = [_turn_steps(place, order, now, limits, behaviour, height) for place in places]
     plan = _way(places, f"{words}, from", order, now, limits, height, turn_s=turns[0][1])
     steps = tuple(
         step
@@ -268,7 +271,7 @@ def area_of(
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
         fence=_fence(limits),
-        voids=voids_of(order, limits, plane),
+        voids=excluded_areas(order, limits, plane),
         within=_within(limits, plane),
         margin_m=SAFETY.margin_m,
         straight_home=True,
@@ -289,7 +292,7 @@ def check_keep_out(
 
     Raises `PlanError`.
     """
-    voids, within = voids_of(order, limits, plane), _within(limits, plane)
+    voids, within = excluded_areas(order, limits, plane), _within(limits, plane)
     if not (voids or within):
         return
     area = SearchArea(
@@ -310,7 +313,8 @@ def check_keep_out(
     reason = area.entered(x, y)
     if reason is not None:
         raise PlanError(
-            f"the path {reason}", remedy="Fly round it in several orders, or take off elsewhere"
+            f"the path {reason}",
+            remedy="Fly around it in several orders, or take off elsewhere",
         )
 
 
@@ -322,10 +326,10 @@ def check_map(now: VehicleNow, limits: Limits) -> None:
 
 
 def map_fault(now: VehicleNow, limits: Limits) -> str | None:
-    """Difference of map and autopilot at home, if it is too large; else None."""
+    """Text on a large difference of map and autopilot at home; None if it is small."""
     ground, home_amsl_m = limits.ground, now.altitude_amsl_m - now.altitude_relative_m
     apart = None if ground is None else ground.apart_m(home_amsl_m)
-    return None if apart is None else f"home is {apart:+.0f} m off the map of heights"
+    return None if apart is None else f"home is {apart:+.0f} m off the elevation map"
 
 
 def check_ground(
@@ -350,14 +354,14 @@ def check_ground(
         flown = first if number == 0 else height
         if np.isnan(beneath).any() and height < now.altitude_relative_m - SAFETY.gust_below_m:
             raise PlanError(
-                "it would descend over ground that the map does not know",
+                "the path descends where the elevation map has no ground",
                 remedy="Stay as high, or add the tile to guidance.terrain",
             )
         high = float(np.nanmax(np.append(beneath, 0.0)))
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
         if flown < needed - SAFETY.gust_below_m:
             raise PlanError(
-                f"to clear the ground, the path or its return needs {needed:.0f} m above home",
+                f"to stay clear of the ground, path and return need {needed:.0f} m above home",
                 remedy="Climb first: `uavrt fly hold --height`",
             )
         low = float(np.nanmin(np.append(beneath, np.inf)))
@@ -369,17 +373,19 @@ def check_ground(
             )
 
 
-def voids_of(order: Order, limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
-    """Excluded areas in a plane."""
-    return tuple(_void(one, plane) for one in (*limits.keep_out, *order.keep_out))
+def excluded_areas(
+    order: Order, limits: Limits, plane: TangentPlane
+) -> tuple[Circle | Polygon, ...]:
+    """Excluded areas of order and limits, in a local plane."""
+    return tuple(_excluded(one, plane) for one in (*limits.keep_out, *order.keep_out))
 
 
 def _within(limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
-    """Areas to stay in, in a plane."""
-    return tuple(_void(one, plane) for one in limits.stay_in)
+    """Areas that the drone must stay in, in a local plane."""
+    return tuple(_excluded(one, plane) for one in limits.stay_in)
 
 
-def _void(one: KeepOut, plane: TangentPlane) -> Circle | Polygon:
+def _excluded(one: KeepOut, plane: TangentPlane) -> Circle | Polygon:
     corners = _local(plane, one.places)
     if one.radius_m is None:
         return Polygon(corners=corners, name=one.name or "polygon")
@@ -420,10 +426,10 @@ def _way(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """Steps over some positions, within the fence and the battery's reach, return included."""
+    """Steps through positions, checked against the fence and the battery, return included."""
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
-            f"the drone is at {now.altitude_relative_m:.0f} m, and would begin its way below "
+            f"the drone is at {now.altitude_relative_m:.0f} m, and its path would begin below "
             f"{limits.lowest_m:.0f} m",
             remedy="Climb first: `uavrt fly hold --height`",
         )
@@ -443,7 +449,7 @@ def _way(
         )
     reason = area.refusal(np.append(x, 0.0), np.append(y, 0.0), height)
     if reason is not None:
-        raise PlanError(f"the path {reason}", remedy="Choose another height or place")
+        raise PlanError(f"the path {reason}", remedy="Choose another height or position")
     check_keep_out(order, limits, plane, stations)
     check_ground(stations, now, limits, height)
     length = float(np.hypot(np.diff(x), np.diff(y)).sum())
@@ -467,17 +473,17 @@ def check_battery(
     """Raise `PlanError` if the battery's charge is unknown or does not suffice."""
     if limits.battery_wh is None:
         raise PlanError(
-            "the battery's size is not known",
+            "battery capacity unknown",
             remedy="Set guidance.battery_wh to its watt-hours",
         )
     if now.battery_percent is None:
         raise PlanError(
-            "the autopilot does not report the remaining battery",
+            "the autopilot does not report the remaining charge",
             remedy="Set up its battery monitor",
         )
     windy = too_windy(now, limits)
     if windy is not None:
-        raise PlanError(windy, remedy="Wait for less, or see to guidance.airspeed_m_s")
+        raise PlanError(windy, remedy="Wait for less wind, or check guidance.airspeed_m_s")
     climb = max(0.0, height - now.altitude_relative_m)
     energy, air = _energy(now, limits), now.wind or Wind()
     used = energy.used_wh(duration_s, limits.speed_m_s + air.speed_m_s, climb)
@@ -491,12 +497,12 @@ def check_battery(
 
 
 def reserve_wh(limits: Limits) -> float:
-    """Energy that must be left at home."""
+    """Energy that must remain at home [Wh]."""
     return (limits.battery_wh or 0.0) * limits.reserve_percent / 100.0
 
 
 def multirotor_of(limits: Limits) -> Multirotor:
-    """Model of the drone, whose autopilot holds the speed over ground."""
+    """Model of the drone with an autopilot that holds the speed over ground."""
     return Multirotor(
         speed_m_s=limits.speed_m_s, airspeed_m_s=limits.airspeed_m_s, acceleration_m_s2=3.0
     )
@@ -509,7 +515,7 @@ def _energy(now: VehicleNow, limits: Limits) -> EnergyModel:
 def way_home_wh(
     place_m: tuple[float, float], height_m: float, now: VehicleNow, limits: Limits
 ) -> float:
-    """Energy of the return from a position east and north of home.
+    """Energy of the return from a position east and north of home [Wh].
 
     Assumes the reported wind, or else the strongest of the limits.
     """
@@ -522,7 +528,7 @@ def way_home_wh(
 
 
 def too_windy(now: VehicleNow, limits: Limits) -> str | None:
-    """Describe reported wind that is close to the drone's greatest airspeed; else None."""
+    """Text on reported wind that is close to the drone's greatest airspeed; else None."""
     if now.wind is None or now.wind.speed_m_s <= SAFETY.calm_share * limits.airspeed_m_s:
         return None
     return (
@@ -532,7 +538,7 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
 
 
 def must_return(now: VehicleNow, limits: Limits) -> str | None:
-    """Why the drone must return now, whatever the order; None if it need not."""
+    """Reason why the drone must return now, whatever the order; None if it need not."""
     windy = too_windy(now, limits)
     if windy is not None:
         return windy

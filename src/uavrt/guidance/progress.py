@@ -1,7 +1,7 @@
-"""Notice that an unfinished step has come to rest. Pure.
+"""Detect that an unfinished step has come to rest. Pure.
 
-A pause of ArduCopter shows in no message: mode and target stay, the drone stands. Whatever
-stops it, a step without progress for 3 s is no longer flown.
+A pause of ArduCopter shows in no message: mode and target stay, the drone stops. Whatever stops
+it, a step without progress for 3 s is no longer flown.
 """
 
 from collections import deque
@@ -13,18 +13,18 @@ from uavrt.guidance.safety import SAFETY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Left:
-    """Remaining change of one quantity."""
+    """Remaining distance or angle of a motion."""
 
     now: float
     soon: float
-    """Remaining change from the stopping point: it falls first when the drone must turn
+    """Remaining change from the stopping point; it decreases first when the drone must turn
     back."""
     least: float
-    """Change within `SAFETY.no_progress_s` that counts as progress."""
+    """Smallest change within `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
-    """Tolerance at the end."""
+    """Remaining change at which the motion is done."""
     needed: bool = True
-    """False: the quantity need not end within the tolerance; its change only shows progress."""
+    """False if it need not end within the tolerance; its change only shows progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +35,15 @@ class _Sample:
 
 
 class Progress:
-    """Monitors one step from its command on."""
+    """Monitors one step for progress, from its command on."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
-        """Add the remaining changes: the same parts in the same order each time.
+        """Add the remaining changes: the same quantities in the same order each time.
 
-        `free`: it need not brake or stop before the first part has decreased.
+        `free`: True if the drone has no reason to brake or stop before the first has decreased.
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
@@ -54,14 +54,14 @@ class Progress:
         ):
             self._samples.popleft()
 
-    def stands(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
-        """True if something remains and nothing has decreased for so long."""
+    def stopped(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
+        """True if something remains and nothing has decreased during `for_s`."""
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
         return not self._nearer(time_s, for_s)
 
     def brakes(self, time_s: float) -> bool:
-        """True if it slows down without a reason: its stopping point comes no nearer."""
+        """True if the drone slows down without a reason: its stopping point comes no nearer."""
         if not self._samples or not self._samples[-1].free:
             return False
         old = (
@@ -71,7 +71,7 @@ class Progress:
         return any(now.soon > then.parts[0].soon - SAFETY.braking_m for then in islice(old, 1))
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
-        """True if any remaining part has decreased, relative to its least change."""
+        """True if any remaining change has decreased by its smallest counting change."""
         share = within_s / SAFETY.no_progress_s
         now = self._samples[-1].parts
         return any(

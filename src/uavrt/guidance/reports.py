@@ -1,4 +1,4 @@
-"""The vehicle's state as the connection sends it to the guide. Pure."""
+"""Convert the connection's vehicle report to the state that guidance uses. Pure."""
 
 from dataclasses import fields
 
@@ -9,7 +9,7 @@ from uavrt.planning.vehicle import Wind
 
 
 def now_of(report: VehicleReport, time_s: float) -> VehicleNow | None:
-    """Vehicle state for the pilot; None without position or home."""
+    """Vehicle state from a report; None without position or home."""
     seen, wind = report.seen, report.wind_m_s
     if seen is None:
         return None

@@ -16,55 +16,55 @@ class SafetyLimits:
     refusals: int = 50
     """Number of refused requests in a row that ends the order."""
     planner_lost_s: float = 2.0
-    """Silence of the planner that ends the order [s]."""
+    """Silence of the planning process that ends the order [s]."""
     stall_s: float = 1.0
-    """Longest pause of our own process that ends no order [s]; reports are read later by it."""
+    """Longest pause of this process that ends no order [s]; reports are then read late."""
     battery_s: float = 1.0
     """Time between two checks of the battery [s]."""
 
     # Age of a report above which no command leaves [s].
     mode_age_s: float = 1.0
     mode_change_age_s: float = 0.2
-    """The same for a command that changes the mode: a pilot's own may cross it."""
+    """Oldest mode report before a command that changes the mode [s]; a pilot's may cross it."""
     position_age_s: float = 0.5
     target_age_s: float = 0.3
-    """The same for a further command: another's target would not have been seen."""
+    """Oldest target report before a further command [s]; later ones may be a pilot's."""
     sticks_age_s: float = 0.3
-    """For sticks that are to be seen; autopilots report them at 5 Hz or more."""
+    """Oldest report of monitored sticks [s]; autopilots send them at 5 Hz or more."""
     # Age of a report above which the order has ended, or it counts for nothing [s].
     mode_lost_s: float = 3.0
     position_lost_s: float = 2.0
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """The heartbeat alone reports disarming and failsafes."""
+    """Silence of the heartbeat that ends the order [s]; it reports disarming."""
     latest_telemetry_s: float = 0.2
     """Delay of the autopilot's messages above which no command leaves [s]."""
     clock_drift: float = 2e-4
-    """Greatest drift of two clocks against each other: two crystals of 100 ppm."""
+    """Largest drift of two clocks against each other: two crystals of 100 ppm."""
 
     # Movement of a stick or a switch that is the pilot's [µs]; three-way switches move by 500.
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time after which one message suffices for a moved switch [s]; two do at once."""
+    """Time after which one message is enough for a moved switch [s]; two are at once."""
     first_switch: int = 5
-    """Number of the first channel after the sticks."""
+    """Number of the first RC channel after the sticks."""
 
     # Jumps of home since the confirmation, of altitude and of position that end the order [m].
     home_moved_m: float = 2.0
     height_jump_m: float = 5.0
     place_jump_m: float = 30.0
     home_height_error_m: float = 15.0
-    """Difference of map and autopilot at home above which nothing is flown by the map [m]."""
+    """Height difference at home above which the elevation map is not used [m]."""
     flying_height_m: float = 2.0
     """Height above home below which a drone without landed state is on the ground [m]."""
     lowest_height_m: float = 20.0
-    """Least commanded height above ground [m], unless the settings say otherwise."""
+    """Lowest commanded height above ground [m], unless the settings say otherwise."""
     gust_below_m: float = 1.0
-    """Greatest drop of a hovering drone below its height by gusts [m]."""
+    """Largest drop of a hovering drone below its height by gusts [m]."""
     margin_m: float = 5.0
-    """Distance from people and buildings beyond their outlines [m]: gusts and bends."""
+    """Distance kept from the outlines of people and buildings [m], for gusts and bends."""
     calm_share: float = 0.9
     """Wind above which nothing is flown, as a share of the greatest airspeed."""
 
@@ -86,12 +86,12 @@ class SafetyLimits:
     yaw_deg: float = 25.0
     target_yaw_deg: float = 2.0
     gust_heading_deg: float = 15.0
-    """Distance from the bearing within which a changing heading shows gusts, not a turn [°]."""
+    """Largest deviation from the target's bearing that gusts explain [°]."""
     # Weakest braking of a flight [m/s²] and of a turn [°/s²].
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0
     leg_speed_m_s: float = 1.5
-    """Least speed far from the target, except at the start of a step [m/s]."""
+    """Lowest speed far from the target, except at the start of a step [m/s]."""
 
     # What may be left of place [m], height [m] and heading [°] of a step that is done.
     arrived_m: float = 3.0
@@ -99,8 +99,8 @@ class SafetyLimits:
     at_yaw_deg: float = 8.0
     no_progress_s: float = 3.0
     """Longest time without progress, also right after a command [s]. PX4 1.17 (SIH) made
-    progress 0.7 to 1.3 s after a command from a stand, up to 2.495 s after one that replaced a
-    leg (104 commands)."""
+    progress 0.7 to 1.3 s after a command from rest, up to 2.495 s after one that replaced a leg
+    (104 commands)."""
     slow_progress_s: float = 1.0
     """Time without progress after which no further command is sent until there is some [s]."""
     # Least change in `no_progress_s` that is progress; wind may slow a drone to that.
@@ -111,23 +111,23 @@ class SafetyLimits:
     braking_s: float = 0.5
     braking_m: float = 0.1
     sample_s: float = 0.1
-    """Time between two positions [s]."""
+    """Expected time between two position reports [s]."""
 
     # Left of a turn that is done, and change of heading that shows that it is obeyed [°].
     turn_done_deg: float = 6.0
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
-    """Distance from the target below which the heading stays [m]. PX4 follows the bearing
-    until 1 to 2 m."""
+    """Distance from the target below which the heading stays [m]. PX4 follows the bearing until
+    1 to 2 m."""
     bearing_place_error_m: float = 1.0
-    """Error of the place from which a bearing is computed, against the autopilot's own [m]."""
+    """Position error in a computed bearing, against the autopilot's own position [m]."""
     # Tolerance of a measured heading that was on the bearing for some time [°, s]. On 68 legs
     # of PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m
     # from the target, and within 2.2° of itself nearer than `heading_stays_m`.
     aligned_deg: float = 12.0
     aligned_s: float = 1.0
     settled_deg: float = 0.3
-    """Change between reports below which a heading has come to its end [°]."""
+    """Change between reports below which a heading is at rest [°]."""
     # A setpoint may stop on its way to the bearing: nearer than this [m], or for this time [s].
     frozen_m: float = 2.5
     stopped_s: float = 1.0

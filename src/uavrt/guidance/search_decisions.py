@@ -1,4 +1,4 @@
-"""Decisions of a search, within its order, the wind, and other drones' paths. Pure."""
+"""Decide what a search flies, within its order, the wind, and other drones' paths. Pure."""
 
 from collections.abc import Sequence
 from math import atan2, degrees, hypot
@@ -28,7 +28,7 @@ _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 class SearchDecisions:
-    """Decides for one search; `held` are the tags that this drone has taken on."""
+    """Decides for one search; `held` are the tags that this drone searches for."""
 
     def __init__(self, task: SearchTask, search: Search) -> None:
         self._task, self._search = task, search
@@ -37,8 +37,8 @@ class SearchDecisions:
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
         """Mark tags as found, by this or another drone; return the new ones.
 
-        Another drone's counts only with the accuracy set here, within the area, and while it
-        reports a search: a false report, or one of another search, could end this one.
+        Another drone's finding counts with the accuracy set here, within the area, while that
+        drone searches: a false report, or one of another search, could end this one.
         """
         new = []
         for one in others:
@@ -110,7 +110,7 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Describe how an action crosses an excluded area, whichever planner chose it.
+        """Text on an excluded area that an action crosses; None if there is none.
 
         Checked from the present position and from the stopping point: either may come first.
         """
@@ -125,7 +125,7 @@ class SearchDecisions:
         return None
 
     def text(self, action: Action, now: VehicleNow) -> str:
-        """Describe an action for the operator."""
+        """Text on an action for the operator."""
         goal = goal_of(action)
         if goal is None:
             return str(action)
@@ -136,7 +136,7 @@ class SearchDecisions:
 
 
 def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | None:
-    """Describe how an action comes too close to another drone's path; None if it does not."""
+    """Text on another drone's path that an action comes too close to; None if there is none."""
     goal = goal_of(action)
     if goal is None:
         return None
@@ -147,5 +147,5 @@ def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | No
 
 
 def goal_of(action: Action) -> tuple[float, float] | None:
-    """East and north of an action's goal; None if it stays."""
+    """East and north of an action's goal [m]; None if the drone stays."""
     return (action.east_m, action.north_m) if isinstance(action, FlyTo) else None

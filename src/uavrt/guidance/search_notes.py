@@ -1,27 +1,27 @@
-"""Records of a search: decisions, findings, and likely positions of tags. Pure."""
+"""Record a search in the flight: decisions, findings, and likely positions of tags. Pure."""
 
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from uavrt.guidance.listening import Ears
 from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.pulse_evidence import PulseEvidence
 from uavrt.guidance.search_task import SearchTask
 from uavrt.messages import FoundTag, SearchNote, SoughtTag
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.search import Search
 
 CELLS = 8
-"""Cells along each side of the area, for tags that are not found."""
+"""Number of cells along each side of the area, for tags that are not found."""
 MOST_CELLS = 6
 
 
 class SearchNotes:
-    """Writes the notes of one search."""
+    """Makes the records of one search."""
 
-    def __init__(self, task: SearchTask, search: Search, ears: Ears) -> None:
-        self._task, self._search, self._ears = task, search, ears
+    def __init__(self, task: SearchTask, search: Search, evidence: PulseEvidence) -> None:
+        self._task, self._search, self._evidence = task, search, evidence
 
     def note(
         self,
@@ -35,7 +35,7 @@ class SearchNotes:
         goal_m: tuple[float, float] | None = None,
         likely: bool = False,
     ) -> SearchNote:
-        """Write a note; with the cells where missing tags are `likely`."""
+        """Record a decision or event; `likely`: with the cells where missing tags may be."""
         return SearchNote(
             time_ns=time_ns,
             order_id=self._task.order.order_id,
@@ -52,13 +52,13 @@ class SearchNotes:
         )
 
     def found(self, tag_id: int, time_ns: int, elapsed_s: float, now: VehicleNow) -> SearchNote:
-        """Write that a tag was found."""
+        """Record that a tag was found."""
         reason = self._search.found[tag_id].reason
         note = self.note("found", time_ns, elapsed_s, now, f"tag {tag_id} found", reason)
         return replace(note, tag_id=tag_id)
 
     def all_found(self) -> tuple[FoundTag, ...]:
-        """Every tag found so far, for the other drones."""
+        """Positions of all tags found so far, for the other drones."""
         return tuple(
             FoundTag(
                 tag_id=tag_id,
@@ -73,7 +73,7 @@ class SearchNotes:
         found = self._search.found.get(tag_id)
         estimate = belief.estimate() if found is None else found.estimate
         latitude, longitude = self._task.place(estimate.east_m, estimate.north_m)
-        pulses, missed = self._ears.counts(tag_id)
+        pulses, missed = self._evidence.counts(tag_id)
         return SoughtTag(
             tag_id=tag_id,
             latitude_deg=latitude,
@@ -87,7 +87,7 @@ class SearchNotes:
         )
 
     def _likely(self, belief: TagBelief) -> tuple[tuple[float, float, float], ...]:
-        """The cells where a tag most probably is, if it is in the area."""
+        """Cells where a tag most probably is, if it is in the area."""
         box = belief.prior.area
         some = belief.hypotheses(4000)
         share, east, north = np.histogram2d(

@@ -1,4 +1,4 @@
-"""Constants of a search in flight: decisions, silence, and learning the energy it takes."""
+"""Constants of a search in flight: decisions, reports, and the energy estimate."""
 
 from dataclasses import dataclass
 
@@ -8,42 +8,42 @@ class SearchRules:
     """Constants of a search that no setting changes."""
 
     cycle_s: float = 5.0
-    """Time between two decisions under way [s]."""
+    """Time between two decisions in flight [s]."""
     same_goal_m: float = 10.0
-    """Movement of a goal below which it is the same and flown to its end [m]."""
+    """Movement of a goal below which it counts as the same and is flown to its end [m]."""
     tag_height_m: float = 0.5
     """Height of tags above ground [m]."""
     few_tags: int = 5
-    """Number of tags up to which each has `particles` hypotheses, else `fewer_particles`."""
+    """Most tags for `particles` hypotheses of each; with more, `fewer_particles`."""
     particles: int = 10_000
     fewer_particles: int = 4_000
     turn_step_s: float = 2.7
-    """Time from one heading of a turn to the next, by steps [s]."""
+    """Time between two headings of a turn in steps [s]."""
     circle_corners: int = 16
-    """Corners of the outline around a place."""
+    """Number of corners of the outline around a position."""
 
     kept_away: float = 0.99
-    """Probability, for each path and tag, that the distance to animals is kept."""
+    """Required probability, for each path and tag, that the distance to animals is kept."""
     away_margin: float = 1.4
-    """Factor on that distance: a walking animal turns, and each of a thousand decisions may be
-    the one in a hundred that was wrong."""
+    """Factor on the distance to animals: a walking animal turns, and in a thousand decisions
+    rare errors occur."""
     approached: float = 2.0
-    """Factor on the probability that an animal is near at which a stay is reconsidered."""
+    """Factor on the probability of a near animal at which a stay is reconsidered."""
 
     report_gap_s: float = 3.0
-    """Longest gap between the reports of one search [s], which come each second."""
+    """Longest gap between reports of a search [s], which come each second."""
     # Greatest delay of a group's pulses after the group itself [intervals] and [s].
     late_intervals: float = 2.0
     late_s: float = 1.5
     kept_s: float = 60.0
-    """Time for which the drone's places are kept [s]."""
+    """Time for which the drone's positions are remembered [s]."""
     most_keys: int = 4096
-    """Number of pulses remembered against repetition."""
+    """Most pulses remembered to recognise repetitions."""
 
     learns_percent: float = 3.0
-    """Use of the battery between two lessons [%]."""
+    """Use of the battery between two updates of the power estimate [%]."""
     reading_share: float = 0.005
-    """Error of the difference of two readings in whole percents, as a share of the battery."""
+    """Error of the difference of two whole-percent readings, as a share of the battery."""
     # Uncertainty of the hovering power before the first lesson, unknown and given in the
     # settings, as a share of it; the way home allows for two. Drones take 400 to 1200 W.
     unknown_sigma: float = 1.0

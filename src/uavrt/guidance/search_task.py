@@ -1,4 +1,4 @@
-"""What a search looks for, where and with what: made once from an order. Pure."""
+"""What a search looks for, where and how: made once from an order. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -7,9 +7,9 @@ from math import cos, pi, sin
 import numpy as np
 
 from uavrt.errors import PlanError
+from uavrt.guidance.autopilot_behaviour import Behaviour
+from uavrt.guidance.energy_learning import energy_of
 from uavrt.guidance.heights import check_height
-from uavrt.guidance.lessons import energy_of
-from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import area_of, check_battery, multirotor_of, reserve_wh
 from uavrt.guidance.search_rules import SEARCH_RULES
@@ -36,19 +36,19 @@ class Equipment:
     pattern: AntennaPattern | None
     """Antenna pattern; None: an upright monopole."""
     yaw_offset_deg: float = 0.0
-    """Boresight clockwise from the nose."""
+    """Boresight of the antenna, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Pulses in a group; 0: as each tag says."""
+    """Number of pulses in a group; 0: as each tag says."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
     """Terrain around home, which weakens pulses and explains missed ones; None: level."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Known strength and motion of some tags, by id; others have the default prior."""
+    """Known strength and motion of tags, by id; other tags have the default prior."""
 
 
 class SearchTask:
-    """A search order and its constants.
+    """Tags, area and constants of a search order.
 
     Raises `PlanError`: its tags, outline or height are invalid.
     """
@@ -59,10 +59,10 @@ class SearchTask:
         listed: Sequence[Tag],
         now: VehicleNow,
         limits: Limits,
-        manners: Manners,
+        behaviour: Behaviour,
         equipment: Equipment,
     ) -> None:
-        self.order, self.limits, self.manners = order, limits, manners
+        self.order, self.limits, self.behaviour = order, limits, behaviour
         self.equipment = equipment
         self.tags = _wanted(order, listed)
         self.plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
@@ -71,7 +71,7 @@ class SearchTask:
         check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
-        """Begin with prior beliefs; raises `PlanError` if the drone is outside the limits."""
+        """Start with prior beliefs; raises `PlanError` if the drone is outside the limits."""
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
@@ -130,36 +130,36 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """Make the configured planner; ours includes the duration of a turn here."""
+        """Make the configured planner; uavrt's own accounts for the duration of a turn."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s
-        if self.manners.yaw_in_reposition:
+        if self.behaviour.yaw_in_reposition:
             turning += SEARCH_RULES.turn_step_s * self.limits.headings
         return MiRate(rotation_s=turning)
 
     @property
     def turn_s(self) -> float:
-        """Duration of a turn with one pulse of each tag at each heading."""
+        """Duration of a turn with one pulse of each tag at each heading [s]."""
         interval = max(max(tag.pulse_intervals_s) for tag in self.tags)
         return max(12.0, self.limits.headings * interval)
 
     def place(self, east_m: float, north_m: float) -> Place:
-        """Latitude and longitude of a point in the plane."""
+        """Latitude and longitude of a point in the local plane [deg]."""
         latitude, longitude = self.plane.to_geodetic(east_m, north_m)
         return float(latitude), float(longitude)
 
     def local_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """East and north of a position."""
+        """East and north of a position in the local plane [m]."""
         east, north = self.plane.to_local(latitude_deg, longitude_deg)
         return float(east), float(north)
 
     def here_m(self, now: VehicleNow) -> tuple[float, float]:
-        """East and north of the drone."""
+        """East and north of the drone in the local plane [m]."""
         return self.local_m(now.latitude_deg, now.longitude_deg)
 
     def battery(self, now: VehicleNow) -> Battery | None:
-        """Charge and reserve; None where size or charge is unknown."""
+        """Charge and reserve of the battery [Wh]; None if size or charge is unknown."""
         size, percent = self.limits.battery_wh, now.battery_percent
         if size is None or percent is None:
             return None
@@ -167,23 +167,23 @@ class SearchTask:
 
 
 def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
-    """The tags to search for."""
+    """Tags to search for."""
     if not listed:
         raise PlanError(
-            "no tag is being searched for", remedy="Send the tags and start detection first"
+            "the drone searches for no tag", remedy="Send the tags and start detection first"
         )
     known = {tag.tag_id: tag for tag in listed}
     unknown = sorted(set(order.tags) - set(known))
     if unknown:
         raise PlanError(
-            f"tag {unknown[0]} is not being searched for",
+            f"tag {unknown[0]} is not searched for by the drone",
             remedy=f"Choose from {', '.join(map(str, known))}",
         )
     return tuple(known[tag_id] for tag_id in (order.tags or known))
 
 
 def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, ...]:
-    """Outline around the drone."""
+    """Outline of a circle around the drone."""
     radius = order.radius_m
     if radius is None or not 10.0 <= radius <= 10_000.0:
         raise PlanError(

@@ -1,13 +1,12 @@
-"""Search for tags: receive pulses, update beliefs, decide, and report reasons. Pure."""
+"""Search for tags: evaluate pulses, update beliefs, decide, and report reasons. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import hypot
 
-from uavrt.guidance.listening import Antenna, Ears, Evidence
-from uavrt.guidance.manners import Manners
+from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
-from uavrt.guidance.pilot import standing_place
+from uavrt.guidance.pilot import stopping_place
 from uavrt.guidance.plans import (
     Go,
     Home,
@@ -18,6 +17,7 @@ from uavrt.guidance.plans import (
     check_map,
     rotation,
 )
+from uavrt.guidance.pulse_evidence import Antenna, Evidence, PulseEvidence
 from uavrt.guidance.search_decisions import SearchDecisions, goal_of
 from uavrt.guidance.search_notes import SearchNotes
 from uavrt.guidance.search_rules import SEARCH_RULES
@@ -31,27 +31,27 @@ from uavrt.units import s_from_ns, wrap_degrees_360
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """Result of a decision."""
+    """Result of a decision: steps to fly, and the text for the operator."""
 
     steps: tuple[Step, ...] | None
     """Steps to fly from now on; None: no change."""
     said: str
-    """One line for the operator."""
+    """Text for the operator, one line."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
-    """Start and end of the steps; equal if it stays."""
+    """Start and end of the steps' path; equal if the drone stays."""
     returning: bool = False
     held: tuple[int, ...] = ()
-    """Tags that this drone has taken on, if others search, too."""
+    """Tags that this drone searches for, if others search too."""
     found: tuple[FoundTag, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Course:
-    """The last decision."""
+    """Goal of the last decision."""
 
     goal_m: tuple[float, float] | None = None
-    """East and north; None if it stays."""
+    """East and north of the goal [m]; None if the drone stays."""
     near: float = 0.0
     """Probability, at the decision, that an animal was too close."""
     over: bool = False
@@ -61,8 +61,8 @@ class _Course:
 class Seeker:
     """Runs one search.
 
-    `listed`: tags that the detectors search for. `manners`: the autopilot's. Raises
-    `PlanError`: it cannot be flown; the text has the reason and remedy.
+    `listed`: tags that the detectors search for. `behaviour`: the autopilot's. Raises
+    `PlanError`, with reason and remedy, if the search cannot be flown.
     """
 
     def __init__(
@@ -71,26 +71,26 @@ class Seeker:
         listed: Sequence[Tag],
         now: VehicleNow,
         limits: Limits,
-        manners: Manners,
+        behaviour: Behaviour,
         equipment: Equipment,
     ) -> None:
-        self._task = task = SearchTask(order, listed, now, limits, manners, equipment)
+        self._task = task = SearchTask(order, listed, now, limits, behaviour, equipment)
         self._search = task.search(now)
         self.check(now)
-        self._ears = Ears(
+        self._evidence = PulseEvidence(
             *(task.tags, task.plane),
             tag_height_m=SEARCH_RULES.tag_height_m,
             k=equipment.k,
             codes=sum(tag.coded for tag in listed),
         )
-        self._notes = SearchNotes(task, self._search, self._ears)
+        self._notes = SearchNotes(task, self._search, self._evidence)
         self._decisions = SearchDecisions(task, self._search)
         self._begun_ns: int | None = None
         self._latest_s: dict[int, float] = {}
         self._course = self._course_before = _Course()
 
     def check(self, now: VehicleNow) -> None:
-        """Refuse a search that cannot begin at the drone's position; raises `PlanError`."""
+        """Raise `PlanError` if a search cannot begin at the drone's position."""
         task, here = self._task, ((now.latitude_deg, now.longitude_deg),)
         check_keep_out(task.order, task.limits, task.plane, here)
         check_map(now, task.limits)
@@ -101,12 +101,12 @@ class Seeker:
 
     @property
     def area(self) -> SearchArea:
-        """The area with its excluded parts."""
+        """Area of the search, without its excluded parts."""
         return self._search.settings.area
 
     @property
     def plan(self) -> Plan:
-        """Its first step and description, for the operator to confirm."""
+        """First step and description of the search, for the operator to confirm."""
         order, tags = self._task.order, self._task.tags
         hectares = self.area.search.area_m2 / 1e4
         sought = f"tag {tags[0].tag_id}" if len(tags) == 1 else f"{len(tags)} tags"
@@ -120,7 +120,7 @@ class Seeker:
         )
 
     def begin(self, time_ns: int, now: VehicleNow) -> Choice:
-        """Begin with a stay at the present position and the height of the search."""
+        """Start with a stay at the present position and the height of the search."""
         self._begun_ns, task = time_ns, self._task
         planner = task.equipment.planner
         note = self._notes.note("begun", time_ns, 0.0, now, self.plan.summary, planner)
@@ -140,7 +140,7 @@ class Seeker:
         yaw = None
         if now.yaw_deg is not None:
             yaw = wrap_degrees_360(now.yaw_deg + self._task.equipment.yaw_offset_deg)
-        self._ears.place(
+        self._evidence.place(
             Antenna(
                 time_s=self._elapsed_s(time_ns),
                 east_m=east,
@@ -151,19 +151,19 @@ class Seeker:
         )
 
     def pulse(self, pulse_pose: PulsePose) -> None:
-        """Add a pulse."""
+        """Update beliefs by a pulse."""
         pulse = pulse_pose.pulse
         time_s = self._elapsed_s((pulse.start_time_ns + pulse.end_time_ns) // 2)
         if self._begun_ns is not None and time_s >= 0.0:
-            evidence = self._ears.pulse(pulse_pose, time_s)
+            evidence = self._evidence.pulse(pulse_pose, time_s)
             if evidence is not None:
                 self._listen(evidence)
 
     def searched(self, report: SearchReport) -> None:
-        """Add a detector's search progress."""
+        """Record a report that a detector searches for a tag."""
         time_s = self._elapsed_s(report.time_ns)
         if self._begun_ns is not None and time_s >= 0.0:
-            self._ears.searched(report, time_s)
+            self._evidence.searched(report, time_s)
 
     def _listen(self, evidence: Evidence) -> None:
         """Update beliefs with evidence, also with late evidence."""
@@ -176,10 +176,9 @@ class Seeker:
     ) -> Choice:
         """Mark found tags, and decide where to fly.
 
-        `idle`: the last decision is completed, not in progress. `others`: drones of the same
-        search.
+        `idle`: True if the last decision is completed. `others`: drones of the same search.
         """
-        for evidence in self._ears.missed():
+        for evidence in self._evidence.missed():
             self._listen(evidence)
         time_s, search, course = self._elapsed_s(time_ns), self._search, self._course
         new = self._decisions.judge(time_s, others)
@@ -208,7 +207,7 @@ class Seeker:
                 "decision", time_ns, time_s, now, short, decision.reason, goal_m=goal
             )
         )
-        stand = self._stand(now, course.goal_m)
+        stand = self._stopping_point(now, course.goal_m)
         return Choice(
             steps=self._steps(decision.action, now, stand),
             said=said,
@@ -220,11 +219,11 @@ class Seeker:
         )
 
     def withdraw(self) -> None:
-        """Withdraw the last decision: the flight goes on as before."""
+        """Withdraw the last decision: the flight continues as before."""
         self._course = self._course_before
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> SearchNote:
-        """Record the end of the search, whoever has ended it."""
+        """Record the end of the search, whatever its reason."""
         text = f"{len(self._search.found)} of {len(self._task.tags)} found"
         time_s = self._elapsed_s(time_ns)
         return self._notes.note("ended", time_ns, time_s, now, text, reason, likely=True)
@@ -238,7 +237,7 @@ class Seeker:
         )
 
     def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
-        """Steps of the pilot for an action, beginning with a stop if needed."""
+        """Steps that fly an action, with a stop first if needed."""
         task, height = self._task, self._task.height_m
         match action:
             case FlyTo():
@@ -247,24 +246,24 @@ class Seeker:
                 # By steps, a good part of what the planner counts is the way between them.
                 turn = replace(task.order, action="rotate", duration_s=task.turn_s)
                 there = replace(now, latitude_deg=stand[0], longitude_deg=stand[1])
-                return rotation(turn, there, task.limits, task.manners, height).steps
+                return rotation(turn, there, task.limits, task.behaviour, height).steps
             case Hold():
                 return (Go(place=stand, height_m=height, stay_s=action.duration_s),)
             case Return():
                 return (Home(),)
 
-    def _stand(self, now: VehicleNow, goal_m: tuple[float, float] | None) -> Place:
-        """Present position, or the stopping point on the way to a goal."""
+    def _stopping_point(self, now: VehicleNow, goal_m: tuple[float, float] | None) -> Place:
+        """Present position, or the stopping point during a flight."""
         if goal_m is None:
             return (now.latitude_deg, now.longitude_deg)
-        return standing_place(now, self._task.place(*goal_m))
+        return stopping_place(now, self._task.place(*goal_m))
 
     def _elapsed_s(self, time_ns: int) -> float:
         return 0.0 if self._begun_ns is None else s_from_ns(time_ns - self._begun_ns)
 
     def _state(self, time_s: float, now: VehicleNow, *, idle: bool) -> VehicleState:
-        """State in which it can start something new: during flight, the stopping point."""
-        stand = self._stand(now, None if idle else self._course.goal_m)
+        """State in which a new action can start: during flight, at the stopping point."""
+        stand = self._stopping_point(now, None if idle else self._course.goal_m)
         east, north = self._task.local_m(*stand)
         return VehicleState(
             time_s=time_s,

@@ -1,8 +1,8 @@
 """One drone's part in a shared search: others' paths, requests, and its own reports. Pure.
 
 While a ground station serves several drones, a path is flown only after the ground has assigned
-it, and none is assigned that was chosen without all the other paths. So a missing answer holds
-a drone back: it completes the path that it owns and stays there.
+it. None is assigned that was chosen without all the other paths. So a missing answer holds a
+drone back: it completes the path assigned to it and stays there.
 """
 
 from dataclasses import dataclass, replace
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 from uavrt.errors import PlanError
 from uavrt.guidance.heights import target_amsl_m
-from uavrt.guidance.neighbours import SEPARATION, nearest_m, strips_of
+from uavrt.guidance.neighbours import SEPARATION, nearest_m, paths_of
 from uavrt.guidance.orders import Place, VehicleNow
-from uavrt.guidance.pilot import standing_place
+from uavrt.guidance.pilot import stopping_place
 from uavrt.guidance.safety import SAFETY
 from uavrt.messages import Course, Neighbour
 from uavrt.planning.other_drones import OtherDrones
@@ -34,7 +34,7 @@ class _Asked:
 
 
 class SharedSearch:
-    """The other drones, as one drone represents them.
+    """Other drones of a search, and the paths assigned to this one.
 
     `sequence`: number of its first report; random, so that a restarted guide differs.
     """
@@ -46,16 +46,16 @@ class SharedSearch:
         self._asked: _Asked | None = None
         self._granted: bool | None = None
         self._given: dict[int, int] = {}
-        """Versions of others' paths used in the decision in progress."""
+        """Versions of the others' paths that the decision in progress uses."""
         self._choice: Choice | None = None
-        """The last choice."""
+        """Last choice of this drone; None before any."""
         self._flown = 0
         self._goal: Place | None = None
-        """Goal; None: it stays."""
+        """Present goal; None: the drone stays."""
         self._returning = False
 
     def take(self, report: Neighbour, now_s: float) -> None:
-        """Store the ground's report of another drone."""
+        """Handle the ground's report of another drone."""
         self._reported_s = now_s
         asked = self._asked
         if asked is not None and asked.number in (report.granted, report.denied):
@@ -67,23 +67,23 @@ class SharedSearch:
         """True if a ground station reports others at present."""
         return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
 
-    def speaks(self, now_s: float) -> bool:
+    def must_report(self, now_s: float) -> bool:
         """True if it must report its course: when requesting a path, also to a new station."""
         return self.informed(now_s) or self.waits
 
     def has_others(self, now_s: float) -> bool:
-        """True if paths must be requested."""
+        """True if other drones search, so that paths must be requested."""
         return bool(self._others) or self.informed(now_s)
 
     def others(self, now_s: float) -> tuple[Neighbour, ...]:
-        """All known drones, with their reports' present age."""
+        """All known drones, each with the present age of its report."""
         return tuple(
             replace(one, age_s=one.age_s + now_s - reported_s)
             for one, reported_s in self._others.values()
         )
 
     def check(self, now: VehicleNow, height_m: float) -> None:
-        """Refuse a search too close to another drone or at its height; raises `PlanError`."""
+        """Raise `PlanError` for a search too close to another drone or at its height."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = plane.to_local(now.latitude_deg, now.longitude_deg)
         amsl = target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height_m)
@@ -91,7 +91,7 @@ class SharedSearch:
             course = one.course
             if course is None or not course.searching:
                 continue
-            drones = OtherDrones(separation=SEPARATION, strips=strips_of((one,), plane))
+            drones = OtherDrones(separation=SEPARATION, strips=paths_of((one,), plane))
             place = (float(here[0]), float(here[1]))
             off = nearest_m(drones, [place, place])
             if off < SEPARATION.distance_m:
@@ -107,7 +107,7 @@ class SharedSearch:
                 )
 
     def begin(self, now_s: float) -> None:
-        """Begin an order; drones with outdated reports are dropped."""
+        """Start an order; drones with outdated reports are dropped."""
         self._others = {
             vehicle: (one, reported_s)
             for vehicle, (one, reported_s) in self._others.items()
@@ -117,12 +117,12 @@ class SharedSearch:
         self.end()
 
     def end(self) -> None:
-        """End the order: no path is owned any more."""
+        """End the order, with all paths assigned to this drone."""
         self._asked = self._granted = self._goal = None
         self._returning = False
 
-    def thinks(self, now_s: float) -> tuple[Neighbour, ...]:
-        """All known drones for the next decision, which records their versions."""
+    def begin_decision(self, now_s: float) -> tuple[Neighbour, ...]:
+        """Return all known drones for the next decision, and record their versions."""
         self._given = {vehicle: one.version for vehicle, (one, _) in self._others.items()}
         return self.others(now_s)
 
@@ -132,9 +132,9 @@ class SharedSearch:
         return self._asked is not None
 
     def choose(self, choice: "Choice", now: VehicleNow) -> bool:
-        """Take a choice; return whether it is flown at once instead of requested.
+        """Handle a choice; True if it is flown at once, False if it is requested first.
 
-        Paths that it owns need no request, nor does the return, which its height separates.
+        Paths assigned already need no request, nor does the return, which its height separates.
         """
         assert choice.way is not None
         begin, end = choice.way
@@ -149,7 +149,7 @@ class SharedSearch:
         return False
 
     def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
-        """The requested choice, and whether it was assigned; None while unanswered."""
+        """Requested choice, and whether it was assigned; None while unanswered."""
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None
@@ -165,21 +165,21 @@ class SharedSearch:
         """True if a path keeps its distance also from the drone's present position."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = (now.latitude_deg, now.longitude_deg)
-        stand = here if self._goal is None else standing_place(now, self._goal)
+        stand = here if self._goal is None else stopping_place(now, self._goal)
         places = [plane.to_local(*place) for place in (here, stand, end)]
-        strips = strips_of(self.others(now.time_s), plane)
+        strips = paths_of(self.others(now.time_s), plane)
         drones = OtherDrones(separation=SEPARATION, strips=strips)
         off = nearest_m(drones, [(float(x), float(y)) for x, y in places])
         return off >= SEPARATION.distance_m
 
     def go(self, goal: Place | None, *, returning: bool = False) -> None:
-        """Fly, stay or return without a request: alone, on an owned path, or for safety."""
+        """Fly a choice without a request: alone, on an assigned path, or for safety."""
         self._asked, self._goal, self._returning = None, goal, returning
 
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report its own course; the tags in it rotate from report to report."""
+        """Report of this drone's own course; the tags in it rotate from report to report."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

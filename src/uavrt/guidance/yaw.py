@@ -12,19 +12,16 @@ OTHERS_TURN = "another turns the drone"
 
 @dataclass(slots=True, kw_only=True)
 class YawWatch:
-    """Watches a heading from a command on; `fault` says what is not ours.
+    """Monitors a heading from a command on; `fault` gives a deviation.
 
-    The heading may stay as it was and come nearer to where the drone is to look: the heading
-    asked for, else the bearing to the target from where the drone is, as long as it is not
-    near. It may not go away from that, except to where the drone moved just before.
+    The heading may stay as it was and come nearer to its aim: the requested heading, else the
+    bearing to the target from the drone, as long as it is not near. It may not move away from
+    that, except to the drone's course just before.
 
-    `start_s`: time of the command.
-    `yaw_deg`: heading then.
-    `tolerance_deg`: gusts and overshoot.
-    `wanted_deg`: heading that was asked for.
-    `turn_deg`, `rate_deg_s`: angle, clockwise, and rate of a turn in place instead.
-    `turning_deg_s`: how fast it turned when the command came.
-    `exact`: the heading is a setpoint, which near the target stays to the degree.
+    `start_s`: time of the command [s]. `yaw_deg`: heading then. `tolerance_deg`: for gusts and
+    overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle, clockwise, and
+    rate of a turn in place instead. `turning_deg_s`: rate of turn at the command. `exact`: the
+    heading is a setpoint, which near the target stays to the degree.
     """
 
     start_s: float
@@ -36,19 +33,19 @@ class YawWatch:
     turning_deg_s: float = 0.0
     exact: bool = False
     turned_deg: float = 0.0
-    """Angle turned in the requested direction."""
+    """Angle turned in the requested direction [°]."""
     _aim_deg: float | None = None
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
     _looks_since_s: float | None = None
     _aligned: bool = False
-    """Set once the heading has been aligned for a while: its turn is over."""
+    """True once the heading has been aligned for a while: its turn is over."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
     _on_deg: float = 0.0
-    """Angle by which the setpoint continued its earlier turn since the command."""
+    """Angle by which the setpoint continued its earlier turn since the command [°]."""
     _ended: bool = False
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [deg] in `SAFETY.course_follow_s`."""
@@ -76,10 +73,10 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Add a heading; return its deviation, if any.
+        """Add a heading; return its deviation, or None.
 
-        `bearing_deg`, `away_m`: to the target from the drone. `course_deg`: direction of
-        motion, if the heading follows it.
+        `bearing_deg`, `away_m`: bearing and distance of the target from the drone.
+        `course_deg`: direction of motion, if the heading follows it.
         """
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg
@@ -127,7 +124,7 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Record since when a measured heading is aligned with the target."""
+        """Record the time since which a measured heading is aligned with the target."""
         if self.exact or self._near or self._aligned:
             return
         if off_deg > SAFETY.turn_done_deg:
@@ -139,12 +136,12 @@ class YawWatch:
 
     @property
     def _turns_on(self) -> bool:
-        """True while the setpoint is finishing the turn in progress at the command."""
+        """True while the setpoint completes the turn in progress at the command."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """Largest angle by which the turn under way at the command may still lead away.
+        """Largest angle by which the turn in progress at the command may still lead away [°].
 
         The setpoint ends that turn first; then it turns to its aim.
         """
@@ -182,7 +179,7 @@ class YawWatch:
         return self._aim_deg, 0.0
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
-        """Check a turn: not backwards, and not too fast."""
+        """Return how a turn in place deviates: backwards, or too fast."""
         assert self.turn_deg is not None
         self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
         self._best_deg = max(self._best_deg, self.turned_deg)
@@ -203,12 +200,12 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """Angle by which a turn may continue; 25° and 50° were flown, maybe accelerating."""
+    """Largest angle by which a turn may continue [°]; 25° and 50° were flown."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle in which PX4's heading setpoint ends a turn.
+    """Largest angle in which PX4's heading setpoint ends a turn [°].
 
     It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
     """
@@ -217,21 +214,21 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
-    """Heading of a drone that rests without an order of ours.
+    """Monitors the heading of a drone that rests without an order.
 
     A turn in progress may finish and be reversed as after a command. Times are the autopilot's
-    since its start: after a stall of our process reports are processed late.
+    since its start, because reports are processed late after a stall of this process.
     """
 
     start_boot_s: float
     yaw_deg: float
-    """Present heading, or the end of the turn so far."""
+    """Present heading, or the end of the turn so far [°]."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0
 
     def turned(self, boot_s: float, yaw_deg: float) -> bool:
-        """Add a heading; return whether another has turned the drone."""
+        """Add a heading; True if another has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         if abs(self.turning_deg_s) > SAFETY.turning_deg_s:
             since_s = max(self._moved_boot_s, self.start_boot_s)

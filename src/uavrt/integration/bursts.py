@@ -1,7 +1,7 @@
-"""Bursts of a coded tag, each judged as one: the mean of its pulses at the gaps of its code.
+"""Bursts of a coded tag, whose energy is the mean of their pulses at the gaps of the code.
 
-A column of windows becomes that of the bursts that begin there. A folded train is then one of
-bursts; whether all its pulses are there decides if it is this code's.
+A column of windows becomes that of the bursts that begin there, and a folded train is one of
+bursts. If all pulses of the code are present, the train is the tag's.
 """
 
 import math
@@ -18,20 +18,20 @@ from uavrt.messages import Tag
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BurstColumns:
-    """Arguments of `slot_energies` for the bursts that begin in each column."""
+    """Energies of the bursts that begin in each column: arguments of `slot_energies`."""
 
     power: NDArray[np.float32]
-    """(rows, columns): mean over the pulses that nothing covers."""
+    """(rows, columns) mean power over the pulses without overlap by something loud."""
     seen: NDArray[np.bool_]
-    """(rows, columns)."""
+    """(rows, columns) True where the burst is loud and looks like one."""
     heard: NDArray[np.bool_]
-    """(columns,)."""
+    """(columns,) True where the burst has an energy."""
     listened: NDArray[np.bool_]
-    """(columns,)."""
+    """(columns,) True where the samples of the burst are complete."""
 
 
 def pulse_starts_s(tag: Tag) -> NDArray[np.float64]:
-    """Start of each pulse from the start of a burst [s], (pulses,), by the list."""
+    """Start of each pulse from the start of a burst, by the tag list [s], (pulses,)."""
     return np.concatenate(([0.0], np.cumsum(tag.gaps_s)))
 
 
@@ -43,11 +43,12 @@ def burst_columns(
     tag: Tag,
     hop_s: float,
 ) -> BurstColumns:
-    """Average the pulses of each burst, at the best of some stretches.
+    """Average the pulses of each burst, with the best of some stretches of the gaps.
 
-    `power`, `seen` (rows, columns): of pulses that begin in each column, and whether it is loud
-    and looks like one. `quiet`, `whole` (columns,): nothing loud is near; no sample is missing.
-    `hop_s`: from one column to the next.
+    `power`, `seen` (rows, columns): power of pulses that begin in each column, and whether they
+    are loud and look like pulses.
+    `quiet`, `whole` (columns,): True without anything loud near, and without missing samples.
+    `hop_s`: time from one column to the next.
     """
     rows, columns = power.shape
     starts_s = pulse_starts_s(tag)
@@ -91,10 +92,11 @@ def burst_columns(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SinglePulses:
-    """Energies of single pulses, to identify the sender of a train of bursts.
+    """Energies of single pulses, which identify the sender of a train of bursts.
 
     `level` (frequencies, slots): largest power over noise of the pulses that begin in each
-    slot; 0 without samples. `starts_s` (pulses,): of the code, from the start of a burst.
+    slot; 0 without samples.
+    `starts_s` (pulses,): starts of the code's pulses from the start of a burst.
     """
 
     level: NDArray[np.float32]
@@ -103,11 +105,10 @@ class SinglePulses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sender:
-    """Sender of a train of bursts, by its pulses.
+    """Sender of a train of bursts, as identified by its pulses.
 
-    `shift_s`: by how much later the bursts of this code begin; None if it is another code's
-    train. `pulses_s` (m,): where another code's pulses lie, from the start of this code's
-    bursts.
+    `shift_s`: delay of this code's bursts after the train's; None if the code is another.
+    `pulses_s` (m,): positions of another code's pulses from the start of this code's bursts.
     """
 
     shift_s: float | None
@@ -121,14 +122,14 @@ def sender_of(
     time_s: NDArray[np.float64],
     weight: NDArray[np.float64],
 ) -> Sender:
-    """Identify whether a train is of this code, by the energies of its single pulses.
+    """Identify by the energies of single pulses whether a train is of this code.
 
-    All pulses of a burst are equally strong. A burst of another code has some of its pulses
-    where this code has some, and none at the others; so has a burst of this code whose start is
-    taken at another of its pulses.
+    All pulses of a burst are equally strong. A burst of another code has pulses at some of this
+    code's positions and none at others. So has a burst of this code if another of its pulses
+    was taken for the first.
 
-    `time_s` (n,): starts of the bursts, from the first slot's beginning. `weight` (n,):
-    expected strength of each.
+    `time_s` (n,): starts of the bursts, from the first slot's beginning.
+    `weight` (n,): expected strength of each burst.
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
     capped = np.minimum(single.level[row].astype(np.float64), BURSTS.most_energy)
@@ -172,10 +173,7 @@ def sender_of(
 def _inequality(
     over: NDArray[np.float64], weight: NDArray[np.float64], variance: float
 ) -> float:
-    """Chi-square of the sums of each pulse of the bursts, if all are equally strong.
-
-    Energies of pulses of a strength S vary by noise, by 2 S and by a part of S.
-    """
+    """Chi-square of the energy sums of a burst's pulses, if all are equally strong."""
     strength = np.maximum(over.mean(axis=1), 0.0)
     varies = variance + 2.0 * strength + (BURSTS.burst_scatter * strength) ** 2
     sums = weight @ over
@@ -194,7 +192,7 @@ def _picked(
     starts_s: NDArray[np.float64],
     slot_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Energies (bursts, pulses) at the best stretch, and the pulses' slots from the start."""
+    """Energies (bursts, pulses) at the best stretch of the gaps, and the pulses' slots."""
     found = []
     for stretch in BURSTS.stretches:
         longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)
@@ -206,15 +204,12 @@ def _picked(
 def hidden_with_s(
     foreign_s: NDArray[np.float64], starts_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Starts of bursts that have one of those pulses, relative to the train's."""
+    """Starts of bursts that share one of the given pulses, relative to the train's bursts."""
     return np.unique(np.round(np.subtract.outer(foreign_s, starts_s).ravel(), 9))
 
 
 def exponentials(mean: float, pulses: int) -> float:
-    """Number of noise bursts whose largest mean pulse energy has this mean.
-
-    The largest of m Erlang variables of shape p has the mean of the integral of 1 - F(x)^m.
-    """
+    """Number of noise bursts whose largest mean pulse energy has a given mean."""
     energy = np.arange(0.0, 12.0, 0.01)
     law = special.gammainc(pulses, pulses * energy)
     many = np.geomspace(1.0, 40.0, 400)
@@ -230,8 +225,8 @@ def log_ratio_parts(
     The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom
     (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions 2, 29).
 
-    `energy` (energies,): mean of a burst's pulses [noise energies]. `strength`: shape
-    (strengths, 1).
+    `energy` (energies,): mean of a burst's pulses [noise energies].
+    `strength`: shape (strengths, 1).
     """
     total, power = pulses * energy, pulses * strength
     x = 2.0 * np.sqrt(total * power)

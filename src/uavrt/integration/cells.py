@@ -1,4 +1,4 @@
-"""Cells of the ground around a flight: their probability, and credible regions."""
+"""Probability of a tag in cells of the ground around a flight, and credible regions."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -19,40 +19,40 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One of the places where a tag may be."""
+    """Connected part of a credible region."""
 
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Radius that holds 95 % of this part's probability [m]."""
+    """Radius that holds 95 % of the part's probability [m]."""
     probability: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """Parts of the ground around the middle of a flight, and how likely the tag is in each."""
+    """Cells of the ground around the middle of a flight, with the tag's probability in each."""
 
     plane: TangentPlane
     bearing_deg: _Floats
-    """(cells,) middles."""
+    """(cells,) bearings of the cells' middles from the middle of the flight [deg]."""
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
-    """Ratio of a cell's outer radius to its inner one."""
+    """(cells,) ratio of a cell's outer radius to its inner one."""
     probability: _Floats
     by_fall: _Floats
-    """Probability for each fall with distance, (falls, cells)."""
+    """(falls, cells) joint probability of a path loss exponent and a cell."""
 
     @property
     def area(self) -> _Floats:
-        """Relative area, (cells,)."""
+        """(cells,) relative area of each cell."""
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Cells that hold a share of the probability, whichever fall with distance is true.
+        """Cells that hold a given probability, whichever path loss exponent is true.
 
-        For each fall they are the smallest such region. After one pass the falls cannot be
-        distinguished, and a joint region would ignore the less probable ones.
+        For each exponent they are the smallest such region. After one pass the exponents cannot
+        be distinguished, and a joint region would ignore the less probable ones.
         """
         area = self.area
         inside = np.zeros(len(area), bool)
@@ -63,7 +63,7 @@ class Cells:
         return inside
 
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
-        """Whether a place is in that region."""
+        """True if a place is in the region that holds a given probability."""
         bearing = np.degrees(np.arctan2(east_m, north_m))
         turn_deg = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
         apart = np.abs(np.log(np.hypot(east_m, north_m) / self.range_m))
@@ -71,7 +71,7 @@ class Cells:
         return bool((here & self.region(share)).any())
 
     def outlines(self, share: float) -> list[list[tuple[float, float]]]:
-        """Latitudes and longitudes around each part of a region, by rings."""
+        """Rings of latitudes and longitudes around each part of a region."""
         inside = self.region(share)
         parts = []
         keys = np.stack((np.log(self.range_m), np.log(self.ratio), self.width_deg), axis=1)
@@ -90,13 +90,12 @@ class Cells:
         return parts
 
     def parts(self, share: float = 0.95) -> "list[Part]":
-        """Connected parts of a region, the likeliest first."""
+        """Connected parts of a region, the most probable first."""
         inside = np.flatnonzero(self.region(share))
         found = [self._part(cells) for cells in self._connected(inside)]
         return sorted(found, key=lambda one: -one.probability)
 
     def _connected(self, inside: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-        """Group connected cells."""
         bearing, half = self.bearing_deg[inside], 0.5 * self.width_deg[inside]
         away, deep = np.log(self.range_m[inside]), 0.5 * np.log(self.ratio[inside])
         pairs = []
@@ -125,11 +124,11 @@ class Cells:
         )
 
     def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
-        """The likeliest place in some cells, from the middle of the flight.
+        """East and north of the likeliest place in some cells, from the flight's middle [m].
 
-        It is the mean where the probability is densest. The mean of all lies farther away than
-        the tag, because large distances are less certain, above all next to a straight path,
-        where each fall with distance has its own.
+        It is the mean where the probability is densest. The mean of all cells lies farther away
+        than the tag, because large distances are less certain, above all next to a straight
+        path, where each path loss exponent has its own.
         """
         area = self.area[cells]
         density = self.probability[cells] / area
@@ -139,7 +138,7 @@ class Cells:
         return float(weight @ east), float(weight @ north)
 
     def middle_m(self) -> tuple[float, float]:
-        """Place of a tag in a single part of the ground; else the middle of all cells."""
+        """Middle of the only part of the ground with much probability, else of all [m]."""
         inside = np.flatnonzero(self.region(0.95))
         for part in self._connected(inside):
             if self.probability[part].sum() >= PLACE.alone:
@@ -154,13 +153,10 @@ class Cells:
         shares: Sequence[float],
         cells: NDArray[np.intp] | None = None,
     ) -> list[float]:
-        """Radii of circles around a place that hold shares of the probability.
+        """Radii of circles around a place that hold given probabilities [m].
 
-        Each cell's is spread evenly over its ground, as in `region`: a single cell would have
-        no radius otherwise.
-
-        `east_m`, `north_m`: from the middle of the flight. `cells`: the share is of these; by
-        default of all.
+        Each cell's probability is spread evenly over its ground, as in `region`; otherwise a
+        single cell would have no radius. `cells`: cells whose probability counts; None is all.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points
@@ -179,7 +175,7 @@ class Cells:
         return [float(one) for one in away[order][np.minimum(last, len(order) - 1)]]
 
     def arc_deg(self, middle_deg: float, share: float) -> float:
-        """Width of the arc around a bearing that holds a share of the probability."""
+        """Width of the arc around a bearing that holds a given probability [deg]."""
         # Each cell's probability lies evenly over its width.
         away = np.abs(wrap_degrees_180(self.bearing_deg - middle_deg)) - 0.5 * self.width_deg
 
@@ -191,48 +187,43 @@ class Cells:
 
 
 def _runs(bearings_deg: _Floats, step_deg: float) -> list[tuple[float, float]]:
-    """First and last of consecutive bearings."""
     cuts = np.flatnonzero(np.diff(bearings_deg) > 1.5 * step_deg) + 1
     return [(float(one[0]), float(one[-1])) for one in np.split(bearings_deg, cuts)]
 
 
 def _area(range_m: _Floats, width_deg: _Floats, ratio: _Floats) -> _Floats:
-    """Relative area of cells, whose depth is a ratio of distances."""
     return np.asarray(range_m**2 * width_deg * np.sinh(np.log(ratio)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LikelyGround:
-    """Cells of the ground, and the likelihoods at their middles."""
+    """Cells of the ground, with likelihoods at their middles; likely ones are divided."""
 
     bearing_deg: _Floats
-    """(cells,) as of `Cells`."""
+    """(cells,) bearings of the cells' middles from the middle of the flight [deg]."""
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """Difference of log likelihoods among the parts of each cell's parent."""
+    """(cells,) difference of log-likelihood among the parts of the divided cell."""
     logs: _Floats
-    """(falls, cells) over all levels."""
+    """(falls, cells) log-likelihood, integrated over all levels."""
     level_db: _Floats
-    """(falls, cells) mean level."""
+    """(falls, cells) mean level of the tag [dB]."""
 
     @property
     def area(self) -> _Floats:
-        """(cells,) ground, relative."""
+        """(cells,) relative area of each cell."""
         return _area(self.range_m, self.width_deg, self.ratio)
 
     @property
     def held(self) -> _Floats:
-        """Probabilities, in that shape."""
+        """(falls, cells) posterior probability."""
         held = np.exp(self.logs - self.logs.max()) * self.area
         return np.asarray(held / held.sum())
 
     def to_part(self) -> NDArray[np.intp]:
-        """Cells to divide: those that hold nearly all, and the likeliest.
-
-        Only where the likelihood varies, and the cells are wide enough.
-        """
+        """Cells to divide: wide, uneven, and likely ones."""
         probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
         count = int(np.searchsorted(np.cumsum(probability[order]), PLACE.kept)) + 1
@@ -260,7 +251,7 @@ class LikelyGround:
         )
 
     def with_parts(self, which: NDArray[np.intp], parts: "LikelyGround") -> "LikelyGround":
-        """Replace cells by their parts."""
+        """Copy in which the divided cells are replaced by their parts."""
         rest = np.setdiff1d(np.arange(len(self.range_m)), which)
         best = parts.logs.max(axis=0).reshape(len(which), PLACE.parts * PLACE.parts)
         uneven = np.repeat(np.ptp(best, axis=1), PLACE.parts * PLACE.parts)

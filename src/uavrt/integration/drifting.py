@@ -31,7 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float) -> _Floats:
-    """Times of a train's pulses from the first slot's beginning [s]; perhaps one too many."""
+    """Times of a train's pulses from the first slot's beginning [s]; one may be too many."""
     count = max(0, int((span_s * (1.0 + abs(drift)) - phase_s) / interval_s) + 2)
     return real_time_s(
         phase_s + np.arange(count).astype(np.float64) * interval_s, drift, span_s
@@ -39,7 +39,7 @@ def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float
 
 
 def real_time_s(even_s: _Floats, drift: float, span_s: float) -> _Floats:
-    """Time at which a clock that drifts with the tag shows a time."""
+    """Convert the time of a clock that drifts with the tag to real time [s]."""
     if not drift:
         return even_s
     grown = np.expm1(even_s * drift / span_s) * (1.0 - 0.5 * drift) / drift
@@ -47,7 +47,7 @@ def real_time_s(even_s: _Floats, drift: float, span_s: float) -> _Floats:
 
 
 def even_time_s(time_s: _Floats, drift: float, span_s: float) -> _Floats:
-    """Time that a clock that drifts with the tag shows."""
+    """Convert real time to that of a clock that drifts with the tag [s]."""
     if not drift:
         return time_s
     grown = np.log1p(time_s * drift / (span_s * (1.0 - 0.5 * drift)))
@@ -55,14 +55,14 @@ def even_time_s(time_s: _Floats, drift: float, span_s: float) -> _Floats:
 
 
 def even_order(energies: SlotEnergies, drift: float) -> NDArray[np.intp]:
-    """Slots in the order of the clock that drifts with the tag."""
+    """Slot at each step of the clock that drifts with the tag."""
     span_s = len(energies.heard) * energies.slot_s
     at = real_time_s(energies.time_s, drift, span_s) / energies.slot_s
     return np.asarray(np.clip(at.astype(np.intp), 0, len(energies.heard) - 1))
 
 
 def drifts_searched(most: float, span_s: float, slot_s: float) -> _Floats:
-    """Values of the drift, 0 among them."""
+    """Relative changes of the interval that are searched, 0 among them."""
     step = 8.0 * SEARCH.drift_step_slots * slot_s / span_s
     count = int(np.ceil(most / step))
     return np.linspace(-most, most, 2 * count + 1) if count else np.zeros(1)
@@ -115,7 +115,6 @@ def search_drifting(
 
 
 def _coarse(energies: SlotEnergies) -> SlotEnergies:
-    """Slots of double length, each the larger of its two."""
     count = len(energies.heard) // 2
     pairs = energies.energy[:, : 2 * count].reshape(len(energies.energy), count, 2)
     heard = np.asarray(energies.heard[: 2 * count].reshape(count, 2).all(axis=1))
@@ -129,7 +128,6 @@ def _coarse(energies: SlotEnergies) -> SlotEnergies:
 
 
 def _few_places(weights: Weights, coarse: SlotEnergies) -> Weights:
-    """The first patterns, and places that stand for the others in them."""
     basis = weights.basis[: SEARCH.drift_patterns, : 2 * len(coarse.heard) : 2].copy()
     basis[:, ~coarse.heard] = 0.0
     mixing = weights.mixing[:, : SEARCH.drift_patterns].astype(np.float64)
@@ -140,7 +138,7 @@ def _few_places(weights: Weights, coarse: SlotEnergies) -> Weights:
 def _refined(
     energies: SlotEnergies, weights: Weights, start: FoldedTrain, row: int
 ) -> FoldedTrain:
-    """The likeliest train near a coarse cell, in whole cells of the full search."""
+    """Likeliest train near a cell of the coarse search, in cells of the full search."""
     slot_s, slots = energies.slot_s, len(energies.heard)
     span_s = slots * slot_s
     count = max(2, int(span_s / start.interval_s))

@@ -1,10 +1,10 @@
 """A channel's samples as energies on a grid of slots and frequencies.
 
 A slot is a quarter or a half of a pulse. Its energy is the largest matched-filter power of the
-windows that begin in it or within the tag's jitter of it, standardised: mean 0 and variance 1
-in noise, 0 without samples. Signals loud enough to be seen alone are left out with their
-surroundings, so that no single event makes a train; those that look like a pulse, and not like
-an impulse, are marked, and trains of marks are searched as well.
+windows that begin in it or within the tag's jitter of it. Energies are standardised: mean 0 and
+variance 1 in noise, 0 without samples. Signals loud enough to be detected alone are left out
+with their surroundings, so that no single event makes a train. Those that look like a pulse and
+not like an impulse are marked, and trains of marks are searched as well.
 """
 
 import math
@@ -24,46 +24,46 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotEnergies:
-    """Energies of each slot at each frequency."""
+    """Standardised energy of each slot at each frequency."""
 
     energy: NDArray[np.float32]
-    """(frequencies, slots): mean 0, variance 1 in noise; 0 without samples."""
+    """(frequencies, slots) energies with mean 0 and variance 1 in noise; 0 without samples."""
     heard: NDArray[np.bool_]
-    """Whether each slot has an energy, (slots,)."""
+    """(slots,) True for slots with an energy."""
     offsets_hz: NDArray[np.float64]
-    """(frequencies,) relative to the tag's nominal frequency."""
+    """(frequencies,) offset from the tag's nominal frequency [Hz]."""
     start_ns: int
-    """Time at which the first slot begins [UTC]."""
+    """Time at which the first slot begins [ns, UTC]."""
     slot_s: float
     mean: NDArray[np.float64]
-    """(frequencies,) of the energies in units of the noise, before they were standardised."""
+    """(frequencies,) mean energy before standardisation, in units of the noise."""
     sigma: NDArray[np.float64]
     left_out: int
-    """Number of columns that were too loud."""
+    """Number of columns left out because they were too loud."""
     level: NDArray[np.float32]
-    """(frequencies, slots) largest power over noise, of loud pulses too; 0 without samples."""
+    """(frequencies, slots) largest power over noise, loud pulses included, or 0."""
     loud: NDArray[np.bool_]
-    """Whether there was a pulse loud enough to be seen alone, (frequencies, slots)."""
+    """(frequencies, slots) True for a pulse loud enough to be detected alone."""
     listened: NDArray[np.bool_]
-    """Whether there were samples, (slots,)."""
+    """(slots,) True where there were samples."""
     pulses: int = 1
-    """Pulses in a burst: a coded tag's energy is the mean over them."""
+    """Number of pulses in a burst of a coded tag, whose energy is their mean; else 1."""
     single: SinglePulses | None = None
-    """Single pulses of a coded tag."""
+    """Energies of single pulses of a coded tag; None for other tags."""
 
     @property
     def time_s(self) -> NDArray[np.float64]:
-        """(slots,) middles, from `start_ns`."""
+        """(slots,) middles of the slots, from `start_ns` [s]."""
         return np.asarray((np.arange(len(self.heard)) + 0.5) * self.slot_s)
 
     @property
     def end_ns(self) -> int:
-        """Time at which the last slot ends [UTC]."""
+        """Time at which the last slot ends [ns, UTC]."""
         length_s = len(self.heard) * self.slot_s
         return self.start_ns + round(length_s * NANOSECONDS_PER_SECOND)
 
     def between(self, first: int, end: int) -> "SlotEnergies":
-        """Some of the slots, standardised as they are."""
+        """Slots from one number to another, without a new standardisation."""
         start_s = first * self.slot_s
         return replace(
             self,
@@ -77,10 +77,7 @@ class SlotEnergies:
         )
 
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each slot has an energy, and is away from some times.
-
-        `time_s` (n,): from `start_ns`.
-        """
+        """(slots,) True for slots with an energy not near times (n,) from `start_ns`."""
         return self.heard & self._beyond(time_s)
 
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -92,14 +89,11 @@ class SlotEnergies:
         return ~gone
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
-        """A copy without energies around some times.
-
-        `time_s` (n,): from `start_ns`.
-        """
+        """Copy without energies near given times (n,) from `start_ns`."""
         return self.where(self._beyond(time_s))
 
     def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
-        """A copy with the energies of some slots (slots,) only."""
+        """Copy with the energies of the chosen slots (slots,) only."""
         return replace(
             self,
             energy=np.where(kept, self.energy, np.float32(0.0)),
@@ -111,10 +105,10 @@ class SlotEnergies:
 
 
 def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
-    """Join energies of consecutive slots, and standardise them as a whole.
+    """Join energies of consecutive parts of a flight, and standardise them as a whole.
 
-    `parts`: of one tag, each beginning where the one before ends. Columns left out around a
-    part's slots are counted with it. Raises `ValueError` without parts.
+    `parts`: of one tag, each beginning where the previous one ends. Columns left out around a
+        part's slots are counted with it. Raises `ValueError` without parts.
     """
     first = parts[0] if parts else None
     if first is None:
@@ -141,7 +135,6 @@ def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
 def _joined_singles(
     parts: Sequence[SlotEnergies], first: int = 0, end: int | None = None
 ) -> SinglePulses | None:
-    """Join the single pulses of consecutive slots, all or some of them."""
     known = [one.single for one in parts if one.single is not None]
     if not known:
         return None
@@ -153,23 +146,23 @@ def _joined_singles(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotLayout:
-    """Layout of a tag's slots over the samples of its channel."""
+    """Numbers of samples, columns and slots into which a tag's channel is divided."""
 
     grid: Grid
     columns_per_slot: int
     reach: int
-    """Columns on each side of a slot's middle that are searched."""
+    """Number of columns on each side of a slot's middle that are searched for its pulse."""
     beyond: int = 0
-    """Columns from the first to the last pulse of a burst."""
+    """Number of columns from the first to the last pulse of a burst."""
 
     @property
     def samples_per_slot(self) -> int:
-        """Samples from one slot to the next."""
+        """Number of samples from one slot to the next."""
         return self.columns_per_slot * self.grid.hop
 
     @property
     def slots_beside(self) -> int:
-        """Slots on each side of a stretch whose samples its energies depend on."""
+        """Number of slots on each side of a stretch whose samples affect its energies."""
         columns = (
             2 * self.reach + 2 * ENERGY.hops_beside + -(-self.grid.window // self.grid.hop)
         )
@@ -185,7 +178,7 @@ def slot_layout(
     frequency_window_hz: float,
     slots_per_pulse: int = 2,
 ) -> SlotLayout:
-    """Lay a tag's slots over a channel; parameters as those of `slot_energies`."""
+    """Divide a tag's channel into slots; parameters as those of `slot_energies`."""
     grid = make_grid(
         sample_rate_hz=sample_rate_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -204,11 +197,12 @@ def gather(
 ) -> tuple[NDArray[np.complex64], NDArray[np.bool_], int]:
     """Put a channel's blocks at their times, with zeros where samples are missing.
 
-    Overlaps, as from a fast crystal, are left out. A clock that was set back, or by hours, is
-    treated as if it had not been set.
+    Overlaps, as from a fast crystal, are left out. A clock that was set back, or changed by
+    hours, is treated as if it had not been set.
 
-    `blocks`: samples, and the time of the first [ns, UTC], in order. Returns (samples, there,
-    start_ns): shape (n,); False where samples are missing; time of the first, 0 without blocks.
+    `blocks`: samples, and the time of the first [ns, UTC], in order.
+    Returns: samples (n,); False where samples are missing (n,); time of the first, 0 without
+        blocks.
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
@@ -334,7 +328,7 @@ def slot_energies(
 
 
 def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
-    """Samples in runs of at least `length` that are exactly 0."""
+    """True for samples in runs of at least `length` exact zeros."""
     dead = np.zeros(len(samples), bool)
     for first, end in zero_runs(samples, least):
         dead[first:end] = True
@@ -344,14 +338,12 @@ def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
 def _zeros_around(
     samples: NDArray[np.complex64], first: int, end: int
 ) -> NDArray[np.complex64]:
-    """Samples between two numbers; zeros stand before the first and after the last."""
     before, after = max(0, -first), max(0, end - max(first, len(samples)))
     part = samples[max(first, 0) : max(end, 0)]
     return np.pad(part, (before, after)) if before or after else part
 
 
 def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArray[np.float32]:
-    """Largest of the columns within `reach` of those wanted."""
     tops = sliding_maximum(np.ascontiguousarray(power.T), reach).T if reach else power
     return np.ascontiguousarray(tops[:, at])
 
@@ -359,10 +351,7 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 def _channel_columns(
     samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Largest sample over noise of each column, and whether the whole channel is loud.
-
-    Done in stretches: sums over a whole flight fill new pages, which cost more than they do.
-    """
+    """Largest sample over noise in each column, and True where the whole channel is loud."""
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
     beyond = -(-window // hop)
@@ -395,7 +384,6 @@ def _channel_columns(
 def _whole_windows(
     there: NDArray[np.bool_], hop: int, window: int, columns: int
 ) -> NDArray[np.bool_]:
-    """Columns whose window misses no sample."""
     whole = np.ones(columns, bool)
     whole[max(0, (len(there) - window) // hop + 1) :] = False
     missing = np.flatnonzero(~there)
@@ -410,7 +398,7 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> NDArray[np.bool_]:
-    """Divide by the noise of each row and time, in place; return which columns are loud."""
+    """Divide by the noise of each row and time, in place; returns True for loud columns."""
     columns = power.shape[1]
     loud = np.zeros(columns, bool)
     side = ENERGY.level_rows // 2
@@ -433,7 +421,6 @@ def _standardise(
 
 
 def _stretches(count: int, length: int) -> list[slice]:
-    """Parts of about one length; a remainder below half of one goes to the last."""
     first = range(0, max(count - length // 2, 1), length)
     return [slice(low, min(low + length, count)) for low in first[:-1]] + [
         slice(first[-1], count)
@@ -441,7 +428,6 @@ def _stretches(count: int, length: int) -> list[slice]:
 
 
 def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Flags, and their neighbours on both sides."""
     counts = np.concatenate(([0], np.cumsum(flags)))
     at = np.arange(len(flags))
     low, high = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(flags))
@@ -451,11 +437,7 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Set mean 0 in each stretch of a row, and variance 1 in each row; 0 without samples.
-
-    A wrong level for a stretch would lift all its slots, and the sums of each place whose
-    pulses were strong in it.
-    """
+    """Shift each stretch of a row to mean 0, and scale each row to variance 1."""
     result = np.zeros_like(energy)
     rows = len(energy)
     if not good.any():

@@ -1,8 +1,8 @@
 """Sums over all pulses of a flight, for every interval and phase at once.
 
 The fast folding algorithm (Staelin 1969, Proc. IEEE 57, 724): rows of one base period are added
-in pairs, pairs in pairs, each time with all shifts that an interval between the base period and
-one slot more makes, so that R rows of P slots cost P R log2 R additions instead of P R².
+in pairs, pairs in pairs, each time with all shifts for intervals between the base period and
+one slot more. So R rows of P slots cost P R log2 R additions instead of P R².
 """
 
 import numpy as np
@@ -12,21 +12,21 @@ from uavrt.native import kernels
 
 
 def base_periods(shortest_s: float, longest_s: float, slot_s: float) -> range:
-    """Base periods [slots] whose folds hold all intervals between two."""
+    """Base periods whose folds contain all intervals between two given ones [slots]."""
     return range(int(shortest_s / slot_s), int(np.ceil(longest_s / slot_s)))
 
 
 def fold(
     values: NDArray[np.float32], period: int, first: int = 0, end: int | None = None
 ) -> NDArray[np.float32]:
-    """Add up what lies one interval apart.
+    """Sum the values that lie one interval apart, for all intervals of one base period.
 
-    `values` (many, slots): what is folded alike.
+    `values` (many, slots): arrays that are folded alike.
     `period`: base period [slots].
-    `first`, `end`: rows of the fold that are wanted; by default all.
-    Returns: (many, rows, period) ``[i, d - first, p]``: the sum of the i-th values over the
-    slots ``p + k (period + d / (rows - 1))``; rows is the next power of two to the number of
-    periods in all slots.
+    `first`, `end`: range of wanted rows of the fold; by default all.
+    Returns: (many, rows, period) ``[i, d - first, p]``, the sum of the i-th values over the
+        slots ``p + k (period + d / (rows - 1))``; rows is the next power of two to the number
+        of periods in all slots.
     """
     many, slots = values.shape
     rows = fold_rows(slots, period)
@@ -44,7 +44,6 @@ def fold(
 def _fold_numpy(
     values: NDArray[np.float32], period: int, first: int, end: int
 ) -> NDArray[np.float32]:
-    """Fold side by side in memory, level by level."""
     many, slots = values.shape
     rows = fold_rows(slots, period)
     now = np.zeros((rows, 1, period, many), np.float32)
@@ -71,12 +70,12 @@ def _fold_numpy(
 def highest(
     sums: NDArray[np.float32], mixing: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Mix the sums of patterns for each place; the highest of all cells.
+    """Mix the sums of patterns for each place, and find the highest of all cells.
 
     `sums`: shape (patterns, rows, period).
     `mixing`: shape (places, patterns).
-    `scale` (rows,): positive, of each row's sums.
-    Returns (highest, cell), each (places,): the sum, and its index among rows and phases.
+    `scale` (rows,): positive factor on each row's sums.
+    Returns: highest sum (places,), and its cell (places,), an index among rows and phases.
     """
     patterns, rows, period = sums.shape
     places = len(mixing)
@@ -93,11 +92,7 @@ def highest(
 
 
 def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
-    """Slots whose sum is a cell of a fold.
-
-    `slots`: that were folded. `period`, `row`, `phase`: base period [slots], row of the fold
-    and phase [slots].
-    """
+    """Slots whose sum is the cell of a fold at a row and phase; `slots` were folded."""
     rows = fold_rows(slots, period)
     levels = rows.bit_length() - 1
     number = np.arange(rows)
@@ -110,10 +105,10 @@ def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.int
 
 
 def fold_rows(slots: int, period: int) -> int:
-    """Rows of a fold: the next power of two to the number of periods."""
+    """Number of rows of a fold: the next power of two to the number of periods."""
     return 1 << (max(1, -(-slots // period)) - 1).bit_length()
 
 
 def interval_slots(period: int, rows: int) -> NDArray[np.float64]:
-    """Interval [slots] of each of a fold's rows, shape (rows,)."""
+    """(rows,) interval of each row of a fold [slots]."""
     return np.asarray(period + np.arange(rows) / max(rows - 1, 1))

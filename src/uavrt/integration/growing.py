@@ -1,4 +1,4 @@
-"""Slot energies of a flight in progress: each half minute is measured once, then kept.
+"""Slot energies of a flight in progress: each half minute is measured once and then stored.
 
 They equal those of a whole recording: a block is measured with its neighbours on both sides,
 and standardised together with all others.
@@ -16,10 +16,11 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 
 class GrowingEnergies:
-    """Takes a channel's samples as they come; gives all energies so far.
+    """Convert a channel's samples in flight to all slot energies so far.
 
-    `start_ns`: time of the first sample [UTC]. `frequency_window_hz`: half-width of the search
-    around the tag's nominal frequency. `slots_per_pulse`: 1 is a quarter of the folding of 2.
+    `start_ns`: time of the first sample [UTC].
+    `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
+    `slots_per_pulse`: 1 takes a quarter of the folding time of 2.
     """
 
     def __init__(
@@ -50,22 +51,22 @@ class GrowingEnergies:
 
     @property
     def needed_from_ns(self) -> int:
-        """Time from which samples are needed for the next block."""
+        """Time from which samples are needed for the next block [ns, UTC]."""
         first = max(0, len(self._parts) * self._block - self._margin) * self._slot
         return self._start_ns + math.floor(first / self._rate_hz * NANOSECONDS_PER_SECOND)
 
     @property
     def length_s(self) -> float:
-        """Length measured so far [s]."""
+        """Duration measured so far [s]."""
         return len(self._parts) * self._block * self._slot / self._rate_hz
 
     def take(
         self, samples: NDArray[np.complex64], there: NDArray[np.bool_], start_ns: int
     ) -> int:
-        """Measure the blocks that are complete now; return their number.
+        """Measure the blocks that are complete now; returns their number.
 
-        `samples`, `there`, `start_ns`: from `gather`, beginning at or before `needed_from_ns`;
-        samples missing before the first count as gaps.
+        The samples are from `gather`, beginning at or before `needed_from_ns`; samples missing
+        before the first count as gaps.
         """
         since_s = (start_ns - self._start_ns) / NANOSECONDS_PER_SECOND
         offset = round(since_s * self._rate_hz)

@@ -1,8 +1,8 @@
-"""The slots of a folded train's pulses, and the likelihood ratio of their energies.
+"""Slots of a folded train's pulses, and the likelihood ratio of their energies.
 
-A slot's energy in noise is the largest of m unit exponentials (m from their mean, as jitter and
-slot make it); with a pulse of energy S two of them, the windows that hold most of it, are
-noncentral chi-squares of 2 degrees of freedom (a constant amplitude of unknown phase).
+A slot's energy in noise is the largest of m unit exponentials; their mean gives m, which
+depends on jitter and slot. With a pulse of energy S two of them, the windows that hold most of
+it, are noncentral chi-squares of 2 degrees of freedom (a constant amplitude of unknown phase).
 """
 
 from dataclasses import dataclass
@@ -20,31 +20,32 @@ from uavrt.integration.whole_flight import FoldedTrain
 
 _Floats = NDArray[np.float64]
 AMPLITUDES = np.arange(0.0, 22.05, 0.1)
-"""Amplitudes of pulses in noise, up to 27 dB. A stronger pulse and its expected strength are
-both reduced by the same decibels: noise moves it by less than 0.3 dB."""
+"""Amplitudes in the tables, in units of the noise, up to 27 dB. Stronger pulses are reduced
+with their expected strength, since noise moves them by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
+"""Expected strengths of pulses in the tables, energy over noise [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrainPulses:
-    """The slots in which a train's pulses lie."""
+    """Times and energies of the slots that contain a train's pulses."""
 
     time_s: _Floats
-    """Times (n,) from the first slot's beginning [s]."""
+    """(n,) times from the first slot's beginning [s]."""
     energy: _Floats
-    """(n,) in units of the noise."""
+    """(n,) energies in units of the noise."""
     interval_s: float
     offset_hz: float
     pulses: int = 1
-    """Pulses in a burst, of which each energy is the mean."""
+    """Number of pulses in a burst, of which each energy is the mean."""
 
 
 def train_pulses(
     energies: SlotEnergies, train: FoldedTrain, gain: _Floats, gain_time_s: _Floats
 ) -> TrainPulses:
-    """Refine a train between the cells of the search, and take its slots' energies.
+    """Refine a train between the cells of the search, and return its slots' energies.
 
-    `gain` (times,): of its place. `gain_time_s`: shape (times,).
+    `gain` (times,): energy of a pulse from its place, relative to the strongest.
     """
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
@@ -81,7 +82,7 @@ def train_pulses(
 
 
 def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
-    """Energies of a frequency, with loud pulses limited to just below loud."""
+    """Energies at one frequency; loud pulses are limited to just below the loud level."""
     energy = energies.energy[row].copy()
     loud = energies.loud[row] & ~energies.heard
     energy[loud] = (
@@ -92,17 +93,17 @@ def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeardTrain:
-    """A train in one flight, and the places examined."""
+    """Train of pulses in one flight, and the places examined for its tag."""
 
     pulses: TrainPulses
     mean_noise_energy: float
-    """Mean energy of a slot in noise, which gives the number of exponentials."""
+    """Mean energy of a slot in noise, from which the number of exponentials follows."""
     places: Places
     log_trains: float | None = None
-    """Log of the number of trains it is the best of; None takes it as the tag's. A weak one may
-    be another train, and this flight then has no information."""
+    """Logarithm of the number of trains of which this is the best; None assumes that it is the
+    tag's. A weak one may be another train; the flight then has no information."""
     rates: int = 1
-    """Number of the tag's rates: it may have used another one in some slots."""
+    """Number of the tag's rates, of which some slots may have had another."""
 
     @classmethod
     def among(
@@ -114,7 +115,7 @@ class HeardTrain:
         rates: int,
         log_trains: float | None = None,
     ) -> "HeardTrain":
-        """A train in the noise at its frequency."""
+        """Train found in noise, with the statistics of the noise at its frequency."""
         row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
         quiet = energies.away_from(pulses.time_s)
         mean = energies.mean[row]
@@ -130,7 +131,7 @@ class HeardTrain:
 
 
 def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
-    """Log likelihood ratio of a pulse in each slot, shape (levels, slots).
+    """(levels, slots) log likelihood ratio of a pulse in each slot.
 
     `gain` (slots,): energy of a pulse relative to the strongest.
     `levels_db` (levels,): energy over noise of the strongest.
@@ -146,10 +147,7 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
 
 
 def looked_up(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
-    """Columns of `likelihood_table` for some energies, and their excess over it [dB].
-
-    The strength must be reduced by the excess.
-    """
+    """Columns of `likelihood_table` for energies, and how far these exceed it [dB]."""
     amplitude = np.sqrt(np.maximum(energy, 0.0))
     beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))
     column = np.rint(np.minimum(amplitude, AMPLITUDES[-1]) / AMPLITUDES[1])
@@ -157,7 +155,7 @@ def looked_up(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
 
 
 def noise_reaches(one: HeardTrain, share: float) -> float:
-    """Energy of a slot that noise alone exceeds in a share of the slots."""
+    """Energy of a slot that noise alone exceeds in a given share of slots."""
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
     return float(special.gammaincinv(pulses, (1.0 - share) ** (1.0 / many)) / pulses)
@@ -167,7 +165,8 @@ def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) ->
     """Log likelihood ratios of the energies of a train's pulses, or bursts.
 
     `fading_db`: standard deviation of single pulses, from pattern, poses and ground beyond the
-    model. Returns: shape (strengths `PLACE.strength_step_db` apart, amplitudes).
+        model.
+    Returns: shape (strengths `PLACE.strength_step_db` apart, amplitudes).
     """
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
@@ -179,14 +178,14 @@ def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) ->
 
 
 def _exponentials(mean: float) -> float:
-    """Number of unit exponentials whose largest has this mean: H(m) = mean."""
+    """Number of unit exponentials whose largest has a given mean: H(m) = mean."""
     many = np.linspace(1.0, 12.0, 1101)
     means = special.digamma(many + 1.0) + np.euler_gamma
     return float(many[int(np.argmin(np.abs(means - mean)))])
 
 
 def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
-    """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
+    """(strengths, amplitudes) log likelihood ratio of a slot's energy.
 
     For bursts, the mean of their pulses replaces E, and of the largest of m one may be a
     burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. Fading affects all pulses of a burst
@@ -233,7 +232,7 @@ def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
 
 
 def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
-    """Density over that of noise, and law, of a window with a part of a pulse's energy."""
+    """Density over that of noise, and distribution function, of a window in a pulse."""
     strength = part * 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
     x = 2.0 * np.sqrt(energy * strength)
     # Bounded: energies this far above noise are certain.

@@ -1,9 +1,9 @@
-"""Decides whether a train is the listed tag's, or an alias of another train.
+"""Decide whether a train is the listed tag's, or an alias of another train.
 
-Pulses every T are also pulses every T p/q, with some missing or others in between: another tag
-can so pass for the listed one. A train is therefore searched at all intervals from a third of T
-to three times T that the list does not allow. If one explains the same frequency better, its
-slots are removed, and the flight is judged again.
+Pulses with interval T are also pulses with interval T p/q, with some missing or others in
+between, so another tag can look like the listed one. A train is therefore searched at all
+intervals from a third of T to three times T that the list does not allow. If one explains the
+same frequency better, its slots are removed, and the flight is judged again.
 """
 
 import math
@@ -39,24 +39,23 @@ class OtherTrain:
     drift: float
     loud: bool
     ratio: tuple[int, int] | None
-    """Its interval over the one that passed for the tag's, as two small numbers. Their times
-    alone cannot distinguish the two."""
+    """Ratio of its interval to the tag's; the times cannot distinguish the two trains."""
     other_code: bool = False
-    """Whether its bursts lack pulses of the tag's code."""
+    """True if its bursts lack pulses of the tag's code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judgement:
-    """The likeliest train of a tag, after other trains were removed."""
+    """Likeliest train of a tag, after other trains were removed."""
 
     train: FoldedTrain
     energies: SlotEnergies
-    """Energies without the others' slots."""
+    """Slot energies without the slots of other trains."""
     others: tuple[OtherTrain, ...]
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """The first other train whose interval is a small ratio of the tag's."""
+        """First other train whose interval is a small ratio of the tag's; None without one."""
         return next((one for one in self.others if one.ratio is not None), None)
 
 
@@ -69,11 +68,10 @@ def judge(
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
 ) -> Judgement:
-    """Search a tag, and again without each train that explains what was found better.
+    """Search a tag, and again without each train that explains the found one better.
 
-    `gain` (places, times): of the places, relative to each one's strongest. `gain_time_s`:
-    shape (times,). `false_alarm_probability`: for a flight and tag. `most_drift`: largest
-    relative change of the interval over the flight.
+    `gain` (places, times): energy of a pulse relative to each place's strongest. `most_drift`:
+        largest relative change of the interval over the flight.
     """
     others: list[OtherTrain] = []
     while True:
@@ -102,7 +100,6 @@ def judge(
 
 
 def _sender(energies: SlotEnergies, weights: Weights, train: FoldedTrain) -> Sender:
-    """Sender of a train of bursts."""
     span_s = len(energies.heard) * energies.slot_s
     time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
     at = np.clip(np.floor(time_s / energies.slot_s).astype(np.intp), 0, len(energies.heard) - 1)
@@ -116,7 +113,6 @@ def _sender(energies: SlotEnergies, weights: Weights, train: FoldedTrain) -> Sen
 
 
 def _without_code(energies: SlotEnergies, train: FoldedTrain, sender: Sender) -> SlotEnergies:
-    """Remove all bursts that have a pulse of a sender of another code."""
     assert energies.single is not None
     span_s = len(energies.heard) * energies.slot_s
     time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
@@ -177,7 +173,6 @@ def better_elsewhere(
 def _elsewhere(
     energies: SlotEnergies, train: FoldedTrain, tag: Tag
 ) -> list[tuple[float, float]]:
-    """Stretches of intervals [s] that the list does not allow."""
     cell_s = energies.slot_s * train.interval_s / max(float(energies.time_s[-1]), 1e-9)
     shortest = max(SEARCH.shortest_ratio * train.interval_s, 8.0 * energies.slot_s)
     edges = [shortest]
@@ -189,7 +184,7 @@ def _elsewhere(
 
 
 def _ratio(value: float) -> tuple[int, int] | None:
-    """Small numbers p and q with p/q within a hundredth of a value."""
+    """Small numbers p and q with p/q within 1 % of a value."""
     for below in range(1, SEARCH.small_number + 1):
         above = round(value * below)
         if (

@@ -1,4 +1,4 @@
-"""Places where a tag might be, and the strength of its pulses there over a flight."""
+"""Possible places of a tag, and the strength of its pulses from each over a flight."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,49 +19,49 @@ from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 _Floats = NDArray[np.float64]
 BEARING_STEP_DEG = 360.0 / SEARCH.bearings
 RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1))
-"""Ratio of one ring's radius to the last."""
+"""Ratio of each ring's radius to the next smaller one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Places:
-    """Places around a flight, and the energy of pulses from each relative to its strongest."""
+    """Possible places around a flight, and the relative energy of pulses from each."""
 
     plane: TangentPlane
     east_m: _Floats
-    """(places,)."""
+    """(places,) east of the middle of the flight [m]."""
     north_m: _Floats
     area: _Floats
-    """(places,) ground that each stands for, relative: the prior."""
+    """(places,) relative area of ground that each place represents: the prior."""
     time_s: _Floats
-    """(times,) from the first slot's beginning."""
+    """(times,) times from the first slot's beginning [s]."""
     gain: _Floats
-    """(places, times), 1 at each place's strongest."""
+    """(places, times) energy of a pulse relative to each place's strongest."""
     strongest_db: _Floats
-    """Level of that strongest (places,) [dB], from any reference common to all flights."""
+    """(places,) level of the strongest pulse [dB], from a reference common to all flights."""
     track: "Track"
 
     @property
     def bearing_deg(self) -> _Floats:
-        """(places,) from the middle of the flight, clockwise from true north."""
+        """(places,) bearing from the middle of the flight, clockwise from true north [deg]."""
         return wrap_degrees_360(np.degrees(np.arctan2(self.east_m, self.north_m)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Track:
-    """Position and orientation of an antenna, at the times of `Places`."""
+    """Positions and orientations of the antenna at the times of `Places`."""
 
     pattern: AntennaPattern
     east_m: _Floats
-    """(times,)."""
+    """(times,) east coordinate of the antenna [m]."""
     north_m: _Floats
     height_m: _Floats
     axes: _Floats
-    """(times, 3, 3) forward, right and down."""
+    """(times, 3, 3) the antenna's forward, right and down axes."""
     hills: HillLosses | None = None
-    """The ground in the plane; None is level."""
+    """Ground model in the plane; None is level ground."""
 
     def gain_db(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Level of pulses from some places: (places, times); 0 is boresight 1 m away."""
+        """(places, times) level of pulses from places; 0 is boresight at 1 m."""
         gain_db = np.empty((len(east_m), len(self.east_m)))
         rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
         if self.hills is not None:
@@ -83,7 +83,7 @@ class Track:
     def _towards_db(
         self, axes: _Floats, north: _Floats, east: _Floats, down: _Floats
     ) -> _Floats:
-        """Gain in directions of length 1, (times,) each; `axes`: shape (3, 3, times)."""
+        """(times,) antenna gain in unit directions [dB]; `axes` has the shape (3, 3, times)."""
         if self.pattern.name == MONOPOLE:
             # It stays upright however the drone leans, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
@@ -92,10 +92,10 @@ class Track:
         )
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
-        """Path length to places, (places, parts), 10 dB for each factor of ten.
+        """(places, parts) path length in decibels, 10 for each factor of ten.
 
-        `east_m`, `north_m`: shape (places,). `part` (parts,): indices among the times, whole or
-        between two.
+        `east_m`, `north_m`: shape (places,).
+        `part` (parts,): indices among the times, whole or between two.
         """
         times = np.arange(len(self.east_m))
         east, north, height = (
@@ -114,11 +114,13 @@ def places_around(
     hills: HillLosses | None = None,
     plane: TangentPlane | None = None,
 ) -> Places:
-    """Lay out places around a drone's path.
+    """Lay out possible places around a drone's path.
 
-    `poses`: of the antenna, at least two. `start_ns`, `end_ns`: of the samples [UTC]. `hills`:
-    the ground; None is level. `plane`: around whose middle the places lie; by default that of
-    the poses. Raises `UsageError` if the poses are not of the time of the samples.
+    `poses`: of the antenna, at least two.
+    `start_ns`, `end_ns`: times of the first and last sample [UTC].
+    `hills`: ground model; None is level ground.
+    `plane`: plane whose origin the places surround; None is the middle of the poses.
+    Raises `UsageError`: the poses do not cover the time of the samples.
     """
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
     if np.count_nonzero(inside) < 2:
@@ -171,7 +173,7 @@ def places_around(
 
 
 def common_gains(each: Sequence[Places]) -> list[_Floats]:
-    """Gains in several flights around one plane's middle, 1 at a place's strongest of all."""
+    """Gains in several flights around one origin; 1 at each place's strongest of all."""
     strongest_db = np.stack([one.strongest_db for one in each])
     below_db = strongest_db - strongest_db.max(axis=0)
     return [
@@ -181,7 +183,7 @@ def common_gains(each: Sequence[Places]) -> list[_Floats]:
 
 
 def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats]:
-    """Places from the middle of the flight."""
+    """East and north of places by bearing and distance from the middle of the flight."""
     turn = np.radians(bearing_deg)
     return np.asarray(range_m * np.sin(turn)), np.asarray(range_m * np.cos(turn))
 
@@ -189,10 +191,9 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 def distinct(
     weights: _Floats, alike_from: float = SEARCH.same_place_correlation
 ) -> NDArray[np.intp]:
-    """Places whose weights represent all others'.
+    """Choose places whose weights (places, times) represent all other places.
 
-    `weights`: shape (places, times). `alike_from`: correlation from which one represents
-    another.
+    `alike_from`: correlation from which one place represents another.
     """
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
     alike = unit @ unit.T
@@ -207,7 +208,6 @@ def distinct(
 
 
 def _nearest(known: _Floats, wanted: _Floats) -> NDArray[np.intp]:
-    """Index of the nearest of some ascending times."""
     after = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
     earlier = wanted - known[after - 1] <= known[after] - wanted
     return np.asarray(after - earlier)

@@ -1,9 +1,9 @@
-"""A tag of several rates uses one at a time: when it was at each of them. Pure.
+"""Find when a tag of several rates used each of them.
 
-A rate's train has slots in all of a flight; while the tag was at another rate, these hold
-noise, and at times a pulse of that rate. A hidden Markov model of two states separates them
-(Rabiner 1989, Proc. IEEE 77, 257): its likelihood over all paths weighs a place, and its
-likeliest path shows which slots were at the rate.
+A rate's train has slots in all of a flight. While the tag used another rate, these hold noise,
+and at times a pulse of that rate. A hidden Markov model of two states separates them (Rabiner
+1989, Proc. IEEE 77, 257): its likelihood over all paths weights a place, and its likeliest path
+shows which slots had the rate.
 """
 
 from collections.abc import Iterable
@@ -17,11 +17,13 @@ _Floats = NDArray[np.float64]
 
 
 def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
-    """Log of the gain in likelihood if a tag may have used another rate in some slots.
+    """Logarithm of the gain in likelihood if a tag may have used another rate in some slots.
 
-    `inverses`: one over the likelihood ratio of a pulse in each slot, one array of hypotheses
-    after the other. `shape`: of these arrays. Returns the logarithm, in that shape, over all
-    paths (the forward algorithm), to be added to those of the slots' likelihood ratios.
+    `inverses`: reciprocal of the likelihood ratio of a pulse in each slot, one array of
+        hypotheses after another.
+    `shape`: shape of these arrays.
+    Returns: the logarithm over all paths (forward algorithm), in that shape, which is added to
+        those of the slots' likelihood ratios.
     """
     total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
     for slot, inverse in enumerate(inverses):
@@ -40,9 +42,9 @@ def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Flo
 
 
 def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
-    """Slots in which a tag was at a rate: the likeliest path of the best level (Viterbi 1967).
+    """True for slots in which a tag used a rate, by the likeliest path (Viterbi 1967).
 
-    `logs` (levels, slots): logarithm of the likelihood ratio of a pulse in each slot.
+    `logs` (levels, slots): log likelihood ratio of a pulse in each slot; the best level counts.
     """
     levels, slots = logs.shape
     at_other = np.log1p(PLACE.stray_share * np.expm1(logs))

@@ -1,4 +1,4 @@
-"""Single slots of a found train: whether the tag was at that rate, and is visible there."""
+"""Decide for single slots of a found train if the tag used the rate and is visible there."""
 
 from dataclasses import dataclass
 
@@ -15,19 +15,20 @@ _LEVELS_DB = np.arange(0.0, 50.0, 1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotEvidence:
-    """Evidence of each slot of a train."""
+    """Evidence for a pulse in each slot of a train."""
 
     at_rate: NDArray[np.bool_]
-    """Whether the tag was at the train's rate, (n,); always with a single rate."""
+    """(n,) True if the tag used the train's rate; always for a tag with one rate."""
     supported: NDArray[np.bool_]
-    """Whether it was, and the slot's energy exceeds that of 95 % of noise slots, (n,)."""
+    """(n,) True if the tag used the rate, and the slot's energy exceeds 95 % of noise slots."""
 
 
 def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:
-    """Judge the slots of a train one by one.
+    """Judge each slot of a train separately.
 
-    `one`: of a tag that was found. `gain` (slots,): energy of a pulse from the likeliest place
-    in each slot, relative to the strongest.
+    `one`: train of a tag that was found.
+    `gain` (slots,): energy of a pulse from the likeliest place in each slot, relative to the
+    strongest.
     """
     at_rate = np.ones(len(one.pulses.energy), bool)
     if one.rates > 1:

@@ -1,9 +1,9 @@
-"""One tag over several flights: too weak in each, and found in all of them together.
+"""Find one tag in several flights together, in each of which it is too weak.
 
-For each place, frequency and narrow stretch of intervals the likeliest phase of every flight is
-taken, and their weighted sums are added: a resting tag has one place, and about one interval
+For each place, frequency and narrow range of intervals the likeliest phase of every flight is
+taken, and their weighted sums are added. A resting tag has one place, and about one interval
 and frequency, in all flights, but its pulses cannot be counted from flight to flight. So the
-hypotheses of the phases multiply, those of place, frequency and stretch are counted once.
+hypotheses of the phases multiply; those of place, frequency and interval are counted once.
 """
 
 import math
@@ -41,41 +41,40 @@ class Listened:
 
     energies: SlotEnergies
     gain: _Floats
-    """(places, times), 1 at each place's strongest pulse. Of all flights if the tag rests, of
-    this one if it moves."""
+    """(places, times) energy of a pulse relative to each place's strongest: in all flights if
+    the tag rests, in this one if it moves."""
     time_s: _Floats
-    """(times,) from the first slot's beginning."""
+    """(times,) times from the first slot's beginning [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointTrain:
-    """The likeliest tag of several flights."""
+    """Likeliest train of a tag in several flights."""
 
     false_alarm_probability: float
-    """Chance that noise alone shows one as unlikely in the whole search."""
+    """Probability that noise alone gives as unlikely a train in the whole search."""
     score: float
     log_probability: float
     hypotheses: float
     trains: tuple[FoldedTrain, ...]
-    """Its train in each flight: place is a row of that flight's gains."""
+    """Train in each flight; its place is a row of that flight's gains."""
     log_trains: tuple[float, ...]
-    """Log of the number of independent trains each was chosen from."""
+    """Logarithm of the number of independent trains from which each was chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """Search at one rate over stretches of intervals."""
+    """Search at one rate over narrow ranges of intervals."""
 
     flights: Sequence[Listened]
     weights: Sequence[Weights]
     between_s: tuple[float, float]
     half_s: float
-    """Half of a stretch [s]."""
     halves: int
     rate: int
 
     def best(self, number: int) -> NDArray[np.float32]:
-        """Highest score of a flight in each stretch, any phase: (places, rows, stretches)."""
+        """(places, rows, ranges) highest score of a flight over all phases."""
         energies, weights = self.flights[number].energies, self.weights[number]
         rows = np.arange(len(energies.energy))
         found = np.full((len(weights.mixing), len(rows), self.halves), -np.inf, np.float32)
@@ -94,7 +93,7 @@ class _Search:
         return np.asarray(ndimage.maximum_filter1d(pairs, width, axis=1, mode="nearest"))
 
     def rows(self, number: int) -> NDArray[np.intp]:
-        """A flight's frequency for each of the first flight's."""
+        """Number of a flight's frequency for each frequency of the first flight."""
         wanted = self.flights[0].energies.offsets_hz
         own = self.flights[number].energies.offsets_hz
         return np.asarray(np.abs(own[:, np.newaxis] - wanted).argmin(axis=0))
@@ -102,7 +101,7 @@ class _Search:
     def train(
         self, number: int, place: int | None, offset_hz: float, stretch: int
     ) -> FoldedTrain:
-        """The likeliest train of one flight within the joint result; None is any place."""
+        """Likeliest train of one flight at the joint result; None as place is any place."""
         energies, weights = self.flights[number].energies, self.weights[number]
         row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
         rows = range(
@@ -121,7 +120,7 @@ class _Search:
         return one if place is None else replace(one, place=place)
 
     def trains_each(self, number: int) -> float:
-        """Independent trains of a flight in one stretch, at neighbouring frequencies."""
+        """Number of independent trains of a flight in one range of intervals."""
         energies = self.flights[number].energies
         cells = cells_searched(len(energies.heard), energies.slot_s, self.between_s)
         own = float(np.mean(correlation_slots(energies) ** -2.0))
@@ -144,7 +143,6 @@ def search_together(
 def _weights(
     flights: Sequence[Listened], tag: Tag, *, moves: bool
 ) -> tuple[list[Weights], list[int]]:
-    """Weights of each flight, and how many patterns they were made of."""
     interval_s = tag.pulse_intervals_s[0]
     each = [pulse_weights(one.gain) for one in flights]
     if moves:
@@ -187,7 +185,7 @@ def _search(
 def _likeliest(
     search: _Search, tag: Tag, patterns: Sequence[int], *, moves: bool
 ) -> JointTrain:
-    """The likeliest place, frequency and stretch of one rate."""
+    """Likeliest place, frequency and range of intervals at one rate."""
     score, skewness = _sums(search, moves=moves)
     at = score.argmax(axis=2)[..., np.newaxis]
     best = np.take_along_axis(score, at, axis=2)[..., 0]
@@ -222,7 +220,7 @@ def _likeliest(
 
 
 def _sums(search: _Search, *, moves: bool) -> tuple[_Floats, _Floats]:
-    """Joint scores and their skewness: (places, rows, stretches); 1 place if the tag moves."""
+    """(places, rows, ranges) joint scores and their skewness; 1 place if the tag moves."""
     total, square, cube = np.zeros(1), np.zeros(1), np.zeros(1)
     for number, weights in enumerate(search.weights):
         rows = search.rows(number)

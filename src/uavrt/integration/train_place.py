@@ -1,7 +1,7 @@
-"""Place of the tag of a folded train: the energies of its pulses against each place's gains.
+"""Place of the tag of a folded train, from the energies of its pulses and the places' gains.
 
-The level is a nuisance parameter with a flat prior in decibels; the place has one flat over the
-ground.
+The level is a nuisance parameter with a flat prior in decibels; the prior of the place is flat
+over the ground.
 """
 
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ _Floats = NDArray[np.float64]
 _EXPONENT_SHARES = np.diff(
     special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - SEARCH.exponent) / 0.7)
 )
-"""Prior of each exponent, from the nearest of `level_evidence.Propagation`. A quarter of that
-is below free space, and counts for it: without it, tags in line of sight seem farther away."""
+"""Prior probability of each path loss exponent, by `level_evidence.Propagation`. The quarter
+below free space counts as free space, for tags in line of sight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceBelief:
-    """Probability of a tag's place, after a whole flight."""
+    """Posterior of a tag's place, after a whole flight."""
 
     latitude_deg: float
     longitude_deg: float
@@ -37,25 +37,25 @@ class PlaceBelief:
     bearing_deg: float
     """Bearing from the middle of the flight [deg]."""
     arc50_deg: float
-    """Width of the arc that holds half of the probability."""
+    """Width of the arc that holds half of the probability [deg]."""
     arc95_deg: float
     level_db: float
-    """Energy over noise of the strongest pulse."""
+    """Energy over noise of the strongest pulse [dB]."""
     fading_db: float
-    """Standard deviation of single pulses' levels from the model."""
+    """Standard deviation of single pulses' levels from the model [dB]."""
     probability: _Floats
-    """(places,)."""
+    """(places,) posterior probability."""
     cells: Cells
 
     def arc_deg(self, share: float) -> float:
-        """Width of the arc around the bearing that holds a share of the probability."""
+        """Width of the arc around the bearing that holds a given probability [deg]."""
         return self.cells.arc_deg(self.bearing_deg, share)
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Compute the place of a train's tag; likely cells are divided.
+    """Posterior of the place of a train's tag; likely cells are divided.
 
-    `heard`: of one flight, or of several of a resting tag, around one plane's middle.
+    `heard`: train of one flight, or of several of a resting tag, around one plane's origin.
     """
     reading = _Reading.of(heard)
     found = _placed(reading)
@@ -82,11 +82,7 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 
 
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
-    """The reading whose fading has the most evidence over the likely places.
-
-    `readings`: by fading; the first is the usual one, and stays unless another is clearly
-    likelier.
-    """
+    """Reading with the most evidence over the likely places; the usual one in doubt."""
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
@@ -103,7 +99,7 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
 
 
 def train_evidence(one: HeardTrain) -> float:
-    """Log likelihood ratio of a train with a tag, anywhere, to one without."""
+    """Log likelihood ratio of a train with a tag at any place to one without a tag."""
     reading = _Reading.of([replace(one, log_trains=None)])
     places = one.places
     from_here = (places.east_m, places.north_m)
@@ -117,13 +113,12 @@ def train_evidence(one: HeardTrain) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Reading:
-    """Energies of a tag's flights, and how levels are derived from them."""
+    """Energies of a tag's flights, with the fading that is assumed for single pulses."""
 
     heard: Sequence[HeardTrain]
     fading_db: float
     tables: tuple[_Floats, ...]
     levels_db: _Floats
-    """Levels of the strongest pulse [dB]."""
 
     @classmethod
     def of(
@@ -138,7 +133,6 @@ class _Reading:
 
 
 def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
-    """Levels of the strongest pulse that are examined [dB]."""
     top_db = 10.0 * np.log10(
         max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
     )
@@ -146,10 +140,9 @@ def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
 
 
 def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
-    """Probability that a flight's train is the tag's, and not chance.
+    """Probability that a flight's train is the tag's and not chance.
 
-    `gain` (places, times): on the scale of all flights. `place`: of all flights, this one among
-    them.
+    `gain` (places, times): on the scale of all flights, as is the posterior `place`.
     """
     if one.log_trains is None:
         return 1.0
@@ -164,7 +157,7 @@ def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
 
 
 def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]) -> bool:
-    """Whether the distance to any of some places varied; it does not for distant ones."""
+    """True if the distance to a place varied enough to show the path loss exponent."""
     away_db = [_away_db(one, *east_north_m) for one in heard]
     spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
     return bool(spread_db.max() >= PLACE.same_range_db)
@@ -178,11 +171,7 @@ def _all_logs(
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """Log likelihood ratio and belief of each fall, place and level, over all flights.
-
-    Without `falls` there is one, as they cannot be distinguished. Tempered it allows for the
-    pulses' common model errors.
-    """
+    """Log likelihood ratio and posterior of exponent, place and level, over all flights."""
     heard = reading.heard
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
     if not falls:
@@ -202,13 +191,7 @@ def _all_logs(
 
 
 def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
-    """Log of the mean likelihood over levels, and the mean level of each [dB].
-
-    A loud tag's level is known to a fraction of the step between levels, so a spline
-    interpolates.
-
-    `logs`: shape (falls, places, levels). `levels_db`: shape (levels,).
-    """
+    """Logarithm of the likelihood (falls, places) averaged over levels, and mean level [dB]."""
     fine = np.linspace(
         levels_db[0], levels_db[-1], PLACE.level_parts * (len(levels_db) - 1) + 1
     )
@@ -221,12 +204,10 @@ def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
-    """Strongest gain of each place over all flights, (places, 1)."""
     return np.asarray(np.max([one.max(axis=1) for one in gains_db], axis=0))[:, np.newaxis]
 
 
 def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) -> _Floats:
-    """Log likelihood ratio of each place and level, over all flights."""
     heard, levels_db = reading.heard, reading.levels_db
     logs = np.zeros((len(gains_db[0]), len(levels_db)))
     for one, gain_db, table in zip(heard, gains_db, reading.tables, strict=True):
@@ -248,13 +229,11 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
 
 
 def _gain_db(one: HeardTrain, gain: _Floats) -> _Floats:
-    """Gains at the pulses: (places, pulses)."""
     at_s, time_s = one.pulses.time_s, one.places.time_s
     return 10.0 * np.log10(np.stack([np.interp(at_s, time_s, row) for row in gain]) + 1e-9)
 
 
 def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
-    """Path length from places at the pulses, (places, pulses) [dB]."""
     time_s = one.places.time_s
     part = np.interp(one.pulses.time_s, time_s, np.arange(len(time_s)).astype(np.float64))
     return one.places.track.away_db(east_m, north_m, part)
@@ -263,11 +242,7 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 def _logs(
     one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
 ) -> _Floats:
-    """Log likelihood ratio of each place and level, levels a whole number of steps apart.
-
-    Each pulse counts by a share. For a tag with several rates, a silent slot may mean another
-    rate and has no information on its place.
-    """
+    """Log likelihood ratio of each place and level; levels are whole steps apart."""
     column, beyond_db = looked_up(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)
@@ -300,11 +275,11 @@ def _logs(
 
 
 def _counted(one: HeardTrain, fading_db: float) -> float:
-    """Share of a flight's evidence that counts: less where loud pulses make it.
+    """Share of a flight's evidence that counts; it is smaller for loud pulses.
 
     The variance of a level of energy E over noise is 37.7/E dB² from noise (of noncentral
-    chi-square) plus that of single pulses' fading; its inverse is a pulse's information. One
-    share holds for all pulses: otherwise common errors of the many weak ones would shift the
+    chi-square) plus that of single pulses' fading; its inverse is a pulse's information. All
+    pulses have one share: otherwise errors that many weak ones have in common would move the
     place.
     """
     above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
@@ -316,7 +291,7 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
 
 
 def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
-    """Cells, the likely ones divided; the mean level [dB]; the probability of each place."""
+    """Cells with the likely ones divided, the mean level [dB], and the places' probability."""
     places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)
     held, level_db = _over_levels(logs, levels_db)
@@ -357,7 +332,6 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
 def _gains_anywhere(
     heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]
 ) -> list[_Floats]:
-    """Gains, as `common_gains`, of places that are not among the flights' own."""
     each_db = [one.places.track.gain_db(*east_north_m) for one in heard]
     strongest_db = np.max([gain_db.max(axis=1) for gain_db in each_db], axis=0)
     return [10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0) for gain_db in each_db]

@@ -8,26 +8,25 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyTuning:
-    """How samples become energies of slots, and what is left out as loud or lost."""
+    """Conversion of samples to slot energies, and removal of loud or lost samples."""
 
     block_s: float = 30.0
-    """Length measured at once in flight [s]: five stretches of one noise level."""
+    """Duration measured at once in flight [s]: five stretches with one noise level."""
     chunk_s: float = 6.0
-    """Length of samples processed at once [s]."""
+    """Duration of samples processed at once [s]."""
     level_s: float = 6.0
-    """Time over which a row's noise is constant [s]."""
+    """Time over which a frequency's noise is taken as constant [s]."""
     level_rows: int = 5
-    """Rows whose noise is averaged."""
+    """Number of neighbouring frequencies whose noise is averaged."""
     loud_power: float = 20.0
-    """Power over noise that chance reaches once in 5e8 windows."""
+    """Power over noise of a loud window; noise reaches it once in 5e8 windows."""
     wide_sigmas: float = 8.0
-    """Energy of a window over the whole channel that shows something loud outside the search
-    [standard deviations]."""
+    """Energy over the channel that shows a loud signal elsewhere [standard deviations]."""
     crest: float = 3.0
-    """Largest sample of a window over its row's power that is still no impulse. A pulse of N
-    samples has 1/N of its power there, an impulse N times it."""
+    """Largest sample of a window over the mean power, up to which a loud signal is no impulse.
+    A pulse of N samples has 1/N of its power in one sample, an impulse N times as much."""
     hops_beside: int = 16
-    """Distance from which a window has nothing of a loud one [hops]: two pulses."""
+    """Distance from a loud window at which another is unaffected [hops]: two pulses."""
     slots_beside: int = 4
     """Extent of a pulse and its jitter on each side of its slot [slots]."""
     most_gap_s: float = 7200.0
@@ -38,12 +37,12 @@ class EnergyTuning:
     least_step_s: float = 0.0015
     """Smallest time step that is followed [s]; each costs a window."""
     dead_s: float = 0.1
-    """Duration of exact zeros that is no noise [s]: a dead radio or a filled gap."""
+    """Duration of exact zeros that means a dead radio or a filled gap [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchTuning:
-    """How trains are found over places, intervals, frequencies and drifts, and judged."""
+    """Search for trains over places, intervals, frequencies and drifts, and its judgement."""
 
     # Places where a tag may be: bearings, and rings between two radii [m]; time step [s].
     bearings: int = 72
@@ -52,30 +51,29 @@ class SearchTuning:
     ranges: int = 14
     step_s: float = 0.25
     same_place_correlation: float = 0.97
-    """Correlation of two places' weights above which one is folded for both: 0.13 dB lost."""
+    """Correlation of two places' weights above which one represents both: 0.13 dB are lost."""
     exponent: float = 2.5
-    """Exponent of the fall with distance; the mean of `level_evidence.Propagation`."""
+    """Path loss exponent of the search; the mean of `level_evidence.Propagation`."""
     design_enr: float = 2.0
-    """Energy over noise of the strongest pulse for which the weights are designed: 3 dB."""
+    """Energy over noise of the strongest pulse for which the weights are optimal: 3 dB."""
     kept_variance: float = 0.995
-    """Share of the weights' variance that the folded patterns keep: 0.01 dB are lost."""
+    """Share of the weights' variance in the folded patterns: 0.01 dB are lost."""
     few_patterns: int = 8
-    """Number of patterns, as where the drone turns in place, folded for all places at once."""
+    """Number of patterns up to which all places are folded at once."""
     # Variance and correlation for the patterns and places that choose cells to examine in full:
     # three times fewer of both. A train of 7 standard deviations has 5.6 there at worst.
     coarse_variance: float = 0.90
     coarse_correlation: float = 0.85
     examined_cells: int = 400
-    """Cells examined in full, of tens of thousands that are each the best of a place, frequency
-    and period. In twenty minutes of noise the last has 5.0 to 5.4 standard deviations."""
+    """Number of cells examined in full, the best of tens of thousands. In twenty minutes of
+    noise the last has 5.0 to 5.4 standard deviations."""
     side_by_side: int = 48
-    """Sums folded at once, of frequencies times patterns: 60 MB. With NumPy 0.8 ns an addition
-    on the reference computer; 12 take 1.9 ns each."""
+    """Number of sums folded at once, of frequencies times patterns: 60 MB. An addition takes
+    0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
     moment_slots: int = 16384
     least_skewness: float = 0.02
     hypotheses: float = 6.0
-    """Hypotheses for each pattern and cell one correlation length wide in phase and interval,
-    from the least probabilities of noise flights."""
+    """Number of independent hypotheses for each pattern and cell, from noise flights."""
     burst_hypotheses: float = 2.5
     """Factor for bursts of a coded tag, each the best of some stretches of its gaps."""
     lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
@@ -90,17 +88,15 @@ class SearchTuning:
     middle_weight: float = 0.4
 
     drift_step_slots: float = 6.0
-    """Shift of the flight's middle between two drifts [slots]. Half as far away, a train found
-    at a better interval and phase is a quarter of it off, less than a double slot. Against 4,
-    0.05 dB are gained."""
+    """Shift of the flight's middle between two searched drifts [slots]. A train halfway between
+    is shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05 dB."""
     drift_independent_slots: float = 5.0
-    """Shift between two drifts that count as independent [slots]. Trains differ from 2 on, of
-    which the coarse fold finds some: with 2, 400 flights of noise showed .44 of the nominal
-    1 %, so .93."""
+    """Shift between two drifts that count as independent [slots]. 400 flights of noise had .93
+    of the nominal false alarms of 1 %; with 2 slots, .44."""
     drift_patterns: int = 3
     drift_correlation: float = 0.9
     drift_cells: int = 120
-    """Number of cells examined in full."""
+    """Number of cells with drift that are examined in full."""
 
     # Another train that explains one: log of the factor by which it must be less likely by
     # chance, and range of its intervals relative to the one found.
@@ -121,25 +117,24 @@ class SearchTuning:
     least_cells: float = 2.0
     rows_beside: int = 1
     stretch_hypotheses: float = 8.6
-    """Hypotheses in each flight, for each cell of a stretch one correlation length wide, from
-    the least probabilities of noise flights, 1 to 6 at once."""
+    """Number of independent hypotheses for each flight and cell of a range of intervals."""
     place_hypotheses: float = 1.35
-    """Hypotheses for each pattern in each flight, for a tag that moves."""
+    """Number of independent hypotheses for each pattern and flight, if the tag moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceTuning:
-    """How a train's energies become a place, and how sure it is."""
+    """Estimate of a tag's place from a train's energies, and its uncertainty."""
 
     # Levels examined, relative to the strongest energies [dB], and parts of a step of 1 dB.
     levels_db: tuple[float, float] = (-14.0, 9.0)
     level_parts: int = 8
     strength_step_db: float = 0.1
-    """Step between two strengths in the table [dB]. At 0.5 dB the pulses of a lane are rounded
-    alike, which alone makes places 20 m apart differ."""
+    """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a lane
+    are rounded alike, which alone makes places 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
-    """Number of places by which a flight's share is judged."""
+    """Number of likely places by which a flight's share is judged."""
     # Work done at once: places times pulses, places of several rates, and pairs of cells.
     block: int = 20_000
     rates_block: int = 300
@@ -149,39 +144,37 @@ class PlaceTuning:
     exponents: tuple[float, ...] = (2.0, 2.5, 3.0, 3.5, 4.0)
     """Exponents of the fall with distance, from free space to a tag on the ground."""
     same_range_db: float = 0.3
-    """Range of path lengths below which a place cannot show the exponent [dB]."""
+    """Range of path lengths below which a place cannot show the path loss exponent [dB]."""
     least_exponent_share: float = 0.02
-    """Probability of a fall with distance from which regions hold for it."""
+    """Probability of a path loss exponent above which regions must hold for it."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
     pattern, poses and ground. With all of it regions of 90 % held .85 (I4)."""
     lasting_db2: float = 4.0
-    """Variance of these errors, times the pulses for which they last [dB²]. Where noise and
-    fading of single pulses are less, it limits their evidence."""
+    """Variance of errors that pulses share, times the number of pulses for which they last
+    [dB²]. It limits the evidence of pulses with little noise and fading."""
     noisy_db2: float = 10.0
-    """Variance of a level in noise up to which `counted` holds [dB²]."""
+    """Variance of a level due to noise up to which the share `counted` holds [dB²]."""
 
     fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
-    """Fading of single pulses by tilt, bodies and reflections: the usual one, and others that a
-    loud tag's own levels may choose [dB]. With 1 dB for all, tags 10 to 200 m away that fade by
-    2 dB or more were outside their regions."""
+    """Candidate standard deviations of single pulses [dB]; the first is the usual one. With 1
+    dB for all, tags within 200 m that fade more were outside their regions."""
     more_fading_log: float = 10.0
-    """Log evidence needed for more fading than usual."""
+    """Log evidence needed for a larger fading than the usual one."""
     loud_energy: float = 30.0
-    """Energy of the strongest pulses from which they show fading, and not noise alone."""
+    """Energy of the strongest pulses from which they show their fading."""
     fading_cells: int = 300
-    """Number of likeliest cells by which fadings are compared."""
+    """Number of the likeliest cells by which fadings are compared."""
     # Share of pulses without information: blocked, covered, a moved head; as many are there,
     # but odd by this standard deviation [dB]: half hidden by a body, two at once.
     outlier_share: float = 0.02
     odd_fading_db: float = 6.0
     least_log: float = -30.0
     loud_factor: float = 6.0
-    """Factor of ln E as which a loud pulse of energy E counts: 18 at the limit, 41 at 30 dB."""
+    """Factor on ln E of a loud pulse's energy E in its likelihood: 18 to 41 in all."""
     windows: tuple[float, float] = (0.8, 0.6)
-    """Parts of a pulse's energy in its two best windows, since start and frequency are between.
-    With all of it in one window, pulses near the noise came out too strong, so that a passed
-    tag seemed farther away than it was."""
+    """Shares of a pulse's energy in its two best windows. With all energy in one, a passed tag
+    seemed farther away."""
     least_quiet: int = 200
     """Least number of slots without pulses from which the noise is estimated."""
 
@@ -196,11 +189,11 @@ class PlaceTuning:
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8
-    """Power of the belief whose mean is the likeliest place; a normal one has the same mean."""
+    """Power of the posterior whose mean is the likeliest place."""
     alone: float = 0.9
-    """Probability of a part that makes its middle the place; else it is the middle of all."""
+    """Probability of one part from which its middle is the place, not that of all."""
     points: int = 7
-    """Points along each side of a cell over which its probability is spread."""
+    """Number of points along each side of a cell over which its probability is spread."""
     kept: float = 0.998
 
     rate_change: float = 1e-3
@@ -208,17 +201,17 @@ class PlaceTuning:
     stray_share: float = 1e-2
     """Share of slots with a pulse of another rate by chance: two slots of an interval."""
     log_slots: int = 8
-    """Slots whose product does not overflow: none is likelier in noise by more than e^30."""
+    """Number of slots whose inverse likelihood ratios, each up to e^30, are multiplied."""
     noise_share: float = 0.05
-    """Share of noise slots whose energy passes for a pulse's."""
+    """Share of noise slots whose energy is high enough for a pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstTuning:
-    """How a burst of a coded tag is recognised in a train."""
+    """Recognition of a coded tag's bursts in a train."""
 
     stretches: tuple[float, ...] = (0.0, -0.67, 0.67)
-    """Stretches tried, as parts of the gaps' tolerance: a crystal stretches all gaps alike."""
+    """Tried stretches of a code's gaps, as shares of their tolerance."""
     loud_pulses: int = 2
     """Number of a burst's pulses that must be loud for the burst to count as loud."""
     most_energy: float = 40.0

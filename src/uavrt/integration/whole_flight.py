@@ -1,11 +1,11 @@
-"""Judge a whole flight at once: interval, phase, frequency and place of one tag together.
+"""Search a whole flight at once: interval, phase, frequency and place of one tag together.
 
 The statistic for a place is the sum of the slots' energies, one slot for each pulse, each
-weighted by ``w = S / (1 + S)`` with S the pulse's energy over noise there, by the antenna's
-gain and the range: the locally most powerful weights for weak pulses, bounded for strong ones.
-Its tail in noise is that of a shifted gamma distribution with the variance and skewness of sums
-of the flight's own energies, whatever the noise is like: exact for equal weights and white
-noise without jitter (docs/explanation/whole-flight.md).
+weighted by ``w = S / (1 + S)``. S is the pulse's energy over noise there, by the antenna's gain
+and the range. These weights are locally most powerful for weak pulses, and bounded for strong
+ones. The sum's tail in noise is that of a shifted gamma distribution with the variance and
+skewness of sums of the flight's own energies: exact for equal weights and white noise without
+jitter (docs/explanation/whole-flight.md).
 """
 
 import math
@@ -35,48 +35,47 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldedTrain:
-    """The likeliest train of pulses of a whole flight."""
+    """Likeliest train of pulses of a whole flight."""
 
     false_alarm_probability: float
-    """Chance that noise alone shows one as unlikely in the whole search."""
+    """Probability that noise alone gives as unlikely a train in the whole search."""
     score: float
-    """Standard deviations of the weighted sum; for a loud train the number of its pulses."""
+    """Weighted sum in standard deviations; for a loud train the number of its pulses."""
     interval_s: float
     """Interval in the middle of the flight [s]."""
     phase_s: float
-    """Middle of the first pulse's slot, from the first slot's beginning."""
+    """Middle of the first pulse's slot, from the first slot's beginning [s]."""
     offset_hz: float
     place: int
-    """Row of the weights."""
+    """Number of the place: the row of the weights."""
     hypotheses: float
     """Number of independent hypotheses tested."""
     log_probability: float
-    """Natural logarithm of the chance of this cell alone."""
+    """Natural logarithm of the probability of this cell's sum in noise."""
     rate: int = 1
-    """Which of the tag's intervals, from 1."""
+    """Number of the tag's interval in use, from 1."""
     loud: bool = False
-    """Whether it consists of pulses that are seen alone."""
+    """True if it consists of pulses that are each detectable alone."""
     drift: float = 0.0
     """Relative change of the interval from the first slot to the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Weights:
-    """Weight of a pulse in each slot, for each place."""
+    """Weight of a pulse in each slot, for each place, as a mixture of few patterns."""
 
     basis: NDArray[np.float32]
-    """(patterns, slots)."""
+    """(patterns, slots) patterns that are folded."""
     mixing: NDArray[np.float32]
-    """(places, patterns)."""
+    """(places, patterns) coefficients of the patterns for each place."""
     deviation: _Floats
-    """(frequencies, places) of a sum over pulses in the flight's own noise."""
+    """(frequencies, places) standard deviation of a sum over pulses in noise."""
     skewness: _Floats
-    """(frequencies, places) of that sum."""
+    """(frequencies, places) skewness of such a sum."""
     interval_s: float
-    """Interval for which both hold [s]; sums over longer ones have fewer pulses."""
+    """Interval for which deviation and skewness hold [s]; longer ones have fewer pulses."""
     spread: float = 1.0
-    """Extent of the pulses that count, as a share of the flight; the mean over the places. It
-    is the share of a fold's intervals that differ for a place."""
+    """Duration with much weight as a share of the flight, averaged over places."""
 
     @classmethod
     def of(
@@ -84,11 +83,9 @@ class Weights:
     ) -> "Weights":
         """Derive a sum's deviation and skewness from the flight's own energies.
 
-        One pulse in each interval, wherever it begins, puts as many into every slot on average:
-        the sum's cumulants are those of the slots' weighted energies, times that number. So
-        hum, tones and changing levels are included.
-
-        `basis`: shape (patterns, slots). `mixing`: shape (places, patterns).
+        One pulse in each interval, at a random phase, puts as many into every slot on average.
+        The sum's cumulants are therefore those of the slots' weighted energies, times that
+        number. Hum, tones and changing levels are included.
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
@@ -128,7 +125,7 @@ class Weights:
         return cls.of(basis, mixing, energies, interval_s)
 
     def only(self, place: int) -> "Weights":
-        """The weights of one place, as its only pattern."""
+        """Weights of one place, as the only pattern."""
         return Weights(
             basis=self.mixing[[place]] @ self.basis,
             mixing=np.ones((1, 1), np.float32),
@@ -138,33 +135,33 @@ class Weights:
         )
 
     def scaled(self, row: int) -> NDArray[np.float32]:
-        """Mixing whose sums at a frequency have variance 1 in noise."""
+        """Mixing coefficients for which sums at a frequency have variance 1 in noise."""
         return np.asarray(self.mixing / self.deviation[row][:, np.newaxis], np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Peaks:
-    """The highest cells of a search, one for each place, frequency and fold."""
+    """Highest cells of a search, one for each place, frequency and fold."""
 
     place: NDArray[np.intp]
     row: NDArray[np.intp]
-    """Frequency."""
+    """Number of the frequency."""
     interval: _Floats
-    """[slots]."""
+    """Interval [slots]."""
     phase: NDArray[np.intp]
-    """[slots]."""
+    """Phase [slots]."""
     score: _Floats
 
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
-    """Extent of the weights over the flight, 1 if they are even; mean over places."""
+    """Duration with much weight as a share of the flight, averaged over places; 1 if even."""
     some = np.maximum(count, 1e-30)
     variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)
     return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())
 
 
 def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floats:
-    """Weights of pulses from their energies relative to the strongest, of any shape."""
+    """Weights of pulses, from their energies relative to the strongest; any shape."""
     strength = np.asarray(design_enr * gain)
     above = 1.0 + strength
     strength /= above
@@ -174,18 +171,17 @@ def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floa
 def low_rank_weights(
     gain: _Floats, time_s: _Floats, energies: SlotEnergies, interval_s: float
 ) -> Weights:
-    """Reduce the places' gains to a few patterns to fold, and how to mix them.
+    """Reduce the places' gains to a few patterns to fold, and their mixing coefficients.
 
-    `gain` (places, times): energy of a pulse relative to that place's strongest. `time_s`
-    (times,): from the first slot's beginning, ascending. `interval_s`: nominal, for the number
-    of pulses.
+    `gain` (places, times): energy of a pulse relative to that place's strongest.
+    `time_s` (times,): rising, from the first slot's beginning.
     """
     mixing, patterns = low_rank(pulse_weights(gain))
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
 
 
 def low_rank(weights: _Floats) -> tuple[_Floats, _Floats]:
-    """Factors of weights: (places, patterns) and (patterns, times)."""
+    """Factors of weights: coefficients (places, patterns) and patterns (patterns, times)."""
     left, values, right = np.linalg.svd(weights, full_matrices=False)
     kept = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-30)
     rank = int(np.searchsorted(kept, SEARCH.kept_variance)) + 1
@@ -199,12 +195,7 @@ def peaks(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Peaks:
-    """Fold some frequencies at all intervals between two; the highest cells.
-
-    `values`: shape (frequencies, slots).
-    `rows`: frequencies to be folded.
-    `between_s`: shortest and longest interval.
-    """
+    """Fold some frequencies `rows` at all intervals between two; the highest cells."""
     found: list[Peaks] = []
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score, cell = highest(sums, weights.scaled(at), scale)
@@ -228,10 +219,10 @@ def scores(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Iterator[tuple[int, _Floats, NDArray[np.float32]]]:
-    """Fold some frequencies at all intervals between two; yields everything, fold by fold.
+    """Fold some frequencies at all intervals between two; yields all scores, fold by fold.
 
-    Yields (row, intervals, score): the frequency; (n,) [slots]; standard deviations of the
-    weighted sums, float32 of shape (places, n, phases).
+    Yields: number of the frequency, intervals (n,) [slots], and standard deviations of the
+    weighted sums (places, n, phases) as float32.
     """
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score = weights.scaled(at) @ sums.reshape(len(sums), -1)
@@ -245,7 +236,7 @@ def _folds(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Iterator[tuple[int, _Floats, NDArray[np.float32], NDArray[np.float32]]]:
-    """Frequency, intervals [slots], the patterns' sums and each interval's scale."""
+    """Yield for each fold the frequency, intervals [slots], patterns' sums and scales."""
     patterns = len(weights.basis)
     low_s, high_s = between_s
     slots = values.shape[1]
@@ -267,9 +258,10 @@ def _folds(
 
 
 def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) -> float:
-    """Cells of a fold of one frequency that differ by a slot over all pulses.
+    """Number of distinguishable cells of a fold of one frequency.
 
-    A fold has rows for up to twice the periods; only the true number counts.
+    Cells differ by at least a slot over all pulses. A fold has rows for up to twice the
+    periods; only the true number counts.
     """
     low_s, high_s = between_s
     cells = 0.0
@@ -281,7 +273,7 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 
 
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
-    """Independent hypotheses of the search for weak pulses.
+    """Number of independent hypotheses of the search for weak pulses.
 
     If only a part of the flight counts for a place, as where a drone passes it, trains whose
     intervals differ by a cell of the whole flight are the same to it: the number of cells falls
@@ -294,10 +286,10 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:
-    """Slots over which each frequency's energies are correlated: 1 where each is independent.
+    """Number of slots over which each frequency's energies are correlated; 1 if independent.
 
-    A narrow line of hum changes slowly, so its independent slots are few. It is the sum of the
-    squared correlation over all lags.
+    A narrow line of hum changes slowly, so its independent slots are few. The number is the sum
+    of the squared correlation over all lags.
     """
     energy = energies.energy
     power = np.maximum(np.sum(energy**2, axis=1, dtype=np.float64), 1e-9)
@@ -312,7 +304,6 @@ def correlation_slots(energies: SlotEnergies) -> _Floats:
 
 
 def _cells(energies: SlotEnergies, tag: Tag) -> float:
-    """Cells of a fold of one frequency at all rates."""
     slots = len(energies.heard)
     return sum(
         cells_searched(slots, energies.slot_s, between) for between in intervals_searched(tag)
@@ -327,14 +318,12 @@ def search_flight(
     most: int = 20,
     few_patterns: int = SEARCH.few_patterns,
 ) -> list[FoldedTrain]:
-    """Find the likeliest trains of a tag, the least likely by chance first.
+    """Find the likeliest trains of a tag; the least likely in noise comes first.
 
-    All its rates are searched, for weak pulses by their weighted energies, and for loud ones,
-    which these leave out, by their number. Of loud trains of the same pulses the most central
-    comes first.
-
-    `tag`: intervals and their uncertainty. `most`: trains returned. `few_patterns`: above this
-    number, cells are chosen by fewer places, and then examined in full.
+    All its rates are searched: weak pulses by their weighted energies, and loud ones, which
+    these leave out, by their number. Of loud trains with the same pulses the most central comes
+    first. `most`: number of trains returned. `few_patterns`: number above which fewer places
+    choose cells, which are then examined in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
@@ -347,20 +336,20 @@ def search_flight(
 
 
 def intervals_searched(tag: Tag) -> list[tuple[float, float]]:
-    """Shortest and longest interval [s] of each rate."""
+    """Shortest and longest searched interval of each rate [s]."""
     slack_s = tag.interval_uncertainty_s
     return [(one - slack_s, one + slack_s) for one in tag.pulse_intervals_s]
 
 
 def log_tail(found: Peaks, weights: Weights, energies: SlotEnergies) -> _Floats:
-    """Natural logarithm of each peak's chance, alone."""
+    """Natural logarithm of the probability of each peak in noise."""
     ratio = np.sqrt(found.interval * energies.slot_s / weights.interval_s)
     skewness = weights.skewness[found.row, found.place] * ratio
     return np.asarray(stats.pearson3.logsf(found.score, skewness))
 
 
 def chance(log_probability: float, hypotheses: float) -> float:
-    """Probability that the least of this many independent ones is as small."""
+    """Probability that the least of a number of independent probabilities is as small."""
     return -math.expm1(-math.exp(min(math.log(hypotheses) + log_probability, 700.0)))
 
 
@@ -384,7 +373,6 @@ def _weak_trains(
 
 
 def _coarser(weights: Weights, energies: SlotEnergies) -> Weights:
-    """Fewer patterns, and places that represent the others in them."""
     kept = np.cumsum(np.sum(weights.mixing.astype(np.float64) ** 2, axis=0))
     rank = int(np.searchsorted(kept, SEARCH.coarse_variance * kept[-1])) + 1
     mixing = weights.mixing[:, :rank].astype(np.float64)
@@ -394,7 +382,6 @@ def _coarser(weights: Weights, energies: SlotEnergies) -> Weights:
 
 
 def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergies) -> Peaks:
-    """The likeliest cells again, each for the place that shows it best of all."""
     slots = energies.energy.shape[1]
     period = np.floor(found.interval).astype(np.intp)
     cells: dict[tuple[int, int, int, int], int] = {}
@@ -421,7 +408,7 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
 
 
 def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:
-    """Trains of marks: their number of N slots follows the binomial law by chance."""
+    """Trains of loud pulses; their number in N slots is binomial by chance."""
     counts = np.count_nonzero(energies.loud, axis=1)
     rows = np.flatnonzero(counts >= SEARCH.least_marks)
     if not len(rows):
@@ -448,10 +435,10 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order of peaks of marks: the likeliest, but of nearly as likely ones the most central.
+    """Order of loud trains: the likeliest first, and the most central of nearly as likely ones.
 
-    Frequencies next to a pulse's have fewer marks and can make less likely trains of the same
-    pulses: all get the least of their chances.
+    Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
+    pulses: all get the least of their probabilities.
     """
     order = np.argsort(logs, kind="stable")
     if not len(order):
@@ -467,7 +454,7 @@ def _through_middles(
 def _marks(
     energies: SlotEnergies, rows: NDArray[np.intp], shortest_s: float
 ) -> NDArray[np.float32]:
-    """Marks of loud pulses, 1 each and less than a half more in all of a train.
+    """Marks of loud pulses: 1 each, plus less than a half in total for central slots.
 
     A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
     have as many marks; the one through their middles, at the loudest, has the most.
@@ -487,7 +474,7 @@ def _marks(
 
 
 def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
-    """Natural logarithm of the chance of each peak of marks, alone."""
+    """Natural logarithm of the probability of each peak of marks in noise."""
     listened = max(int(np.count_nonzero(energies.listened)), 1)
     share = np.count_nonzero(energies.loud, axis=1)[found.row] / listened
     seen = found.score / np.sqrt(found.interval * energies.slot_s / plain.interval_s)
@@ -496,7 +483,7 @@ def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
 
 
 def plain_weights(energies: SlotEnergies) -> Weights:
-    """Equal weights of one place."""
+    """Equal weights in all slots, for one place."""
     return Weights(
         basis=np.ones((1, len(energies.heard)), np.float32),
         mixing=np.ones((1, 1), np.float32),
@@ -516,7 +503,7 @@ def train_at(
     *,
     loud: bool = False,
 ) -> FoldedTrain:
-    """Make the train of a cell of a search with a number of hypotheses."""
+    """Convert one cell of a search to a train, given the number of hypotheses."""
     return FoldedTrain(
         false_alarm_probability=chance(log_probability, hypotheses),
         score=float(found.score[at]),
@@ -532,7 +519,6 @@ def train_at(
 
 
 def _rows_used(intervals_s: _Floats, low_s: float, high_s: float) -> NDArray[np.intp]:
-    """Rows of a fold whose interval is searched."""
     rows = len(intervals_s)
     half_s = 0.5 * (intervals_s[-1] - intervals_s[0]) / max(rows - 1, 1)
     used = np.flatnonzero((intervals_s >= low_s - half_s) & (intervals_s <= high_s + half_s))

@@ -8,20 +8,20 @@ from uavrt.messages import FlightInfo, Tag
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """Everything a process needs at its start; its first record."""
+    """Settings, clock and task of a process: the first record that it receives."""
 
     process: str
-    """Name of the row, with the worker's number where there are several: ``detector-2``."""
+    """Name of the process, with the worker's number where there are several: ``detector-2``."""
     settings: Settings
     clock_offset_ns: int
     flight: FlightInfo | None
-    """The flight in progress, if any."""
+    """The flight in progress; None if there is none."""
     last_flights: tuple[str, ...] = ()
-    """Earlier flights' directories, whose pulses may not all have reached the ground."""
+    """Directories of earlier flights with pulses that may not all have reached the ground."""
     tags: tuple[Tag, ...] = ()
-    """The tags this process serves: all, or a worker's share."""
+    """Tags that this process serves: all, or a worker's share."""
     worker_of_tag: dict[int, int] = field(default_factory=dict)
-    """Tag id to detector worker, for the receiver."""
+    """Number of the detector worker of each tag id, for the receiver."""
     sample_fds: tuple[int, ...] = ()
-    """Datagram sockets: the one where it receives samples, if it does, then one for each
-    receiver."""
+    """File descriptors of datagram sockets: one to receive samples, if it does, then one for
+    each receiver."""

@@ -1,7 +1,7 @@
 """A child's end of its socket to the supervisor.
 
-The socket never blocks the child: what cannot be written now waits in memory and goes out at
-the next call. When the supervisor is gone, the child exits.
+The socket never blocks the child: unwritten data waits in memory until the next call. When the
+supervisor is gone, the child exits.
 """
 
 import os
@@ -28,13 +28,13 @@ class LineBuffer:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Add bytes; get the lines that are complete now, without their newline."""
+        """Add bytes; return the lines that are now complete, without their newline."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         return lines
 
 
 class SupervisorGone(ConnectionError):
-    """The supervisor's end of the socket is closed."""
+    """Raised when the supervisor's end of the socket is closed."""
 
 
 class ChildLink:
@@ -48,17 +48,17 @@ class ChildLink:
         self._unsent = bytearray()
         self._gone = False
         self.refused = 0
-        """Lines that were not records."""
+        """Number of received lines that were no records."""
         self.lines = 0
-        """Lines that `receive` has returned or refused, since the start."""
+        """Number of lines that `receive` has returned or refused, since the start."""
 
     @classmethod
     def from_environment(cls) -> "ChildLink":
-        """Take the socket that the supervisor passed to this process."""
+        """Open the socket that the supervisor passed to this process."""
         return cls(socket.socket(fileno=int(os.environ[LINK_VARIABLE])))
 
     def fileno(self) -> int:
-        """File descriptor, for select and asyncio."""
+        """File descriptor of the socket, for select and asyncio."""
         return self._sock.fileno()
 
     def put(self, topic: str, record: object) -> None:
@@ -68,12 +68,12 @@ class ChildLink:
             self.flush()
 
     def send(self, topic: str, record: object) -> None:
-        """Send a record and those queued, as far as possible; raises `SupervisorGone`."""
+        """Queue a record and write the queue as far as possible; raises `SupervisorGone`."""
         self._unsent += encode_record(topic, record)
         self.flush()
 
     def flush(self, timeout_s: float = 0.0) -> bool:
-        """Write what waits, for at most `timeout_s`; True when all is written."""
+        """Write queued records, for at most `timeout_s`; True when all are written."""
         deadline = time.monotonic() + timeout_s
         while self._unsent:
             try:
@@ -89,7 +89,7 @@ class ChildLink:
         return True
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Get the records that have arrived, waiting up to `timeout_s` for the first.
+        """Return received records, waiting up to `timeout_s` for the first.
 
         Returns topic and record, in order. Raises `SupervisorGone` once the supervisor has
         ended and all its records were received.
@@ -109,7 +109,7 @@ class ChildLink:
         return records
 
     def wait_for_assignment(self, timeout_s: float = 10.0) -> Assignment:
-        """Get the first record, the assignment; later ones stay for `receive`."""
+        """Return the first record, the assignment; later ones stay for `receive`."""
         deadline = time.monotonic() + timeout_s
         while not self._received and time.monotonic() < deadline:
             select.select([self._sock], [], [], deadline - time.monotonic())

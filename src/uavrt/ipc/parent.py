@@ -1,4 +1,4 @@
-"""A child must not outlive its parent, however the parent ends (Linux only)."""
+"""End a child process with its parent, however the parent ends (Linux only)."""
 
 import ctypes
 import os
@@ -8,9 +8,9 @@ import sys
 PARENT_VARIABLE = "UAVRT_PARENT_PID"
 """Environment variable with the process id of the supervisor that started this process."""
 _PR_SET_PDEATHSIG = 1
-"""prctl(2): signal to get when the parent thread ends."""
+"""prctl(2) option: signal to receive when the parent thread ends."""
 _PR_SET_CHILD_SUBREAPER = 36
-"""prctl(2): children that lose their parent become ours."""
+"""prctl(2) option: adopt descendants that lose their parent."""
 _PR_GET_CHILD_SUBREAPER = 37
 
 
@@ -21,7 +21,7 @@ def adopt_orphans() -> None:
 
 
 def adopts_orphans() -> bool:
-    """Whether that worked; not in an emulator of another processor."""
+    """True if adopting orphans worked; it does not in an emulator of another processor."""
     adopts = ctypes.c_int(0)
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None).prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(adopts), 0, 0, 0)
@@ -29,7 +29,7 @@ def adopts_orphans() -> bool:
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
-    """Die when the parent ends, even by SIGKILL, even while this process is stopped.
+    """End this process when its parent ends, even by SIGKILL, even while stopped.
 
     If the parent has ended already, this process ends now. With SIGTERM as `number` it has time
     to finish; while stopped it then outlives the parent until it is continued, as by systemd.

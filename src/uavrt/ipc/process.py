@@ -30,7 +30,7 @@ HEALTH_PERIOD_S = TOPICS["health"].every_s or 1.0
 
 
 class ProcessFrame:
-    """Common parts of a child process.
+    """Link, clock, health reports and shutdown of a child process.
 
     `link`: socket to the supervisor.
     """
@@ -49,9 +49,9 @@ class ProcessFrame:
 
     @classmethod
     def start(cls, *, finishes: bool = False) -> "ProcessFrame":
-        """Take the link and the assignment; end the loop on SIGTERM, ignore SIGINT.
+        """Open the link and wait for the assignment; SIGTERM ends the loop, SIGINT is ignored.
 
-        With `finishes` the end of the supervisor acts as SIGTERM, too, for processes that must
+        With `finishes` the end of the supervisor acts as SIGTERM too, for processes that must
         still write. The supervisor alone decides in which order processes end on Ctrl-C.
         """
         die_with_parent(signal.SIGTERM if finishes else signal.SIGKILL)
@@ -65,18 +65,18 @@ class ProcessFrame:
         return frame
 
     def stop(self) -> None:
-        """Let the loop end."""
+        """End the process's loop."""
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Send a record to the supervisor, which passes it on, with the next report.
+        """Queue a record for the supervisor, to be passed on; it leaves with the next report.
 
         All records of one turn of the loop go together: each sending wakes the supervisor.
         """
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Get the records that have arrived; the start of a flight sets its clock."""
+        """Return received records; the start of a flight sets the clock."""
         records = self.link.receive(timeout_s)
         for _, record in records:
             if isinstance(record, FlightInfo):
@@ -96,9 +96,9 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send the health if it is due, or at once when it is the last or has changed.
+        """Send the health if it is due, the last, or has changed.
 
-        Call it in each turn of the loop: it also sends all that waits. `counters` is called
+        Call it in each turn of the loop: it also sends all queued records. `counters` is called
         only when the health is sent.
         """
         now_s = monotonic_s()
@@ -121,7 +121,7 @@ class ProcessFrame:
         )
 
     def idle(self, reason: str) -> None:
-        """Stay alive without work until the end, because a restart would change nothing."""
+        """Run without work until the end, because a restart would change nothing."""
         while self.running:
             self.receive(timeout_s=0.5)
             self.report(reason, ok=False)
@@ -135,7 +135,7 @@ class ProcessFrame:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Send what still waits; end quietly when the supervisor has gone."""
+        """Send what is still queued; end without an error if the supervisor has gone."""
         if isinstance(error, SupervisorGone):
             get_logger().warning("supervisor gone: ending")
             sys.exit(1)

@@ -36,7 +36,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 RECORD: Final = struct.Struct("<12d")
 DEFAULT_PORT: Final = 50_000
 HEARTBEAT_S: Final = 1.0
-"""Time between heartbeats, as the successor has it [s]; the original sends one every 3.6 s."""
+"""Time between two heartbeats [s], as in the successor; the original sends one every 3.6 s."""
 
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3
@@ -47,7 +47,7 @@ reported half a second after them, in steps of up to 0.44 s."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseRecord:
-    """The twelve numbers, as they are on the wire."""
+    """The twelve numbers of a pulse datagram."""
 
     tag_id: float
     frequency_hz: float = 0.0
@@ -64,11 +64,11 @@ class PulseRecord:
 
     @property
     def is_heartbeat(self) -> bool:
-        """Whether it is a heartbeat, which has no frequency."""
+        """True for a heartbeat, which has frequency 0."""
         return self.frequency_hz == 0.0
 
     def encode(self) -> bytes:
-        """Write the 96 bytes."""
+        """Bytes of the record, 96 of them."""
         return RECORD.pack(*(getattr(self, name) for name in self.__slots__))
 
     @classmethod
@@ -83,7 +83,7 @@ class PulseRecord:
 
 
 def record_of_pulse(pulse: Pulse) -> PulseRecord:
-    """Convert a pulse."""
+    """Convert a pulse to a pulse record."""
     return PulseRecord(
         tag_id=pulse.tag_id,
         frequency_hz=round(pulse.frequency_hz),
@@ -101,7 +101,7 @@ def record_of_pulse(pulse: Pulse) -> PulseRecord:
 
 
 def record_of_search(report: SearchReport) -> PulseRecord:
-    """Convert a search without a detection."""
+    """Convert a search report without a detection to a pulse record of state 3."""
     return PulseRecord(
         tag_id=report.tag_id,
         frequency_hz=round(report.frequency_hz),
@@ -113,9 +113,9 @@ def record_of_search(report: SearchReport) -> PulseRecord:
 
 
 class PulseDatagramSender:
-    """Sends pulse records and heartbeats; never waits.
+    """Sends pulse records and heartbeats by UDP; never waits.
 
-    `tag_ids`: tags that heartbeats are sent for. Raises `LinkError`: the name is unknown.
+    `tag_ids`: tags with heartbeats. Raises `LinkError`: the host name is unknown.
     """
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
@@ -127,10 +127,10 @@ class PulseDatagramSender:
         self._tag_ids = tuple(tag_ids)
         self._last_heartbeat_s = -math.inf
         self._found_ns: dict[int, tuple[int, int]] = {}
-        """For each tag the last stretch in which its pulses came as expected."""
+        """Last time span in which each tag's pulses came as expected [ns]."""
         self.sent = 0
         self.dropped = 0
-        """Records not sent, for lack of room or of a network."""
+        """Number of records not sent, for lack of buffer or network."""
 
     def send_pulses(self, pulses: Iterable[Pulse]) -> None:
         """Send pulses, each once."""
@@ -139,7 +139,7 @@ class PulseDatagramSender:
             self._note_found(pulse)
 
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
-        """Send searches without a detection, except for a tag that is being found.
+        """Send searches without a detection, except for a tag whose pulses arrive.
 
         Reports come every second, pulses often less often; a controller would take a tag for
         lost between two pulses.
@@ -150,14 +150,14 @@ class PulseDatagramSender:
                 self._send(record_of_search(report))
 
     def heartbeat(self, now_s: float) -> None:
-        """Send a heartbeat for each tag when a second has passed on a monotonic clock."""
+        """Send a heartbeat for each tag once a second, by a monotonic clock."""
         if now_s - self._last_heartbeat_s >= HEARTBEAT_S:
             self._last_heartbeat_s = now_s
             for tag_id in self._tag_ids:
                 self._send(PulseRecord(tag_id=tag_id))
 
     def _note_found(self, pulse: Pulse) -> None:
-        """Lengthen the stretch in which the tag is found, or begin another."""
+        """Extend the time span in which a tag is found, or begin another."""
         next_ns = pulse.predicted_next_end_ns or pulse.end_time_ns
         begin_ns, end_ns = pulse.start_time_ns, next_ns + OVERDUE_NS
         before_ns, until_ns = self._found_ns.get(pulse.tag_id, (begin_ns, end_ns))

@@ -6,7 +6,7 @@ SEND_BUFFER_BYTES = 4 * 1024 * 1024
 
 
 def make_sample_sockets() -> tuple[socket.socket, socket.socket]:
-    """Make a pair (sender's end, receiver's end) with a buffer as large as allowed."""
+    """Make a pair of sockets (sender's end, receiver's end) with the largest allowed buffer."""
     sender, receiver = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     sender.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     return sender, receiver

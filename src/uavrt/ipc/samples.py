@@ -49,19 +49,19 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""Most clipped stretches of a datagram, 16 KiB; 87 ms of a radio have some ninety at most."""
+"""Most clipped stretches in a datagram, 16 KiB; 87 ms of a radio have some ninety at most."""
 BACKLOG_BYTES = 16 * 1024 * 1024
-"""Most bytes waiting for one detector: 16 MiB are 280 s of one channel, 2.8 s of a hundred."""
+"""Most bytes waiting for one detector: 280 s of one channel, 2.8 s of a hundred."""
 MAX_CARRIERS = 8
 _CARRIERS_BYTES = MAX_CARRIERS * CARRIER.size
 MAX_SAMPLES = 8192
-"""A larger block is cut."""
+"""Most samples in a block; a larger one is cut."""
 MAX_DATAGRAM_BYTES = 128 * 1024
-"""Below the default send buffer of 208 KiB."""
+"""Largest datagram [bytes], below the default send buffer of 208 KiB."""
 
 
 class ChannelSender:
-    """Sends the blocks of some channels to one detector; never blocks."""
+    """Sends the blocks of several channels to one detector; never blocks."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
@@ -72,14 +72,14 @@ class ChannelSender:
         self._clipped: tuple[tuple[int, int], ...] = ()
         self._carriers_hz: tuple[float, ...] = ()
         self._last_clipped: tuple[tuple[int, int], ...] = ()
-        """Last stretches sent; the same for all channels of a radio block."""
+        """Clipped stretches sent last; the same for all channels of a radio block."""
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self.samples_dropped = 0
-        """Samples dropped because the detector did not take them in time."""
+        """Number of samples dropped because the detector did not read them in time."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Queue a block of a radio block, cut if it is long; `flush` sends it."""
+        """Queue a channel's block, cut if it is long; `flush` sends it."""
         if block.clipped_ns is not self._last_clipped:
             self._last_clipped = block.clipped_ns
             self._take_clipped(block.clipped_ns[-MAX_STRETCHES:])
@@ -101,7 +101,7 @@ class ChannelSender:
             self._size += size
 
     def _take_clipped(self, stretches_ns: tuple[tuple[int, int], ...]) -> None:
-        """Add stretches to the next datagram, also those of blocks without samples."""
+        """Add clipped stretches to the next datagram, also those of blocks without samples."""
         most = STRETCH.size * MAX_STRETCHES + _CARRIERS_BYTES
         if self._parts and self._size + most > MAX_DATAGRAM_BYTES:
             self._enqueue(more=True)
@@ -110,7 +110,7 @@ class ChannelSender:
         self._clipped = kept
 
     def _enqueue(self, *, more: bool) -> None:
-        """Make a datagram of the queued blocks; over the limit the oldest is dropped."""
+        """Make a datagram of the queued blocks; beyond the limit the oldest is dropped."""
         carriers = [CARRIER.pack(frequency_hz) for frequency_hz in self._carriers_hz]
         self._size += CARRIER.size * len(carriers)
         envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped), len(carriers))
@@ -127,7 +127,7 @@ class ChannelSender:
             self.samples_dropped += (len(dropped) - overhead) // 8
 
     def flush(self) -> None:
-        """End a radio block; send what waits, as far as the socket takes it."""
+        """End a radio block; send datagrams until the socket's buffer is full."""
         if self._parts:
             self._enqueue(more=False)
         while self._waiting:
@@ -148,18 +148,18 @@ class ChannelReceiver:
         self._sock = sock
         self._next_index: dict[int, int] = {}
         self.refused = 0
-        """Datagrams that are no blocks."""
+        """Number of received datagrams that hold no blocks."""
         self.complete = True
-        """Whether the last radio block has come in full."""
+        """True if the last radio block was received in full."""
 
     def fileno(self) -> int:
-        """File descriptor, for select."""
+        """File descriptor of the socket, for select."""
         return self._sock.fileno()
 
     def receive(self) -> list[ChannelBlock]:
-        """Get the blocks of the next datagram, in the order of sending; none when none waits.
+        """Return the blocks of the next datagram, in the order of sending; none without one.
 
-        `lost_before` counts the samples of a channel that never came.
+        `lost_before` counts the samples of a channel that were lost.
         """
         while True:
             try:
@@ -215,7 +215,7 @@ def _pieces(datagram: bytes) -> list[int]:
 
 
 def _begin(datagram: bytes) -> int:
-    """Offset of the first block."""
+    """Offset of the first block in a datagram."""
     clipped: int
     carriers: int
     _, _, clipped, carriers = ENVELOPE.unpack_from(datagram)
@@ -223,7 +223,7 @@ def _begin(datagram: bytes) -> int:
 
 
 def _carriers_hz(datagram: bytes) -> tuple[float, ...]:
-    """Carriers that a datagram reports."""
+    """Frequencies of the carriers that a datagram reports [Hz]."""
     carriers = ENVELOPE.unpack_from(datagram)[3]
     end = _begin(datagram)
     return tuple(
@@ -232,7 +232,7 @@ def _carriers_hz(datagram: bytes) -> tuple[float, ...]:
 
 
 def _clipped_ns(datagram: bytes) -> tuple[tuple[int, int], ...]:
-    """Stretches with clipped samples that a datagram reports."""
+    """Stretches with clipped samples that a datagram reports [ns, UTC]."""
     end = ENVELOPE.size + STRETCH.size * ENVELOPE.unpack_from(datagram)[2]
     stretches = datagram[ENVELOPE.size : end]
     return tuple((begin, end) for begin, end in STRETCH.iter_unpack(stretches))

@@ -1,9 +1,9 @@
-"""The table of topics: every kind of record that crosses a process.
+"""Table of topics: every kind of record that crosses a process.
 
 Routing, recording, the hub's queues and the documentation derive from this table and from the
 table of processes (`uavrt.supervisor.tree.table`).
 
-A record travels as one line, ``topic TAB json NEWLINE``.
+A record is sent as one line, ``topic TAB json NEWLINE``.
 """
 
 from dataclasses import KW_ONLY, dataclass
@@ -18,7 +18,7 @@ from uavrt.ipc.assignment import Assignment
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row of the table."""
+    """A kind of record: name, type, meaning, and limits."""
 
     name: str
     record: type
@@ -31,7 +31,7 @@ class Topic:
     """Time between two records of one sender once they flow [s]; None: irregular. Less than
     half the rate is reported as too slow (`uavrt.supervisor.pace`)."""
     each_tag: bool = False
-    """Whether `every_s` applies to each tag that the sender serves."""
+    """True if `every_s` applies to each tag that the sender serves."""
 
 
 TOPICS: dict[str, Topic] = {
@@ -148,7 +148,7 @@ TOPICS: dict[str, Topic] = {
 
 
 def _plain(value: Any) -> Any:
-    """Turn a NumPy scalar into a Python number; other types are refused."""
+    """Convert a NumPy scalar to a Python number; raises `TypeError` for other types."""
     if type(value).__module__ == "numpy" and getattr(value, "shape", None) == ():
         return value.item()
     raise TypeError(f"{type(value).__name__} cannot travel between processes")
@@ -168,7 +168,7 @@ def encode_record(topic: str, record: object) -> bytes:
 
 
 def topic_of(line: bytes) -> str:
-    """Get the topic of a line without reading the record."""
+    """Topic of a line, without reading its record."""
     return line[: line.find(b"\t")].decode("ascii", "replace")
 
 

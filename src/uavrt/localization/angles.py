@@ -1,4 +1,4 @@
-"""Angles on the circle, in whole arrays."""
+"""Differences and gaps of angles on the circle, for whole arrays."""
 
 from typing import overload
 

@@ -15,9 +15,9 @@ from uavrt.errors import UsageError
 from uavrt.plugins import Registry
 
 MONOPOLE = "monopole"
-"""An upright whip, which receives equally on all sides."""
+"""Name of the upright whip antenna, which receives equally at all headings."""
 NULL_DB = -30.0
-"""Deepest null of an installed antenna: the airframe scatters."""
+"""Gain of the deepest null of an installed antenna [dB]; the airframe scatters into it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class AntennaPattern:
     """Gain at equal steps from 0° to 180°, both included, in the plane of the elements, which
     is horizontal on a level drone."""
     h_plane_db: tuple[float, ...] | None = None
-    """The same across the elements; None: the same as in their plane."""
+    """Gain at the same angles across the elements [dB]; None is equal to `e_plane_db`."""
 
     def __post_init__(self) -> None:
         for table in (self.e_plane_db, self.h_plane_db):
@@ -40,13 +40,7 @@ class AntennaPattern:
                 )
 
     def gain_db(self, off_boresight_deg: ArrayLike) -> NDArray[np.float64]:
-        """Gain relative to boresight [dB] in the plane of the elements.
-
-        Parameters
-        ----------
-        off_boresight_deg : array of any shape
-            Azimuth of the source minus that of the boresight [deg], any turn.
-        """
+        """Gain relative to boresight in the plane of the elements [dB]; any angles."""
         return _looked_up(self.e_plane_db, off_boresight_deg)
 
     def gain_towards_db(
@@ -55,15 +49,10 @@ class AntennaPattern:
         right: NDArray[np.float64],
         down: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Gain relative to boresight [dB] towards unit directions in the antenna's frame.
+        """Gain relative to boresight towards unit vectors from antenna to source [dB].
 
-        Between the two planes decibels are mixed by cos² of the angle about the boresight, the
-        usual interpolation of two cuts.
-
-        Parameters
-        ----------
-        forward, right, down : arrays of one shape
-            Components of the unit vector from the antenna to the source.
+        Between the two planes decibels are averaged by cos² of the angle about the boresight,
+        the usual interpolation of two cuts. `forward`, `right`, `down`: arrays of one shape.
         """
         off = np.degrees(np.arccos(np.clip(forward, -1.0, 1.0)))
         e_plane = _between(self.e_plane_db, off)
@@ -75,13 +64,11 @@ class AntennaPattern:
 
 
 def _looked_up(table_db: Sequence[float], angle_deg: ArrayLike) -> NDArray[np.float64]:
-    """Linear interpolation in a mirrored 0–180° table of uniform steps."""
     turned = np.asarray(angle_deg, np.float64) + 180.0
     return _between(table_db, np.abs(np.remainder(turned, 360.0) - 180.0))
 
 
 def _between(table_db: Sequence[float], angle_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear interpolation of angles from 0 to 180° in a table of uniform steps."""
     table = np.asarray(table_db, np.float64)
     place = angle_deg * ((len(table) - 1) / 180.0)
     below = np.minimum(place.astype(np.intp), len(table) - 2)
@@ -147,25 +134,17 @@ _OWN = {
     )
 }
 PATTERNS = Registry("uavrt.antennas", _OWN, AntennaPattern)
-"""Patterns by name, including those of installed packages (docs/how-to/extend.md)."""
+"""Antenna patterns by name, including those of installed packages (docs/how-to/extend.md)."""
 
 
 def monopole_gain_db(elevation_deg: ArrayLike) -> NDArray[np.float64]:
-    """Gain of an upright monopole over that at the horizon: 20 log10(cos elevation), at least
-    -30 dB.
-    """
+    """Gain of an upright monopole over that at the horizon [dB]; -30 or more."""
     cosine = np.abs(np.cos(np.radians(np.asarray(elevation_deg, np.float64))))
     return np.maximum(20.0 * np.log10(np.maximum(cosine, 1e-9)), NULL_DB)
 
 
 def pattern_named(antenna: AntennaPattern | str) -> AntennaPattern:
-    """The pattern itself, or the one of that name.
-
-    Raises
-    ------
-    UsageError
-        No pattern has this name; the text lists those that exist.
-    """
+    """Pattern of a name; a pattern is returned as it is. `UsageError` lists the known names."""
     if isinstance(antenna, AntennaPattern):
         return antenna
     if antenna not in PATTERNS:

@@ -1,4 +1,4 @@
-"""Cache between estimates, keyed by all inputs of a value."""
+"""Cache of results between repeated estimates, keyed by all inputs of a result."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -13,13 +13,13 @@ T = TypeVar("T")
 class Cache:
     """Cache for a caller that estimates repeatedly.
 
-    A value is made by a function of its inputs, and stored under both: no input can be missing
-    from its key.
+    A function of its inputs makes each value, and the inputs are its key: no input can be
+    missing from the key.
     """
 
     def __init__(self) -> None:
         self.more = False
-        """True if the last estimate left work for the next one."""
+        """True if the last estimate reached a limit and left values to the next one."""
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
         self._left: dict[str, int] = {}
@@ -29,8 +29,9 @@ class Cache:
     def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
         """Begin an estimate; values that the last one did not use are dropped.
 
-        `at_once`: most new values of each kind; the others keep their last value, and the
-        oldest are renewed first the next time. A kind that is missing has no limit.
+        `at_once`: largest number of new values of each kind. Further subjects keep their last
+            value, and the oldest are updated first in the next estimate. A kind that is missing
+            has no limit.
         """
         self._before, self._now = self._now, {}
         self._left, self.more = dict(at_once), False
@@ -42,9 +43,9 @@ class Cache:
     def latest(
         self, kind: str, subject: Hashable, make: Callable[..., T], *inputs: object
     ) -> T | None:
-        """Value of a kind and a subject from its present inputs, from the cache if possible.
+        """Value of a kind for a subject, computed from its present inputs or cached.
 
-        Beyond the limit of this estimate, the subject's last value; None if unknown.
+        Beyond this estimate's limit, return the subject's last value; None if there is none.
         """
         key = _key(make, inputs, {})
         if key not in self._now and key not in self._before:
@@ -59,7 +60,7 @@ class Cache:
         return found
 
     def waiting(self, kind: str, subjects: Sequence[Hashable]) -> list[int]:
-        """Numbers of subjects, oldest value first."""
+        """Numbers of the subjects, those with the oldest values first."""
         made = [self._made.get((kind, one), 0) for one in subjects]
         return sorted(range(len(subjects)), key=made.__getitem__)
 
@@ -84,7 +85,6 @@ def _key(
 
 
 def _content(value: object) -> Hashable:
-    """All content of a value; equal for values of equal content."""
     if isinstance(value, np.ndarray):
         return value.dtype.char, value.shape, value.tobytes()
     if isinstance(value, Mapping):

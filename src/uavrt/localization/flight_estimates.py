@@ -1,6 +1,7 @@
-"""The one estimator: turns, bearings, strengths and positions from pulses and poses.
+"""Estimate turns, bearings, strengths and positions of a flight, from its pulses and poses.
 
-Drone, page, report, batch and command line all call it, so that they agree on a flight.
+Drone, page, report, batch and command line all call this module, so that they agree on a
+flight.
 """
 
 import math
@@ -22,52 +23,27 @@ from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.headings import Headings, yaws_deg
 from uavrt.localization.heard import Heard, OverGround, PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.listeners import strengths_of
-from uavrt.localization.position.estimate import (
-    HEADING_SIGMA_DEG,
-    LEAST_EXTENT_M,
-    estimate_position,
-)
+from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import Strengths
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
 from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
+from uavrt.localization.tuning import FLIGHT
 from uavrt.tangent_plane import plane_around
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-OWN_HEADING_SIGMA_DEG = 1.0
-"""Least error of a turn's headings that the flight's other turns do not share."""
-MISS_THRESHOLD_DB = 13.0
-"""SNR above which a detector that follows a tag misses no pulse: three pulses of 11.4 dB are
-found with 90 % (docs/reference), the rest is margin for losses."""
 NO_TIME = -1
 """Time of a bearing that was noted without one [ns]; its tag is assumed to rest."""
-LEAST_PULSES = 3
-LEAST_TURN_DEG = 45.0
-"""Least angle of a turn in progress; finished turns need 270°."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Margin before and after a turn whose pulses belong to it: same place, first heading."""
-ONE_FLIGHT_S = 7200.0
-"""Bearings over a longer time are of several flights: the tag is assumed to rest."""
-OTHER_TAG_HZ = 10_000.0
-"""Frequency difference beyond which one number is two tags: crystals drift by less, and logs
-with six digits round to as much."""
-LEAST_TURNS = 3
+"""Time before and after a turn within which pulses belong to it [ns]: same place and
+heading."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
 )
-_GOES_ON_NS = 10_000_000_000
-"""A turn that ends this close to the last pose may still be in progress."""
-_WHOLE_DEG = 270.0
-_LEAST_TO_LEARN = 12
-_MOST_TURNS = 24
-_TICK_NS = 256
-"""Resolution of times; see `Heard.of`."""
-_LEAST_HEIGHT_M = 2.0
-"""Least height of the antenna over the tag."""
 _SURVEY_ALONE = "a survey by strength has a position of its own"
 
 _Floats = NDArray[np.float64]
@@ -78,99 +54,98 @@ class ReadAs:
     """Settings for reading a flight or log."""
 
     antenna: AntennaPattern | str | None = None
-    """Pattern, or its name; None: the flight's own."""
+    """Antenna pattern, or its name; None is that of the flight."""
     offset_deg: float = 0.0
-    """Boresight clockwise from the heading that the pulses carry."""
+    """Direction of the boresight, clockwise from the heading stored with the pulses [deg]."""
     height_m: float | None = None
-    """With a monopole: height over the tags, where the poses have none."""
-    heading_sigma_deg: float = HEADING_SIGMA_DEG
-    """Error that all headings of a flight share, one standard deviation."""
-    height_sigma_m: float = HEIGHT_SIGMA_M
-    """With a monopole: error that all heights over a tag share, one standard deviation."""
+    """Height over the tags where the poses have none, for a monopole [m]."""
+    heading_sigma_deg: float = COMMON.heading_sigma_deg
+    """Standard deviation of the error that all headings of a flight share [deg]."""
+    height_sigma_m: float = SURVEY.height_sigma_m
+    """Standard deviation of the error that all heights over a tag share, for a monopole [m]."""
     elevation: Elevation | None = None
-    """Heights of the ground, for losses behind hills; None assumes level ground."""
+    """Elevation files for losses behind hills; None assumes level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
     method: PositionMethod | str = "bayes"
     learn: bool = True
-    """Correct the pattern by whole turns (``pattern_ml``)."""
+    """True to correct the antenna's pattern by whole turns (``pattern_ml``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagBearing:
-    """A bearing to a tag, with place and time."""
+    """Bearing to a tag, with place and time."""
 
     tag_id: int
     bearing: Bearing
     latitude_deg: float
-    """Median over the pulses, as are the other two."""
+    """Median over the pulses; longitude and altitude are medians, too."""
     longitude_deg: float
     altitude_amsl_m: float
     start_time_ns: int
-    """Not after the first pulse."""
+    """Time at or before the start of the first pulse [ns]."""
     middle_time_ns: int
-    """Between the first pulse and the last: the time for a moving tag."""
+    """Middle between the first and the last pulse [ns]; the bearing's time for a moving tag."""
     end_time_ns: int
-    """Not before the last pulse began."""
+    """Time at or after the start of the last pulse [ns]."""
     heard: int = 0
     turn: Turn | None = None
-    """None where the turn is unknown."""
+    """Turn that the bearing was estimated from; None is unknown."""
     number: int = 0
     """Number of the turn in the flight, from 0."""
     from_drone: bool = False
     flight: int = 0
-    """Number of the flight or log that were read together, from 0; in a position, of the
-    receiver."""
+    """Number of the flight or log, from 0; in a position, the receiver's number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagPosition:
-    """A position of a tag, or the reason why there is none."""
+    """Estimated position of a tag, or the reason why there is none."""
 
     tag_id: int
     position: Position | None
     reason: str | None = None
     frequency_hz: float | None = None
-    """Median of the pulses, where logs with pulses were read."""
+    """Median frequency of the tag's pulses [Hz], where logs with pulses were read."""
     name: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """One receiver's results, for its own positions and those of others."""
+    """Bearings and strengths by one receiver, for its own positions and those of others."""
 
     bearings: Sequence[TagBearing] = ()
-    """In order of time and tag."""
+    """Bearings in order of time and tag."""
     strengths: Mapping[int, Strengths] = field(default_factory=dict)
-    """Strengths of tags that were heard and have no bearing."""
+    """Strengths of received tags without a bearing, by tag."""
     heard: frozenset[int] = frozenset()
-    """Tags with at least one pulse."""
+    """Numbers of tags with at least one pulse."""
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
-    """Frequencies of tags heard or listed: a number may mean another animal elsewhere."""
+    """Frequencies of received or listed tags [Hz], by tag."""
     pattern: AntennaPattern | None = None
-    """The antenna's pattern as corrected by the turns; None without a turn."""
+    """Antenna's pattern as corrected by the turns; None without a turn."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Bearings of one tag."""
         return [one for one in self.bearings if one.tag_id == tag_id]
 
     def knows(self, tag_id: int) -> bool:
-        """True if it has a bearing or strengths of a tag."""
+        """True if there is a bearing or a strength of a tag."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimated:
-    """All estimates of a flight."""
+    """All bearings and positions of a flight."""
 
     found: Found
     positions: tuple[TagPosition, ...]
     tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
-    """Tracks that positions by strength are based on."""
+    """Pulse powers along the flight that positions by strength were estimated from, by tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeardInTurn:
-    """One tag's pulses in one turn."""
+    """Pulses of one tag during one turn."""
 
     tag_id: int
     turn: Turn
@@ -178,12 +153,12 @@ class HeardInTurn:
     """Number of the turn in the flight, from 0."""
     pulses: PulseColumns
     missed_yaw_deg: _Floats
-    """(m,) headings at expected pulses that were not heard."""
+    """(m,) headings of the antenna at expected pulses that were not received [deg]."""
 
     @property
     def whole(self) -> bool:
         """True if the turn is complete, or nearly."""
-        return abs(self.turn.turned_deg) >= _WHOLE_DEG
+        return abs(self.turn.turned_deg) >= FLIGHT.whole_turn_deg
 
     @property
     def snr_db(self) -> _Floats:
@@ -192,12 +167,14 @@ class HeardInTurn:
 
     @property
     def subject(self) -> tuple[int, int]:
-        """Tag and turn; the turn by its first pulse, which stays the same as the turn grows."""
+        """Key of tag and turn in the cache; it stays the same while the turn grows."""
         return self.tag_id, int(self.pulses.time_ns[0])
 
 
-def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:
-    """Turns of a flight, including one in progress."""
+def turns_in(
+    poses: PoseColumns, *, least_turn_deg: float = FLIGHT.whole_turn_deg
+) -> list[Turn]:
+    """Find the turns of a flight, including one in progress."""
     if len(poses.time_ns) < 4 or poses.on_ground.all():
         return []  # what flew before is not among these poses any more
     every = find_turns(
@@ -207,21 +184,22 @@ def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[
         poses.longitude_deg,
         height_m=poses.flown_m,
         on_ground=poses.on_ground,
-        least_turn_deg=LEAST_TURN_DEG,
+        least_turn_deg=FLIGHT.least_turn_deg,
     )
     last_ns = int(poses.time_ns[-1])
     return [
         turn
         for turn in every
-        if abs(turn.turned_deg) >= least_turn_deg or last_ns - turn.end_time_ns <= _GOES_ON_NS
+        if abs(turn.turned_deg) >= least_turn_deg
+        or last_ns - turn.end_time_ns <= FLIGHT.in_progress_ns
     ]
 
 
 def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
     """Pulses of each tag in each turn in place, in order of time and tag.
 
-    Three pulses at least. The antenna is turned by an offset clockwise from the heading that
-    the pulses carry.
+    At least three pulses are needed. The antenna is turned by an offset clockwise from the
+    heading stored with the pulses.
     """
     pulses = {tag_id: own.turned(offset_deg) for tag_id, own in sorted(heard.pulses.items())}
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in heard.tags}
@@ -233,7 +211,7 @@ def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
         edges = [turn.start_time_ns - EDGE_NS, turn.end_time_ns + EDGE_NS + 1]
         for tag_id, own in pulses.items():
             first, last = map(int, np.searchsorted(own.time_ns, edges))
-            if last - first >= LEAST_PULSES:
+            if last - first >= FLIGHT.least_pulses:
                 near = own.chosen(slice(max(0, first - 1), last + 1))
                 missed = _missed_yaws_deg(
                     near, heard.poses.time_ns, yaw_deg, turn, rhythms.get(tag_id)
@@ -273,10 +251,7 @@ def _missed_yaws_deg(
     turn: Turn,
     rhythm: Rhythm | None,
 ) -> _Floats:
-    """Headings of the antenna at expected pulses of a turn that were not heard.
-
-    The heading is the vehicle's, plus the antenna's offset from it at the nearest heard pulses.
-    """
+    """Headings of the antenna at expected pulses of a turn that were not received [deg]."""
     times = pulses.missed_ns(rhythm)
     inside = times[(times >= turn.start_time_ns) & (times <= turn.end_time_ns)]
     if not len(inside):
@@ -293,7 +268,6 @@ def _bearing_of(
     pattern: AntennaPattern,
     method: BearingMethod | str,
 ) -> TagBearing:
-    """Estimate the bearing of a tag from its pulses in a turn; raises `UsageError`."""
     half = np.radians(missed_yaw_deg) / 2.0
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
@@ -307,8 +281,8 @@ def _bearing_of(
         antenna=pattern,
         quaternion_wxyz=np.concatenate([pulses.quaternion_wxyz, missed]),
         noise_psd=np.concatenate([noise, fill]) if known else None,
-        threshold_db=MISS_THRESHOLD_DB,
-        heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
+        threshold_db=FLIGHT.miss_threshold_db,
+        heading_sigma_deg=FLIGHT.own_heading_sigma_deg,
     )
     first_ns, last_ns = int(pulses.time_ns[0]), int(pulses.time_ns[-1])
     return TagBearing(
@@ -317,9 +291,9 @@ def _bearing_of(
         latitude_deg=float(np.median(pulses.latitude_deg)),
         longitude_deg=float(np.median(pulses.longitude_deg)),
         altitude_amsl_m=float(np.median(pulses.altitude_amsl_m)),
-        start_time_ns=first_ns - _TICK_NS // 2,
+        start_time_ns=first_ns - FLIGHT.tick_ns // 2,
         middle_time_ns=(first_ns + last_ns) // 2,
-        end_time_ns=last_ns + _TICK_NS // 2,
+        end_time_ns=last_ns + FLIGHT.tick_ns // 2,
         heard=len(pulses.snr_db),
     )
 
@@ -329,18 +303,18 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
 
 
 def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
-    """Turns that a pattern is learnt from: whole ones with many pulses."""
-    whole = [one for one in heard if one.whole and len(one.snr_db) >= _LEAST_TO_LEARN]
-    return whole[:_MOST_TURNS]
+    """Turns from which the antenna's pattern is learned: complete ones with many pulses."""
+    whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
+    return whole[: FLIGHT.most_turns]
 
 
 def antenna_as_shown(
     heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
 ) -> AntennaPattern:
-    """Correct a pattern by whole turns; unchanged where they are too few."""
+    """Pattern of the antenna corrected by whole turns; unchanged where they are too few."""
     whole = teaching(heard)
     pattern = pattern_named(antenna)
-    if len(whole) < LEAST_TURNS:
+    if len(whole) < FLIGHT.least_turns:
         return pattern
     turns = [
         TurnPulses(
@@ -356,11 +330,11 @@ def antenna_as_shown(
         )
         for one in whole
     ]
-    return learn_pattern(turns, pattern, threshold_db=MISS_THRESHOLD_DB)
+    return learn_pattern(turns, pattern, threshold_db=FLIGHT.miss_threshold_db)
 
 
 def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
-    """The requested antenna, else the one that it was heard with."""
+    """Pattern of the requested antenna, else of the one that received the pulses."""
     return heard.antenna if how.antenna is None else how.antenna
 
 
@@ -371,7 +345,7 @@ def learnt_pattern(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> AntennaPattern:
-    """The antenna's pattern as learnt from the turns of a flight, and `past` ones.
+    """Antenna's pattern learned from the turns of this flight and of earlier ones, `past`.
 
     A turn in progress is left out: each of its pulses would change all bearings.
     """
@@ -393,10 +367,8 @@ def bearings_of(
 ) -> list[TagBearing]:
     """One bearing for each tag and each turn in place, in order of time and tag.
 
-    Pulses that are expected by a known interval, and were not heard, count as misses.
-
-    `past`: turns of other flights, for learning the pattern.
-    `cache`: for repeated calls.
+    Pulses that a known interval predicts and that were not received count as misses. `past`:
+    turns of other flights, for learning the pattern.
     Raises `UsageError`: method or antenna is unknown, or the method cannot use the pulses.
     """
     return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
@@ -419,7 +391,7 @@ def _bearings(
 def _tag_bearing(
     one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
 ) -> TagBearing | None:
-    """Bearing from all pulses, or the last one where the cache defers its update."""
+    """Bearing of a tag in a turn, or the previous one while the cache defers its update."""
     made_of = one.tag_id, one.pulses, one.missed_yaw_deg, pattern, method
     known = cache.latest("bearing", one.subject, _bearing_of, *made_of)
     return None if known is None else cache.get(_in_turn, known, one.turn, one.number)
@@ -432,10 +404,10 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Bearings, and strengths of tags without one.
+    """Bearings of a receiver, and strengths of tags without one.
 
     A bearing of `theirs`, from the drone, replaces ours when it used more pulses of its turn.
-    See `bearings_of`.
+    The other parameters are those of `bearings_of`.
     """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
@@ -482,13 +454,12 @@ def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strength
 
 
 def _turns(pulses: PulseColumns) -> bool:
-    """True if a bearing without a clear direction is of a turn, not of one heading."""
+    """True if a bearing without a clear direction is from a turn, not from one heading."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
-    return float(np.ptp(yaw)) >= LEAST_TURN_DEG
+    return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
 
 
 def _with_theirs(own: Sequence[TagBearing], theirs: Sequence[TagBearing]) -> list[TagBearing]:
-    """Replace our bearings by the drone's where it used more pulses, in order of time."""
     found = list(own)
     turns = 1 + max((one.number for one in own), default=-1)
     for one in theirs:
@@ -523,15 +494,15 @@ def estimate(
 ) -> Estimated:
     """Estimate all bearings and positions of a flight or log.
 
-    `past`: turns of past flights, for learning the antenna's pattern.
+    `past`: turns of earlier flights, for learning the antenna's pattern.
     `theirs`: bearings estimated on the drone.
     `others`: results of other receivers, used in positions where a number means a tag of the
-    same frequency.
+        same frequency.
     `cache`: for repeated calls: unchanged results are kept.
     `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
-    `Cache.begin`.
+        `Cache.begin`.
     Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the
-    pulses.
+        pulses.
     """
     how, cache = how or ReadAs(), cache or Cache()
     cache.begin(at_once)
@@ -564,7 +535,6 @@ def estimate(
 
 
 def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
-    """The ground; cached losses remain while the take-off stays the same."""
     return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
@@ -574,7 +544,7 @@ def place(
     over: OverGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
-    """One position for each tag with bearings, or heard by the first receiver.
+    """Estimate one position for each tag with bearings, or received by the first receiver.
 
     Bearings without a direction are left out; strengths of receivers that did not turn are
     used.
@@ -590,7 +560,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Receivers for which the number is the same tag as for the first with its frequency."""
+    """Receivers for which a tag number means the same animal, by its frequency."""
     knows = [*found[:1], *(each for each in found[1:] if each.knows(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in knows if tag_id in each.frequencies_hz]
     if not hz:
@@ -598,7 +568,7 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
     return [
         each
         for each in found
-        if abs(each.frequencies_hz.get(tag_id, hz[0]) - hz[0]) <= OTHER_TAG_HZ
+        if abs(each.frequencies_hz.get(tag_id, hz[0]) - hz[0]) <= FLIGHT.other_tag_hz
     ]
 
 
@@ -628,7 +598,6 @@ def _placed(
 def _stations(
     bearings: Sequence[TagBearing], over: OverGround | None, listeners: Sequence[Strengths]
 ) -> Stations:
-    """Put a tag's bearings, in order of time, into columns; raises `UsageError` without any."""
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
         raise UsageError(
@@ -640,7 +609,7 @@ def _stations(
         [one.latitude_deg for one in used],
         [one.longitude_deg for one in used],
         [one.bearing for one in used],
-        times_s if origin_ns != NO_TIME and max(times_s) <= ONE_FLIGHT_S else None,
+        times_s if origin_ns != NO_TIME and max(times_s) <= FLIGHT.one_flight_s else None,
         origin_ns,
     )
     height_m = None if over is None else over.heights_m([one.middle_time_ns for one in used])
@@ -655,11 +624,7 @@ def _position_of(
     heading_sigma_deg: float,
     hills: HillLosses | None,
 ) -> TagPosition:
-    """Estimate a tag's position; if its bearings contradict a fixed place, also its path.
-
-    With the ground, levels are corrected for hills. Strengths of receivers that never turned
-    are used by the method ``bayes``; the position states the use of each.
-    """
+    """Estimate a tag's position, and its path if its bearings contradict a fixed place."""
     try:
         found = estimate_position(
             stations,
@@ -727,9 +692,9 @@ def _surveyed(
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
     """Collect a tag's pulses along the flight, missed ones of a listed tag included.
 
-    `height_m`: over the tag, where the poses have no height above the start.
-    Raises `UsageError`: fewer than three pulses were heard at a known place, or no height is
-    known.
+    `height_m`: height over the tag, where the poses have no height above the start.
+    Raises `UsageError`: fewer than three pulses were received at a known place, or no height is
+        known.
     """
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
@@ -760,20 +725,20 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     return PowerTrack(
         latitude_deg=latitude,
         longitude_deg=longitude,
-        height_m=np.maximum(height, _LEAST_HEIGHT_M),
+        height_m=np.maximum(height, FLIGHT.least_height_m),
         snr_db=snr,
-        threshold_db=MISS_THRESHOLD_DB,
-        time_s=times_s if times_s[-1] <= ONE_FLIGHT_S else None,
+        threshold_db=FLIGHT.miss_threshold_db,
+        time_s=times_s if times_s[-1] <= FLIGHT.one_flight_s else None,
         origin_ns=int(times_ns[0]),
     )
 
 
 def stands(heard: Heard) -> bool:
-    """True if all was heard at one place, which makes no survey by strength."""
+    """True if all pulses were received at one place, which gives no survey by strength."""
     own = heard.pulses.values()
     if not own:
         return False
     latitude = np.concatenate([one.latitude_deg for one in own])
     longitude = np.concatenate([one.longitude_deg for one in own])
     away_m = np.hypot(*plane_around(latitude, longitude).to_local(latitude, longitude))
-    return float(np.quantile(away_m, 0.95)) < LEAST_EXTENT_M
+    return float(np.quantile(away_m, 0.95)) < POWER.least_extent_m

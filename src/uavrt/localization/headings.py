@@ -14,7 +14,7 @@ class Headings:
     """Directions of the antenna at each pulse."""
 
     yaw_deg: NDArray[np.float64]
-    """(n,) boresight over ground, clockwise from true north."""
+    """(n,) direction of the boresight over ground, clockwise from true north [deg]."""
     axes: NDArray[np.float64] | None = None
     """(n, 3, 3) forward, right and down axis in north, east, down; None is a level antenna."""
 
@@ -69,7 +69,7 @@ class Headings:
 
 
 def yaws_deg(quaternion_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Headings (n,) of attitudes (n, 4) of length 1, clockwise from true north; NaN of NaN."""
+    """Headings (n,) [deg] of unit quaternions (n, 4), clockwise from north; NaN stays NaN."""
     w, x, y, z = quaternion_wxyz.T
     yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return np.asarray(np.remainder(np.degrees(yaw), 360.0))

@@ -1,4 +1,4 @@
-"""Columns of pulses and poses: input of the estimates, from a flight, a log or live data."""
+"""Pulses and poses of a flight, a log or live data in columns: the input of the estimates."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,52 +8,32 @@ from numpy.typing import NDArray
 
 from uavrt.columns import chosen_rows, joined_rows
 from uavrt.errors import UsageError
-from uavrt.localization.bearing.turns import CLIMB_M
+from uavrt.localization.bearing.tuning import TURNS
 from uavrt.localization.headings import Headings
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.tangent_plane import TangentPlane
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-POSE_STEP_NS = 180_000_000
-"""Least time between poses; closer ones add nothing to a turn."""
-POSE_GAP_NS = 2_000_000_000
-"""Distance in time beyond which a pulse's own pose is used; telemetry comes several times a
-second."""
-MOST_MISSED = 100_000
-"""Most missed pulses of one tag in a flight: a day of them."""
-APART_M = 20.0
-"""Least difference that is reported between heights of a flight and of elevation files."""
-LEAST_TAG_HZ = 1e6
-"""Least frequency of a tag: some logs have megahertz, cut to a whole number."""
-_ON_GROUND_M = 5.0
-"""Poses that begin higher do not show where the take-off was."""
-_IN_PLACE_M = 30.0
-"""Largest distance of pulses from their median place in a log of one place."""
-_HILLS_DIGITS = 4
-"""Digits of frequencies for losses behind hills: rounding to 10 kHz is negligible, and lets a
-live flight reuse them."""
-
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseColumns:
-    """Places of the vehicle, in order of time."""
+    """Positions and attitudes of the vehicle, in order of time."""
 
     time_ns: NDArray[np.int64]
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) above the take-off; NaN where unknown."""
+    """(n,) height above the take-off [m]; NaN where unknown."""
     quaternion_wxyz: _Floats
     altitude_amsl_m: _Floats | None = None
-    """(n,) above sea level, NaN where unknown; separates flight from ground where `height_m` is
-    unknown."""
+    """(n,) altitude above sea level [m]; NaN where unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times that the autopilot reports as on the ground; empty without
-    reports."""
+    """First and last times at which the autopilot reports to be on the ground [ns]."""
 
     @classmethod
     def of(
@@ -73,7 +53,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add other poses, such as the pulses' own, at times without poses here.
+        """Add other poses, such as those stored with pulses, at times without poses.
 
         This covers times of a failed telemetry link. Both may be out of order; the result has
         one pose for each time.
@@ -91,20 +71,20 @@ class PoseColumns:
 
     @property
     def amsl_m(self) -> _Floats:
-        """(n,) altitudes; NaN where unknown."""
+        """(n,) altitudes above sea level [m]; NaN where unknown."""
         nowhere = np.full(len(self.time_ns), np.nan)
         return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights to separate flight from ground: above the take-off, else the lowest."""
+        """(n,) heights that separate flight from ground [m]: above take-off or lowest pose."""
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
         return np.asarray(amsl - np.nanmin(amsl))
 
     def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
-        """Heights above the take-off at some times; 0 where none is known."""
+        """Heights above the take-off at given times [m]; 0 where none is known."""
         known, wanted_ns = np.isfinite(self.height_m), np.asarray(time_ns, np.float64)
         if not known.any():
             return np.zeros(len(wanted_ns))
@@ -113,7 +93,7 @@ class PoseColumns:
 
     @property
     def on_ground(self) -> NDArray[np.bool_]:
-        """(n,) True where the autopilot reports to be on the ground."""
+        """(n,) True where the autopilot reports the vehicle on the ground."""
         found = np.zeros(len(self.time_ns), bool)
         for first, last in self.on_ground_ns:
             found |= (self.time_ns >= first) & (self.time_ns <= last)
@@ -121,15 +101,15 @@ class PoseColumns:
 
     @property
     def leaves_ground(self) -> bool:
-        """True if it was partly flown and partly not, by heights or autopilot."""
+        """True if heights or autopilot show both flight and ground."""
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
-        climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
+        climbed = len(flown) > 0 and float(np.ptp(flown)) >= TURNS.climb_m
         return climbed or bool(on_ground.any() and not on_ground.all())
 
     @property
     def yaw_deg(self) -> _Floats:
-        """(n,) headings."""
+        """(n,) headings of the vehicle, clockwise from true north [deg]."""
         return Headings.from_quaternions(self.quaternion_wxyz).yaw_deg
 
 
@@ -141,21 +121,21 @@ class PulseColumns:
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) of the antenna above the take-off; NaN where unknown."""
+    """(n,) height of the antenna above the take-off [m]; NaN where unknown."""
     quaternion_wxyz: _Floats
-    """(n, 4) of the antenna."""
+    """(n, 4) attitude of the antenna."""
     snr_db: _Floats
     noise_psd: _Floats
-    """(n,) NaN where unknown."""
+    """(n,) noise density at each pulse; NaN where unknown."""
     frequency_hz: _Floats
     rate: NDArray[np.int64]
-    """(n,) number of the tag's interval, from 1."""
+    """(n,) number of the tag's interval in use, from 1."""
     altitude_amsl_m: _Floats
-    """(n,) of the antenna above sea level; NaN where unknown."""
+    """(n,) altitude of the antenna above sea level [m]; NaN where unknown."""
 
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":
-        """Put pulses into columns in their order; those without a pose are left out."""
+        """Put pulses into columns in their order, without those that have no pose."""
         posed = [(one.pulse, one.pose) for one in pulse_poses if one.pose is not None]
         poses = [pose for _, pose in posed]
         return cls(
@@ -172,11 +152,11 @@ class PulseColumns:
         )
 
     def chosen(self, which: NDArray[np.intp] | slice) -> "PulseColumns":
-        """Some of the pulses."""
+        """Return the pulses selected by an index array or a mask."""
         return chosen_rows(self, which)
 
     def and_those(self, others: "PulseColumns") -> "PulseColumns":
-        """These and others, in order of time."""
+        """Merge with other pulses, in order of time."""
         both = joined_rows([self, others])
         return both.chosen(np.argsort(both.time_ns, kind="stable"))
 
@@ -193,10 +173,10 @@ class PulseColumns:
         )
 
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
-        """Times of expected pulses between two heard ones that were not heard.
+        """Times of expected pulses that were not received [ns].
 
-        They are computed between two pulses whose distance is a multiple of the tag's interval.
-        A gap with more than `MOST_MISSED` of them is a jump of a clock.
+        They lie between two pulses whose distance is a multiple of the tag's interval. A gap
+        with more than a day's pulses is a jump of a clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
@@ -205,16 +185,16 @@ class PulseColumns:
         gap_ns = np.diff(self.time_ns)
         count = np.rint(gap_ns / interval_ns)
         slack_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
-        fits = (count > 1) & (count < MOST_MISSED)
+        fits = (count > 1) & (count < FLIGHT.most_missed)
         fits &= np.abs(gap_ns - count * interval_ns) <= slack_ns
-        fits &= np.cumsum(np.where(fits, count - 1, 0)) < MOST_MISSED
+        fits &= np.cumsum(np.where(fits, count - 1, 0)) < FLIGHT.most_missed
         each = np.where(fits, count - 1, 0).astype(np.int64)
         gap = np.repeat(np.arange(len(each)), each)
         number = np.arange(1, len(gap) + 1) - np.repeat(np.cumsum(each) - each, each)
         return np.asarray(self.time_ns[gap] + gap_ns[gap] * number / count[gap])
 
     def turned(self, offset_deg: float) -> "PulseColumns":
-        """The same with the antenna turned clockwise about its own down axis."""
+        """Pulses with the antenna turned clockwise about its own down axis."""
         if offset_deg == 0.0:
             return self
         w, x, y, z = self.quaternion_wxyz.T
@@ -225,7 +205,7 @@ class PulseColumns:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OverGround:
-    """A flight over known ground."""
+    """A flight's ground model, and the heights of the flight above it."""
 
     hills: HillLosses
     poses: PoseColumns
@@ -239,9 +219,9 @@ class OverGround:
     ) -> "OverGround | None":
         """Ground model around a flight; None where no pose has a place and a height.
 
-        Heights of a flight count from its take-off, assumed beneath the first pose. A caller
-        can cache the ground by a `lay` that returns that of the last call.
-        Raises `FormatError`: a file of heights is damaged.
+        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` may
+        return the ground of an earlier call.
+        Raises `FormatError`: an elevation file is damaged.
         """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
         if not len(known):
@@ -254,7 +234,7 @@ class OverGround:
         )
         said = list(elevation.cautions)
         height_m = float(poses.height_m[first])
-        if height_m > _ON_GROUND_M:
+        if height_m > FLIGHT.on_ground_m:
             said.append(
                 f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
                 "the ground beneath that place"
@@ -263,21 +243,23 @@ class OverGround:
         return cls(hills=hills.noting(*said), poses=poses)
 
     def noting(self, *limitations: str) -> "OverGround":
-        """The same with more limitations."""
+        """Copy with further limitations for the operator."""
         return replace(self, hills=self.hills.noting(*limitations))
 
     def at(self, frequency_hz: float) -> "OverGround":
-        """The same for a tag at this frequency."""
+        """Losses behind hills for a tag at this frequency."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
     def heights_m(self, time_ns: Sequence[int]) -> _Floats:
-        """Heights above the take-off at some times."""
+        """Heights above the take-off at given times [m]."""
         return self.poses.heights_m(time_ns)
 
 
 def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """Remark where elevation files and flight disagree on the take-off's height."""
-    if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
+    """Warn if elevation files and flight disagree on the height of the take-off."""
+    if (
+        not abs(said_m - ground_m) > FLIGHT.reported_height_m
+    ):  # so, too, where one of them is not known
         return ()
     return (
         f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "
@@ -288,25 +270,25 @@ def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
-    """A tag's expected pulse times."""
+    """Expected times of a tag's pulses."""
 
     intervals_s: tuple[float, ...]
     uncertainty_s: float
 
     @classmethod
     def of(cls, tag: Tag) -> "Rhythm":
-        """Expected pulse times of a listed tag."""
+        """Expected pulse times of a tag from its entry in the tag list."""
         return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) mask of times farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
+    """(n,) True for times farther than the largest pose gap from all of rising `known_ns`."""
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)
     before_ns = times_ns - known_ns[np.maximum(after - 1, 0)]
     after_ns = known_ns[np.minimum(after, len(known_ns) - 1)] - times_ns
-    return np.asarray(np.minimum(np.abs(before_ns), np.abs(after_ns)) > POSE_GAP_NS)
+    return np.asarray(np.minimum(np.abs(before_ns), np.abs(after_ns)) > FLIGHT.pose_gap_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -315,17 +297,17 @@ class Heard:
 
     pulses: Mapping[int, PulseColumns]
     poses: PoseColumns
-    """Poses of the vehicle, and the pulses' own in gaps; `POSE_STEP_NS` apart."""
+    """Poses of the vehicle, thinned out; where they are missing, those stored with pulses."""
     tags: tuple[Tag, ...] = ()
-    """Listed tags; empty for a log."""
+    """Entries of the tag list; empty for a log."""
     antenna: str = "RA-23K"
-    """Name of the receiving antenna's pattern, unless `ReadAs` names another."""
+    """Name of the receiving antenna's pattern, used unless `ReadAs` gives another."""
     name: str = "this vehicle"
     """Name of the receiver, for the operator."""
     one_turn: bool = False
-    """A log at one place, without a climb, counts as one turn, as in the original."""
+    """True if a log at one place without a climb counts as one turn, as in the original."""
     goes_on: bool = False
-    """True while data may still arrive: a turn is used for the pattern when it is complete."""
+    """True while data may still arrive; only complete turns then correct the pattern."""
 
     @classmethod
     def of(
@@ -339,14 +321,12 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Sort pulses by tag and time; those without a place or a power are left out.
+        """Sort pulses by tag and time, without those that have no place or power.
 
-        Times are kept to 256 ns, as columns of floating-point numbers hold them.
+        Times are rounded to 256 ns, as columns of floating-point numbers hold them.
 
         `tag_id` (n,): tag of each pulse.
-        `pulses`: in any order.
         `poses`: of the vehicle, in any order; None for a log, which has only the pulses' own.
-        `tags`, `antenna`, `name`, `goes_on`: as the fields.
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)
@@ -385,7 +365,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Read records; poses None for a log of pulses alone.
+        """Convert records of pulses and poses; `poses` is None for a log of pulses alone.
 
         Raises `UsageError`: no pulse has a pose.
         """
@@ -410,7 +390,7 @@ class Heard:
         return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
 
     def renamed(self, keys: Mapping[int, int]) -> "Heard":
-        """The same with other tag numbers."""
+        """Copy with other tag numbers."""
         return replace(
             self,
             pulses={keys.get(tag_id, tag_id): own for tag_id, own in self.pulses.items()},
@@ -420,7 +400,7 @@ class Heard:
         )
 
     def and_those(self, other: "Heard") -> "Heard":
-        """Pulses and poses of both, as of one flight."""
+        """Merge with the pulses and poses of another receiver, as of one flight."""
         pulses = dict(self.pulses)
         for tag_id, own in other.pulses.items():
             pulses[tag_id] = pulses[tag_id].and_those(own) if tag_id in pulses else own
@@ -435,10 +415,10 @@ class Heard:
 
     @property
     def frequencies_hz(self) -> dict[int, float]:
-        """Median frequency of each tag's pulses; for a tag without pulses, the listed one."""
+        """Median frequency of each tag's pulses [Hz]; without pulses, the listed one."""
         found = {tag.tag_id: tag.frequency_hz for tag in self.tags}
         for tag_id, own in self.pulses.items():
-            known_hz = own.frequency_hz[own.frequency_hz >= LEAST_TAG_HZ]
+            known_hz = own.frequency_hz[own.frequency_hz >= FLIGHT.least_tag_hz]
             if len(known_hz):
                 found[tag_id] = float(np.median(known_hz))
         return found
@@ -446,14 +426,14 @@ class Heard:
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
     ) -> OverGround | None:
-        """Ground under the flight, for the pulses' median frequency; raises `FormatError`."""
+        """Ground model under the flight, for the median frequency; raises `FormatError`."""
         over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)
         known_hz = every_hz[np.isfinite(every_hz)]
         if over is None or not len(known_hz):
             return over
-        return over.at(float(np.round(np.median(known_hz), -_HILLS_DIGITS)))
+        return over.at(float(np.round(np.median(known_hz), -FLIGHT.hills_digits)))
 
 
 def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -463,7 +443,7 @@ def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 def _thinned(poses: PoseColumns) -> PoseColumns:
     if not len(poses.time_ns):
         return poses
-    slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS
+    slots = (poses.time_ns - poses.time_ns[0]) // FLIGHT.pose_step_ns
     return poses.chosen(np.unique(slots, return_index=True)[1])
 
 
@@ -475,4 +455,4 @@ def _in_place(poses: PoseColumns) -> bool:
         longitude_deg=float(np.median(poses.longitude_deg)),
     )
     off = np.hypot(*plane.to_local(poses.latitude_deg, poses.longitude_deg))
-    return bool(off.max() <= _IN_PLACE_M)
+    return bool(off.max() <= FLIGHT.one_place_m)

@@ -1,4 +1,4 @@
-"""Levels at a receiver's standing places, from its pulses outside of turns."""
+"""Levels of tags at places where a receiver did not turn, from its pulses outside of turns."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -10,19 +10,11 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.localization.headings import yaws_deg
 from uavrt.localization.heard import PulseColumns, Rhythm
 from uavrt.localization.position.strengths import Strengths
+from uavrt.localization.tuning import RECEIVERS
 from uavrt.tangent_plane import plane_around
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180
 
 _Floats = NDArray[np.float64]
-
-_ONE_PLACE_M = 20.0
-_ONE_HEADING_DEG = 20.0
-_LEAST_PULSES = 3
-_MOST_PLACES = 24
-"""Most places of one receiver, those with the most pulses: all share one unknown gain."""
-_HEARD_SHARE = 0.5
-"""Least share of a tag's pulses that a receiver must have heard; else it heard only strong
-ones."""
 
 
 def strengths_of(
@@ -33,14 +25,13 @@ def strengths_of(
     antenna: AntennaPattern | str,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Convert a tag's pulses to levels, one for each place and heading.
+    """Convert a tag's pulses, in order of time, to levels, one for each place and heading.
 
     `listener`: name of the receiver, for the operator.
-    `pulses`: of one tag, in order of time.
-    `height_m` (n,): of the vehicle above the take-off at each pulse.
+    `height_m` (n,): height of the vehicle above the take-off at each pulse.
     `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are left out.
-    `antenna`: the pattern; a monopole's name for an upright monopole.
-    `rhythm`: with it, expected pulses that were not heard count as weaker than those that were.
+    `rhythm`: expected pulse times; pulses missed at those count as weaker than the received
+        ones.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)
@@ -49,7 +40,7 @@ def strengths_of(
     stood = [
         part
         for part in _standing(pulses, yaw, flown, one_heading=not monopole)
-        if len(part) >= _LEAST_PULSES
+        if len(part) >= RECEIVERS.least_pulses
     ]
     if not stood:
         why = (
@@ -58,8 +49,12 @@ def strengths_of(
             else "there are no three of them at one place and heading"
         )
         return _levels(listener, pulses, yaw, height_m, pattern, [], why)
-    clear = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
-    clear = sorted(sorted(clear, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
+    clear = [
+        part for part in stood if _heard_share(pulses, part, rhythm) >= RECEIVERS.received_share
+    ]
+    clear = sorted(
+        sorted(clear, key=len, reverse=True)[: RECEIVERS.most_places], key=lambda one: one[0]
+    )
     missed = None if clear else "more of them were missed than detected"
     return _levels(listener, pulses, yaw, height_m, pattern, clear, missed, rhythm)
 
@@ -67,7 +62,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """Mask of pulses not heard on the ground, as the autopilot reports; all for a mast."""
+    """True for pulses that the autopilot does not report on the ground, and for a mast's."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)
@@ -77,7 +72,6 @@ def _off_ground(
 def _standing(
     pulses: PulseColumns, yaw_deg: _Floats, chosen: NDArray[np.intp], *, one_heading: bool
 ) -> list[NDArray[np.intp]]:
-    """Cut pulses where place or heading leave those of the first one since the last cut."""
     if not len(chosen):
         return []
     plane = plane_around(pulses.latitude_deg, pulses.longitude_deg)
@@ -86,14 +80,14 @@ def _standing(
     for at, number in enumerate(chosen):
         away = float(np.hypot(east[number] - east[first], north[number] - north[first]))
         turned = abs(wrap_degrees_180(float(yaw_deg[number] - yaw_deg[first])))
-        if away > _ONE_PLACE_M or (one_heading and turned > _ONE_HEADING_DEG):
+        if away > RECEIVERS.one_place_m or (one_heading and turned > RECEIVERS.one_heading_deg):
             cuts.append(at)
             first = int(number)
     return [chosen[low:high] for low, high in pairwise([*cuts, len(chosen)])]
 
 
 def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
-    """Number of pulses that a tag sent during these; equal for an unknown interval."""
+    """Number of pulses that a tag sent from the first to the last of some received pulses."""
     if rhythm is None:
         return len(part)
     interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND
@@ -115,8 +109,6 @@ def _levels(
     why: str | None,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Median level of each part; missed pulses count as its weakest."""
-
     def medians(values: _Floats) -> _Floats:
         return np.array([float(np.median(values[part])) for part in parts], np.float64)
 

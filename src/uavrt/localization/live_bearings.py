@@ -1,8 +1,8 @@
 """Bearings of turns in progress, from pulses and poses as they arrive.
 
-The one estimator is called again for each new pulse of a turn: from the third pulse on, with a
+The flight's estimator runs again for each new pulse of a turn, from the third pulse, with a
 wide interval while little of the turn is done. The ground station does the same with received
-data; this stage runs on the drone when its table has the `estimator`.
+data. This stage runs on the drone when its process table has the `estimator`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,22 +14,18 @@ from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.bearing.turns import Turn
 from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.flight_estimates import ReadAs, TagBearing, bearings_of
-from uavrt.localization.heard import POSE_STEP_NS, Heard
-from uavrt.localization.results import ACCEPTED_EVIDENCE, Bearing
+from uavrt.localization.heard import Heard
+from uavrt.localization.results import Bearing
+from uavrt.localization.tuning import ACCEPTANCE, FLIGHT
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.on_ground import GroundStates
 
-_KEPT_NS = 900_000_000_000
-"""Longest duration of a turn [ns]; older poses and pulses are dropped."""
-_LEVEL_SIGMA_DB = 1.0
-"""Level error of a bearing from the drone, whose message does not contain it."""
-
 
 class LiveBearings:
-    """Converts poses and pulses into the bearings that have changed.
+    """Convert poses and pulses into the bearings that have changed.
 
     `antenna`: the pattern, or its name; corrected by whole turns.
-    `tags`: listed tags: their expected pulses that were not heard count as misses.
+    `tags`: listed tags; their missed pulses are used, too.
     Raises `UsageError`: there is no such antenna.
     """
 
@@ -55,20 +51,23 @@ class LiveBearings:
             if self._first_ns is None:
                 self._first_ns = pose.time_ns
             # As `Heard` thins them, so that the drone finds the turns that others find.
-            slot = (pose.time_ns - self._first_ns) // POSE_STEP_NS
+            slot = (pose.time_ns - self._first_ns) // FLIGHT.pose_step_ns
             if not self._poses or slot > (
-                (self._poses[-1].time_ns - self._first_ns) // POSE_STEP_NS
+                (self._poses[-1].time_ns - self._first_ns) // FLIGHT.pose_step_ns
             ):
                 self._poses.append(pose)
-        if self._poses and self._poses[0].time_ns < self._poses[-1].time_ns - 2 * _KEPT_NS:
-            after_ns = self._poses[-1].time_ns - _KEPT_NS
+        if (
+            self._poses
+            and self._poses[0].time_ns < self._poses[-1].time_ns - 2 * FLIGHT.live_turn_ns
+        ):
+            after_ns = self._poses[-1].time_ns - FLIGHT.live_turn_ns
             self._poses = [one for one in self._poses if one.time_ns >= after_ns]
             self._pulses = [one for one in self._pulses if one.pulse.start_time_ns >= after_ns]
 
     def add_state(self, time_ns: int, armed: float | None, landed: float | None) -> None:
         """Add the autopilot's arming and landing state; 0 is no, None unknown.
 
-        Rotations on the ground are no turns, whatever the barometer shows.
+        Rotations on the ground are not turns, whatever the barometer reports.
         """
         self._states.add(time_ns, armed, landed)
 
@@ -78,7 +77,7 @@ class LiveBearings:
             self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Estimate changed bearings since the last call; some milliseconds for each.
+        """Bearings that changed since the last call; some milliseconds for each.
 
         A bearing changes by new pulses or misses in its turn. All change when a finished turn
         corrects the antenna's pattern.
@@ -122,7 +121,7 @@ def _live(one: TagBearing, turn: Turn) -> LiveBearing:
 
 
 def bearing_from_drone(one: LiveBearing) -> TagBearing:
-    """Convert a drone's message to a bearing; its posterior is assumed von Mises."""
+    """Convert a drone's bearing message; its posterior is assumed to be von Mises."""
     return TagBearing(
         tag_id=one.tag_id,
         bearing=Bearing(
@@ -133,10 +132,10 @@ def bearing_from_drone(one: LiveBearing) -> TagBearing:
             interval90_deg=one.interval90_deg,
             # The message says only whether there is another lobe.
             second_lobe_probability=1.0 if one.ambiguous else 0.0,
-            evidence=ACCEPTED_EVIDENCE if one.accepted else 0.0,
+            evidence=ACCEPTANCE.evidence_nats if one.accepted else 0.0,
             multipath_suspected=one.multipath_suspected,
             level_db=one.level_db,
-            level_sigma_db=None if one.level_db is None else _LEVEL_SIGMA_DB,
+            level_sigma_db=None if one.level_db is None else FLIGHT.drone_level_sigma_db,
             posterior=_von_mises(one.bearing_deg, one.sigma_deg),
         ),
         latitude_deg=one.latitude_deg,

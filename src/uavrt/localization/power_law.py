@@ -1,9 +1,9 @@
 """Probability of a measured pulse power, given the power that reached the receiver.
 
-The measured power is the matched filter's output over the noise power, mean S + 1 for a pulse
-of energy S over the noise density. Without fading it has a noncentral chi-square law with two
-degrees of freedom for each pulse summed; fading in decibel is convolved on a grid of levels.
-Gauss–Hermite quadrature in its place is wrong at high SNR: nine nodes at 4 dB fading gave
+The measured power is the matched filter's output over the noise power, with mean S + 1 for a
+pulse of energy S over the noise density. Without fading it has a noncentral chi-square law with
+two degrees of freedom for each pulse summed. Normal fading in decibels is convolved on a grid
+of levels. Gauss–Hermite quadrature is no substitute at high SNR: nine nodes at 4 dB fading gave
 intervals of 13 % coverage instead of 90 %.
 """
 
@@ -13,17 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.lean_scipy import fft, special
-
-LEVEL_STEP_DB = 0.25
-LOWEST_LEVEL_DB = -30.0
-"""Lowest level of the tables: a pulse below adds a thousandth of the noise."""
-FADINGS_DB = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
-"""Possible standard deviations of fading."""
-OUTLIER_SHARE = 0.01
-"""Share of pulses of any power (interference, a turn of the animal)."""
-_NARROW = 1000.0
-"""From this sum on (30 dB) the law is Gaussian in decibel to 1 %, and narrower than a step."""
-_TINY = 1e-300
+from uavrt.localization.tuning import POWER_LAW
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,7 +21,7 @@ class PowerTables:
     """Log-likelihood of each pulse on a grid of expected levels, for each fading."""
 
     log_likelihood: NDArray[np.float32]
-    """(pulses, levels, fadings)."""
+    """(pulses, levels, fadings) natural logarithms."""
     fadings_db: tuple[float, ...]
     lowest_db: float
     highest_db: float
@@ -40,17 +30,16 @@ class PowerTables:
 def _faded(
     likelihood: NDArray[np.float64], fadings_db: tuple[float, ...]
 ) -> NDArray[np.float64]:
-    """(pulses, levels) to (pulses, fadings, levels): normal fading convolved in.
+    """Convolve likelihoods (pulses, levels) with normal fading: (pulses, fadings, levels).
 
-    By transform and not as a matrix product, which NumPy spreads over all cores: 2 ms of one
-    core became 18 ms of several on a busy computer. A level beyond the grid counts as the last
-    one. Rounding is 1e-16 of a row's best, far below the outliers' share.
+    Fourier transforms run on one core; NumPy spreads a matrix product over all, which took 18
+    ms instead of 2 ms on a busy computer. A level beyond the grid counts as the last one.
     """
-    margin = round(4.0 * max(fadings_db) / LEVEL_STEP_DB)
+    margin = round(4.0 * max(fadings_db) / POWER_LAW.level_step_db)
     padded = np.pad(likelihood, ((0, 0), (margin, margin)), mode="edge")
     size = fft.next_fast_len(padded.shape[1] + margin, real=True)
     frequency = np.arange(size // 2 + 1) / size
-    sigma_steps = np.array(fadings_db)[:, None] / LEVEL_STEP_DB
+    sigma_steps = np.array(fadings_db)[:, None] / POWER_LAW.level_step_db
     damping = np.exp(-2.0 * (np.pi * sigma_steps * frequency) ** 2)
     spectrum = fft.rfft(padded, size, axis=1)[:, None, :] * damping
     smooth = fft.irfft(spectrum, size, axis=2)[:, :, margin : margin + likelihood.shape[1]]
@@ -62,24 +51,24 @@ def power_tables(
     missed_below: NDArray[np.float64],
     *,
     folds: int = 1,
-    fadings_db: tuple[float, ...] = FADINGS_DB,
+    fadings_db: tuple[float, ...] = POWER_LAW.fadings_db,
     spread_db: float = 40.0,
 ) -> PowerTables:
-    """Tabulate log p(power | level) of the heard pulses, then of the missed ones.
+    """Tabulate log p(power given level), first of the received pulses, then of the missed ones.
 
     `matched_power` (n,): mean power of the pulses at their known time, over the noise power;
     noise included.
     `missed_below` (m,): upper limit of each missed pulse's power.
-    `folds`: pulses summed for each value.
+    `folds`: number of pulses summed in each value.
     `fadings_db`: standard deviations of the fading, one table each.
     `spread_db`: largest ratio of the antenna's gain, front to back.
-    Returns: n + m rows. Each law is mixed with `OUTLIER_SHARE` of one independent of the level.
+    Returns: n + m rows. Each law includes a share of outliers that is independent of the level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)
-    lowest = min(LOWEST_LEVEL_DB, -spread_db)
-    levels = round((highest - lowest) / LEVEL_STEP_DB) + 1
-    level_db = lowest + LEVEL_STEP_DB * np.arange(levels)
+    lowest = min(POWER_LAW.lowest_level_db, -spread_db)
+    levels = round((highest - lowest) / POWER_LAW.level_step_db) + 1
+    level_db = lowest + POWER_LAW.level_step_db * np.arange(levels)
     rows = [_log_density(matched_power, level_db, folds)]
     if len(missed_below):
         thresholds, which = np.unique(missed_below, return_inverse=True)
@@ -87,8 +76,10 @@ def power_tables(
     exact = np.concatenate(rows)
     # Scaled by each row's best, so that exp() neither over- nor underflows where it matters.
     likelihood = np.exp(exact - exact.max(axis=1, keepdims=True))
-    outlier = OUTLIER_SHARE * likelihood.mean(axis=1)
-    mixed = (1.0 - OUTLIER_SHARE) * _faded(likelihood, fadings_db) + outlier[:, None, None]
+    outlier = POWER_LAW.outlier_share * likelihood.mean(axis=1)
+    mixed = (1.0 - POWER_LAW.outlier_share) * _faded(likelihood, fadings_db) + outlier[
+        :, None, None
+    ]
     tables = np.log(mixed).astype(np.float32)
     return PowerTables(
         log_likelihood=np.ascontiguousarray(tables.transpose(0, 2, 1)),
@@ -101,29 +92,29 @@ def power_tables(
 def _log_density(
     power: NDArray[np.float64], level_db: NDArray[np.float64], folds: int
 ) -> NDArray[np.float64]:
-    """(pulses, levels) log of the noncentral chi-square density, without fading."""
+    """(pulses, levels) logarithm of the noncentral chi-square density, without fading."""
     y = np.maximum(power, 1e-9)[:, None]
     s = 10.0 ** (level_db / 10.0)[None, :]
     root = 2.0 * folds * np.sqrt(y * s)
     if folds == 1:
         exact = root - y - s + np.log(special.i0e(root))
     else:
-        scaled = np.log(np.maximum(special.ive(folds - 1, root), _TINY))
+        scaled = np.log(np.maximum(special.ive(folds - 1, root), POWER_LAW.least_density))
         exact = root - folds * (y + s) + scaled + 0.5 * (folds - 1) * np.log(y / s)
     # The fold's own scatter is 4.34 sqrt(2 / sum) dB; 0.2 dB keeps it wider than the grid.
     variance = 18.86 * 2.0 / (folds * y) + 0.04
     gaussian = -0.5 * (10.0 * np.log10(y) - level_db[None, :]) ** 2 / variance
-    return np.where(folds * y > _NARROW, gaussian, exact)
+    return np.where(folds * y > POWER_LAW.gaussian_from, gaussian, exact)
 
 
 def _log_missed(
     thresholds: NDArray[np.float64], level_db: NDArray[np.float64], folds: int
 ) -> NDArray[np.float64]:
-    """(thresholds, levels) log-probability that a pulse stays below its threshold."""
+    """(thresholds, levels) log-probability that a pulse remains below its threshold."""
     y = thresholds[:, None]
     s = 10.0 ** (level_db / 10.0)[None, :]
     # Beyond ten times the threshold the probability is under 1e-5 for the lowest thresholds
     # in use, far below the outliers' share; the series would need ever more terms there.
     near = np.minimum(s, 10.0 * y + 10.0)
     probability = special.chndtr(2.0 * folds * y, 2.0 * folds, 2.0 * folds * near)
-    return np.log(np.maximum(np.where(s > near, 0.0, probability), _TINY))
+    return np.log(np.maximum(np.where(s > near, 0.0, probability), POWER_LAW.least_density))

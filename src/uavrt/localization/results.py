@@ -1,10 +1,12 @@
-"""Results of the estimators."""
+"""Records of estimated bearings, positions and tracks."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from uavrt.localization.tuning import ACCEPTANCE
 
 BearingMethod = Literal[
     "pattern_ml", "pca", "pca_log", "pca_amplitude", "pearson", "ls_linear", "ls_db", "max"
@@ -13,60 +15,52 @@ BearingMethod = Literal[
 ArrayMethod = Literal["pseudo_doppler", "two_point_phased", "amplitude_monopulse"]
 """Bearings from switched or fixed antennas (`uavrt.localization.bearing.array_bearings`)."""
 
-ACCEPTED_EVIDENCE = 3.0
-"""Least evidence (natural logarithm of a Bayes factor) for a bearing to be believed: odds of
-20 to 1. Fewer than 1 % of noise-only rotations and of steady interferers reach it."""
-BIMODAL_PROBABILITY = 0.05
-"""From this probability of another lobe on, a bearing is called ambiguous."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Bearing:
     """Direction to a tag from one place, degrees clockwise from true north, [0, 360)."""
 
     bearing_deg: float
-    """Mean of the main lobe of the probability; of other methods, their result."""
+    """Mean of the main lobe of the posterior; for other methods, their result [deg]."""
     method: BearingMethod | ArrayMethod | str
     pulses: int
-    """Number of pulses and misses used."""
+    """Number of received and missed pulses used."""
     sigma_deg: float | None = None
-    """Standard deviation inside the main lobe; None when the method has no statistics."""
+    """Standard deviation inside the main lobe [deg]; None for a method without statistics."""
     interval90_deg: tuple[float, float] | None = None
-    """Shortest arc, clockwise from first to second, that holds 90 % of the posterior."""
+    """Shortest arc that holds 90 % of the posterior: its start and its end clockwise [deg]."""
     second_lobe_probability: float | None = None
-    """Posterior probability of being more than 25° away from `bearing_deg`."""
+    """Posterior probability that the tag is more than 25° away from `bearing_deg`."""
     evidence: float | None = None
-    """Natural logarithm of the Bayes factor "one direction" over "none": noise alone, or a
-    source equally strong at every heading."""
+    """Logarithm of the Bayes factor for one direction against noise or a uniform source."""
     reduced_chi2: float | None = None
-    """Misfit of the powers to pattern and fading; about 1 for an honest model."""
+    """Misfit of the powers to pattern and fading; about 1 when the model holds."""
     multipath_suspected: bool = False
-    """The residuals are correlated over heading, or two paths explain the powers much better:
-    there is a reflection, or the pattern is not this antenna's."""
+    """True if residuals are correlated over heading or two paths fit much better: there is a
+    reflection, or the pattern is not this antenna's."""
     paths_deg: tuple[float, float] | None = None
-    """Directions of the two paths when they are suspected, the stronger first; either may be
-    the tag's."""
+    """Directions of two suspected paths, the stronger first; either may be the tag's."""
     fading_db: float | None = None
-    """Standard deviation of the pulses' fading, estimated."""
+    """Estimated standard deviation of the fading from pulse to pulse [dB]."""
     level_db: float | None = None
-    """SNR that a pulse has on boresight, estimated."""
+    """Estimated SNR of a pulse on boresight [dB]."""
     level_sigma_db: float | None = None
     confidence: float | None = None
-    """The method's own confidence: tau of PCA, Pearson's correlation …"""
+    """Confidence as the method defines it: tau of PCA, Pearson's correlation and others."""
     posterior: NDArray[np.float64] | None = None
-    """(360,) probability of the whole degrees 0, 1 … 359; sums to 1. Input of trackers."""
+    """(360,) probability of the whole degrees 0, 1 … 359; sums to 1. Trackers read it."""
 
     @property
     def accepted(self) -> bool:
         """True if the data show a direction; always true for methods without evidence."""
-        return self.evidence is None or self.evidence >= ACCEPTED_EVIDENCE
+        return self.evidence is None or self.evidence >= ACCEPTANCE.evidence_nats
 
     @property
     def ambiguous(self) -> bool:
         """True if another direction fits nearly as well, or a reflection is likely."""
         second = self.second_lobe_probability
         return self.multipath_suspected or (
-            second is not None and second >= BIMODAL_PROBABILITY
+            second is not None and second >= ACCEPTANCE.second_lobe
         )
 
     @property
@@ -80,23 +74,23 @@ class Bearing:
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
-"""``track`` follows a moving animal. ``mle``, ``rmr`` and ``mest`` are as the original system
-computes them; ``rmr_ahead`` and ``mest_lenth`` are the corrected forms."""
+"""Name of a position estimator. ``mle``, ``rmr`` and ``mest`` are as the original system
+computes them; ``rmr_ahead`` and ``mest_lenth`` are corrected, ``track`` follows an animal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PositionGrid:
-    """A probability over the ground: the heat map."""
+    """Probability of a position on a grid over the ground: the heat map."""
 
     latitude_deg: float
-    """Of the local plane's origin."""
+    """Latitude of the local plane's origin."""
     longitude_deg: float
     east_m: NDArray[np.float64]
-    """(x,) centres of the cells, from the origin."""
+    """(x,) centres of the cells east of the origin [m]."""
     north_m: NDArray[np.float64]
-    """(y,)."""
+    """(y,) centres of the cells north of the origin [m]."""
     probability: NDArray[np.float64]
-    """(y, x) of each cell; sums to 1."""
+    """(y, x) probability of each cell; sums to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,14 +122,14 @@ class Caution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackPoint:
-    """Place of a moving tag at a time, by all data of the flight."""
+    """Position of a moving tag at one time, estimated from all data of the flight."""
 
     time_ns: int
-    """UTC; time since the first pulse where that is unknown."""
+    """UTC [ns]; where that is unknown, time since the first pulse."""
     latitude_deg: float
     longitude_deg: float
     radius50_m: float
-    """Circle around the point that held the tag then with 50 % probability."""
+    """Radius of the circle around the point that held the tag with 50 % probability [m]."""
     radius95_m: float
 
 
@@ -149,29 +143,29 @@ class Position:
     stations: int
     """Number of bearings used."""
     pulses: int = 0
-    """Number of powers used, missed ones included."""
+    """Number of pulse powers used, missed pulses included."""
     foreign_pulses: int = 0
-    """Number of powers left out again as probably another sender's."""
+    """Number of pulses left out because they are probably another sender's."""
     radius50_m: float | None = None
-    """Circle around the point that holds the tag with 50 % probability; None: not known."""
+    """Radius of the circle that holds the tag with 50 % probability [m]; None is unknown."""
     radius95_m: float | None = None
     ellipse95: Ellipse | None = None
     outlier_probabilities: tuple[float, ...] | None = None
-    """Outlier probability of each bearing."""
+    """Probability that each bearing has nothing to do with the tag."""
     level_db: float | None = None
-    """SNR of the tag at 100 m, when powers were used."""
+    """SNR of the tag at 100 m [dB], when powers were used."""
     path_loss_exponent: float | None = None
     at_edge: bool = False
-    """The search area cuts the probability: the tag may lie farther out."""
+    """True if the search area cuts the posterior: the tag may be farther away."""
     grid: PositionGrid | None = None
     heading_error_deg: float | None = None
-    """Estimated common error of all headings of the flight, clockwise; None where unknown."""
+    """Estimated error that all headings share [deg], clockwise; None is unknown."""
     heading_error_sigma_deg: float | None = None
     cautions: tuple[Caution, ...] = ()
     track: tuple[TrackPoint, ...] = ()
-    """Path of the tag, in order of time; empty where a fixed place explains the data."""
+    """Path of the tag in order of time; empty where a fixed place explains the data."""
     listeners: tuple[str, ...] = ()
-    """Use of the strengths of each receiver that never turned, for the operator."""
+    """Sentences for the operator on the use of each receiver that never turned."""
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ FORMS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Address:
-    """One end of a link."""
+    """Address of one end of a MAVLink link: kind, and host with port or serial device."""
 
     kind: LinkKind
     host: str = ""
@@ -40,7 +40,7 @@ class Address:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only programs on this computer can be at the other end.
+        """True if only programs on this computer can be at the other end.
 
         >>> parse_address("udpin://127.0.0.1:14540").is_loopback
         True

@@ -1,4 +1,4 @@
-"""Answers to commands: always one acknowledgement, to the sender. Pure."""
+"""Answer MAVLink commands: always one acknowledgement, to the sender. Pure."""
 
 from importlib.metadata import version
 
@@ -10,7 +10,7 @@ from uavrt.mavlink.metadata import Metadata
 
 
 def capabilities(*, bytewise: bool) -> int:
-    """Return our capability bits; `bytewise` is how whole numbers travel in parameters."""
+    """MAV_PROTOCOL_CAPABILITY bits; `bytewise`: integer parameters travel as bytes."""
     encoding = (
         MavProtocolCapability.PARAM_ENCODE_BYTEWISE
         if bytewise
@@ -33,14 +33,14 @@ def answer_command(
     bytewise: bool = True,
     metadata: Metadata | None = None,
 ) -> list[Message]:
-    """Return the answers to a command.
+    """Return the messages that answer a command.
 
-    A command to all components is answered only if we serve it: a ground station could take our
-    "not supported" for a refused take-off.
+    A command to all components is answered only if this one serves it. A ground station could
+    take "not supported" for the autopilot's refusal of a take-off.
 
-    `sender`: whom to answer. `direct`: True when it names our component, False when it names
-    all. `uptime_ms`: time since our start. `bytewise`: how whole numbers travel in parameters.
-    `metadata`: describes our files.
+    `sender`: receiver of the answers. `direct`: True if the command names this component, False
+    if it names all. `uptime_ms`: time since this component started. `bytewise`: whether integer
+    parameters travel as bytes. `metadata`: message that names the metadata files.
     """
     asked = _asked_message(message)
     if asked == dialect.ComponentMetadata.ID and metadata is not None:
@@ -59,7 +59,7 @@ def answer_command(
 
 
 def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | None:
-    """Id of the requested message."""
+    """Message id that a request for a message names."""
     match message.command:
         case MavCmd.REQUEST_MESSAGE:
             param1 = message.param1
@@ -73,7 +73,7 @@ def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | N
 
 
 def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
-    """Messages that identify us."""
+    """Messages that describe this component's version and capabilities."""
     match message_id:
         case dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(
@@ -106,7 +106,7 @@ def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
 
 
 def _version_number() -> int:
-    """Our version as MAVLink writes versions: one byte each, major first."""
+    """Version of uavrt as MAVLink writes versions: one byte each, major first."""
     major, minor, patch = (int(part) for part in version("uavrt").split(".")[:3])
     return major << 24 | minor << 16 | patch << 8
 

@@ -1,8 +1,8 @@
-"""The drone side as a well-behaved MAVLink component, without I/O.
+"""The drone side as a MAVLink component, without I/O.
 
-It is given frames, the time, and a function that sends a message. It keeps the heartbeat, finds
-autopilot and ground stations, requests streams, synchronises the clocks, answers as required,
-and hands out samples and tunnel payloads.
+It is given frames, the time, and a function that sends a message. It sends heartbeats, finds
+the autopilot and ground stations, requests streams and synchronises the clocks. It answers the
+requests that MAVLink requires, and passes on pose samples and tunnel payloads.
 """
 
 from collections import Counter, OrderedDict
@@ -28,61 +28,61 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
 ALONE_NS = ns_from_s(3.0)
-"""Silence while no autopilot is received, so as not to appear as another system [ns]."""
+"""Time without an autopilot after which the component takes the usual system number [ns]."""
 FALLBACK_SYSTEM_ID = 1
 TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
 TIMESYNC_FAST_COUNT = 20
 RADIO_COMPONENT = 68
-"""MAV_COMP_ID_TELEMETRY_RADIO; SiK's firmware is 51/68."""
+"""MAV_COMP_ID_TELEMETRY_RADIO. The firmware of SiK radios sends as 51/68."""
 RADIO_STATUS_NS = ns_from_s(0.25)
-"""Time between two reports of the radio's firmware [ns]."""
+"""Shortest time between two RADIO_STATUS reports of one radio [ns]."""
 RADIO_SILENCE_NS = ns_from_s(10.0)
 PRIVATE_TYPES = 32_768
-"""Payload types of TUNNEL that are free for experiments start here."""
+"""Lowest TUNNEL payload type that MAVLink leaves free for private use."""
 REBOOT_FALL_MS = 1000
-"""Fall of the boot time that no reordering on a link explains [ms]."""
+"""Fall of the autopilot's boot time that means a reboot, not reordered messages [ms]."""
 
 
 ANSWERS_BURST, ANSWERS_PER_S = 24, 4
-"""Allowance of answers to peers other than the autopilot: pings once a second of a few
-stations, and the requests of a ground station that connects."""
+"""Answers to peers other than the autopilot: most at once, and per second. Enough for pings of
+a few stations once a second, and for the requests of a station that connects."""
 
 ParameterEncoding = Literal["auto", "bytewise", "c_cast", "float"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handlers:
-    """Callbacks for what the component receives."""
+    """Callbacks for what a component receives."""
 
     attitude: Callable[[AttitudeSample], None]
     position: Callable[[PositionSample], None]
     tunnel: Callable[[bytes, Peer], None]
-    """A tunnel payload of type 0 (its valid bytes) and its sender."""
+    """Called with a tunnel payload of type 0 (its valid bytes) and its sender."""
     private: Callable[[int, bytes, Peer], None] = lambda kind, payload, peer: None
-    """A tunnel payload of a private type."""
+    """Called with the type, payload and sender of a tunnel message of a private type."""
     ftp: Callable[[bytes, Peer], None] = lambda payload, peer: None
-    """A request of a file client."""
+    """Called with the payload and sender of a file transfer (MAVLink FTP) request."""
     radio_status: Callable[[dialect.RadioStatus], None] = lambda status: None
-    """The telemetry radio's report."""
+    """Called with each RADIO_STATUS of the telemetry radio."""
     parameters: Callable[[Requests, Peer], None] = lambda request, peer: None
-    """A request for our parameters."""
+    """Called with a request for parameters of this component, and its sender."""
     vehicle: Callable[[Message, int], None] = lambda message, now_ns: None
-    """Any message of the autopilot, and when it arrived."""
+    """Called with each message of the autopilot and its time of arrival [ns]."""
     autopilot_found: Callable[[], None] = lambda: None
-    """The autopilot is new, or another one."""
+    """Called when an autopilot is found, or replaced by another one."""
 
 
 class Component:
-    """Component 191 on the autopilot's system.
+    """MAVLink component of the companion computer, on the autopilot's system.
 
-    `send`: sends a message now; the sender's numbers are `system_id` and `component_id` of this
-    object. `handlers`: receivers of samples and tunnel payloads. `component_id`: 191,
-    MAV_COMP_ID_ONBOARD_COMPUTER. `attitude_rate_hz`, `position_rate_hz`: requested from the
-    autopilot. `parameter_encoding`: how whole numbers travel in parameters; auto: as the
-    autopilot does it, else float. `watched_hz`: further messages requested from the autopilot,
-    and how often. `own_system_id`: number of a station without an autopilot; None waits for one
-    and takes its number.
+    `send`: sends a message at once, from this object's `system_id` and `component_id`.
+    `handlers`: callbacks for what is received. `component_id`: 191 is
+    MAV_COMP_ID_ONBOARD_COMPUTER. `attitude_rate_hz`, `position_rate_hz`: rates requested from
+    the autopilot. `parameter_encoding`: how integers travel in parameters; auto: as the
+    autopilot does it, else as floats. `watched_hz`: further message ids to request, with their
+    rates. `own_system_id`: system number of a station without an autopilot; None: take the
+    number of the autopilot.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Component:
         self._handlers = handlers
         self._encoding = parameter_encoding
         self.metadata: Metadata | None = None
-        """Content of COMPONENT_METADATA, where the files are served."""
+        """COMPONENT_METADATA message to send on request; None if no files are served."""
         self.component_id = component_id
         self.discovery = Discovery()
         self.time_sync = TimeSync()
@@ -127,7 +127,7 @@ class Component:
 
     @property
     def system_id(self) -> int:
-        """The autopilot's system id, 1 before any was received; our own without autopilot."""
+        """The autopilot's system number, 1 before it is known; its own without one."""
         if self._own_system_id is not None:
             return self._own_system_id
         autopilot = self.discovery.autopilot
@@ -135,13 +135,13 @@ class Component:
 
     @property
     def parameters_bytewise(self) -> bool:
-        """Whether whole numbers travel as bytes in parameters, not as floats."""
+        """True if integers travel as bytes in parameters, False if as floats."""
         if self._encoding in ("bytewise", "c_cast"):
             return self._encoding == "bytewise"
         return self.discovery.autopilot_kind != dialect.MavAutopilot.ARDUPILOTMEGA
 
     def status(self, now_ns: int) -> str:
-        """What is missing, in one or two words; ``"ready"`` when nothing is."""
+        """Part of the link that is missing, in one or two words; ``"ready"`` if none is."""
         if self._own_system_id is None and not self.discovery.autopilot_present(now_ns):
             return "waiting for autopilot"
         if self._own_system_id is None and not self.time_sync.synchronized:
@@ -151,16 +151,16 @@ class Component:
         return "ready"
 
     def has_number(self, now_ns: int) -> bool:
-        """Whether the system number is known; earlier frames could pass for another vehicle's.
+        """True once the system number is known; earlier frames could seem another vehicle's.
 
-        Without an autopilot for a while, the component takes the usual number.
+        After `ALONE_NS` without an autopilot, the component takes the usual number.
         """
         if self._own_system_id is not None or self.discovery.autopilot is not None:
             return True
         return self._started_ns is not None and now_ns - self._started_ns >= ALONE_NS
 
     def tick(self, now_ns: int) -> None:
-        """Do what is due; call it every 50 ms or so."""
+        """Send heartbeats and requests that are due; call it about every 50 ms."""
         if self._started_ns is None:
             self._started_ns = now_ns
         if self._heartbeat_due(now_ns):
@@ -177,7 +177,7 @@ class Component:
             self._ask_time(autopilot, now_ns)
 
     def receive(self, frame: Frame, now_ns: int, link: int = 0) -> None:
-        """Handle a frame that arrived at `now_ns` by one of our links."""
+        """Handle a frame that arrived at `now_ns` by link number `link`."""
         if frame.system_id == self.system_id and frame.component_id == self.component_id:
             self.counters["own_frames"] += 1  # routed back to us, or another with our number
             return
@@ -211,7 +211,7 @@ class Component:
         )
 
     def clock_is_stale(self, now_ns: int) -> bool:
-        """Whether the autopilot is there, but its clock was not received for more than 10 s."""
+        """True if a present autopilot's clock was not received for more than 10 s."""
         asked = self._requests_sent > 0 and now_ns - self._first_asked_ns > STALE_NS
         return (
             asked
@@ -220,7 +220,7 @@ class Component:
         )
 
     def late_s(self, message: Message, arrived_ns: int) -> float | None:
-        """Delay of an autopilot's message by TIMESYNC [s]; None without its time or clock."""
+        """Time that an autopilot's message was under way, by TIMESYNC [s]; None if unknown."""
         boot_ms = getattr(message, "time_boot_ms", None)
         if boot_ms is None or not self.time_sync.synchronized:
             return None
@@ -228,7 +228,7 @@ class Component:
         return None if made_ns is None else (arrived_ns - made_ns) / NANOSECONDS_PER_SECOND
 
     def heartbeat_message(self) -> dialect.Heartbeat:
-        """Our heartbeat."""
+        """Heartbeat of this component."""
         return own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)
 
     def _uptime_ms(self, now_ns: int) -> int:
@@ -286,7 +286,7 @@ class Component:
                 self._command(message, peer, now_ns)
 
     def _radio_status(self, message: dialect.RadioStatus, peer: Peer, now_ns: int) -> None:
-        """Handle the report of one radio on each link, at the radios' rate at most."""
+        """Pass on the report of one radio per link, at most every `RADIO_STATUS_NS`."""
         is_radio = peer.component_id == RADIO_COMPONENT or peer == self.discovery.autopilot
         radio, heard_ns = self._radios.get(peer.link, (peer, now_ns - RADIO_SILENCE_NS))
         if not is_radio or (peer != radio and now_ns - heard_ns < RADIO_SILENCE_NS):
@@ -298,9 +298,9 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """Whether an answer may go at once, past the queue.
+        """True if an answer may be sent at once, ahead of the queue.
 
-        To the autopilot always, to others only a number that holds up no pulse.
+        Always to the autopilot; to others at a limited rate, so that no pulse is delayed.
         """
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
@@ -308,7 +308,7 @@ class Component:
         return False
 
     def _is_for_us(self, message: Message) -> bool:
-        """Apply MAVLink's routing rule: our numbers, or 0 for all, or no target at all."""
+        """True if a message is addressed to this component, to all (0) or to nobody."""
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in (0, self.system_id) and component in (0, self.component_id)

@@ -1,7 +1,7 @@
-"""Runs a component on its links; the core of the connection process.
+"""Run a MAVLink component on its links; the core of the connection process.
 
-A link moves bytes, `Component` implements the protocol, `TunnelSender` chooses link and time;
-this joins them on an asyncio loop.
+A link moves bytes, `Component` implements the protocol, `TunnelSender` chooses link and time.
+`Connection` joins them on an asyncio loop.
 """
 
 import asyncio
@@ -27,11 +27,11 @@ log = get_logger()
 
 AUTOPILOT_LINK = 0
 COMMAND_WAITS_S = 0.2
-"""Longest wait of a command for bytes before it; at 57 600 baud these are 1152."""
+"""Longest wait of a vehicle command behind other bytes [s]; 1152 bytes at 57 600 baud."""
 
 
-class _Way:
-    """One link, once it is open, with the numbering of its own frames."""
+class _OpenLink:
+    """An open link, and the writer that numbers its frames."""
 
     def __init__(self, number: int, writer: FrameWriter) -> None:
         self.number = number
@@ -47,7 +47,7 @@ class _Way:
 class Connection:
     """The drone's MAVLink connection.
 
-    `clock_ns`: our clock [ns, UTC]; every time handed out is on it. `component_id`,
+    `clock_ns`: clock of all times that are passed on [ns, UTC]. `component_id`,
     `attitude_rate_hz`, `position_rate_hz`, `gap_s`, `parameter_encoding`, `own_system_id`,
     `watched_hz`: see `Component` and `TunnelSender`. `signing`: signs and checks frames; the
     number of a link is its signing link id.
@@ -82,7 +82,7 @@ class Connection:
             own_system_id=own_system_id,
         )
         self._ways = [
-            _Way(
+            _OpenLink(
                 number,
                 FrameWriter(
                     self.component.system_id,
@@ -130,7 +130,7 @@ class Connection:
             await link.close()
 
     async def keep_time(self) -> None:
-        """Do what is due, until cancelled."""
+        """Call the component's `tick` every 50 ms or so, until cancelled."""
         while True:
             now_ns = self._clock_ns()
             self.component.tick(now_ns)
@@ -138,9 +138,9 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send a message to the autopilot now, past all queues, once; or not at all.
+        """Send a message to the autopilot at once, ahead of all queues, or drop it.
 
-        Queued, it could leave after a pilot has taken over.
+        A queued command could leave after a pilot has taken over.
         """
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
@@ -149,43 +149,43 @@ class Connection:
 
     @property
     def commands_leave(self) -> bool:
-        """Whether a command to the autopilot would leave now."""
+        """True if a command to the autopilot would leave at once."""
         link = self.link
         return link is not None and link.delay_s <= COMMAND_WAITS_S
 
     @property
     def link(self) -> Link | None:
-        """Link 0, once open."""
+        """The link to the autopilot (number 0), once open."""
         return self._ways[AUTOPILOT_LINK].link
 
     @property
     def heard_on(self) -> int:
-        """The link of the frame being handled."""
+        """Number of the link that delivered the frame in progress."""
         return self._receiving or AUTOPILOT_LINK
 
     @property
     def station_present(self) -> bool:
-        """Whether any ground station's heartbeats arrive."""
+        """True while any ground station's heartbeats arrive."""
         return self.component.discovery.station_present(self._clock_ns())
 
     @property
     def other_station_present(self) -> bool:
-        """Whether heartbeats of a ground station that is not ours arrive."""
+        """True while heartbeats of a ground station other than uavrt's arrive."""
         return self.component.discovery.other_station_present(self._clock_ns())
 
     @property
     def autopilot_present(self) -> bool:
-        """Whether the autopilot's heartbeats arrive."""
+        """True while the autopilot's heartbeats arrive."""
         return self.component.discovery.autopilot_present(self._clock_ns())
 
     @property
     def clock_is_stale(self) -> bool:
-        """Whether the autopilot's clock is extrapolated, since it does not answer."""
+        """True while the autopilot's clock is extrapolated, since it does not answer."""
         return self.component.clock_is_stale(self._clock_ns())
 
     @property
     def place(self) -> tuple[int, int]:
-        """Our own system and component id."""
+        """System and component id of the drone side."""
         return self.component.system_id, self.component.component_id
 
     def keep_station(self, place: tuple[int, int]) -> None:
@@ -193,14 +193,14 @@ class Connection:
         self.component.discovery.keep(Peer(*place))
 
     def stations_silent_s(self) -> dict[tuple[int, int], float]:
-        """Silence of each ground station, by its numbers [s]."""
+        """Time since the last heartbeat of each ground station, by its ids [s]."""
         silent = self.component.discovery.silent_ns(self._clock_ns())
         return {
             peer.place: silent_ns / NANOSECONDS_PER_SECOND for peer, silent_ns in silent.items()
         }
 
     def peers(self) -> dict[str, str]:
-        """The peers, for a log line."""
+        """Present peers, for a log line."""
         discovery = self.component.discovery
         stations = discovery.stations(self._clock_ns())
         return {
@@ -209,11 +209,11 @@ class Connection:
         }
 
     def status(self) -> str:
-        """What is missing, in one or two words."""
+        """Part of the link that is missing, in one or two words; ``"ready"`` if none is."""
         return self.component.status(self._clock_ns())
 
     def counters(self) -> dict[str, float]:
-        """All counts, for a health record."""
+        """Counts of all links and of the component, for a health record."""
         counters = {name: float(count) for name, count in self.component.counters.items()}
         if self._signing is not None:
             counters |= self._signing.counters
@@ -250,7 +250,7 @@ class Connection:
             self._receiving = None
 
     def _send(self, message: Message) -> None:
-        """Send for the component: an answer by its question's link, heartbeats everywhere."""
+        """Send an answer by the link of its request, a heartbeat by all links."""
         system_id = self.component.system_id
         if self._receiving is not None:
             self._ways[self._receiving].send(message, system_id)

@@ -1,4 +1,4 @@
-"""Who is on the link: the autopilot and the ground stations. Pure."""
+"""Find the autopilot and the ground stations on a link. Pure."""
 
 from dataclasses import dataclass, field
 
@@ -13,22 +13,22 @@ from uavrt.mavlink.dialect import (
 from uavrt.units import ns_from_s
 
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
-"""Silence after which the autopilot is lost and may be replaced [ns]: five heartbeats."""
+"""Silence after which the autopilot is lost and may be replaced [ns]; five heartbeats."""
 STATION_SILENCE_NS = ns_from_s(10.0)
-"""Silence after which a station is lost [ns]; at 40 % loss once in 10 000 by chance."""
+"""Silence after which a station is lost [ns]; at 40 % loss by chance once in 10 000 cases."""
 MAX_STATIONS = 16
 STATION_SYSTEM_ID = 254
-"""System id of our ground stations. Not 255: ArduPilot counts every heartbeat of that number
-(MAV_GCS_SYSID) as the operator's ground station, PX4 every one of type GCS. With ours alive,
-the failsafe for the loss of the operator's would not act."""
+"""System id of uavrt's ground stations. Not 255, which ArduPilot takes for the operator's
+ground station (MAV_GCS_SYSID); PX4 does so for each heartbeat of type GCS. The failsafe for a
+lost operator's station would then not act."""
 GCS_SYSTEM_ID = 255
 _STATION_MARK = 0x75767274
-"""``uvrt`` in the mode of a heartbeat of no particular type: one of our ground stations."""
+"""Custom mode ``uvrt`` in the heartbeat of a uavrt ground station."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A component of a system."""
+    """A MAVLink component that was received, by system and component id."""
 
     system_id: int
     component_id: int
@@ -37,7 +37,7 @@ class Peer:
 
     @property
     def place(self) -> tuple[int, int]:
-        """System and component id."""
+        """System and component id of the peer."""
         return self.system_id, self.component_id
 
     def __str__(self) -> str:
@@ -49,7 +49,7 @@ EVERYONE = Peer(0, 0)
 
 
 def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
-    """Make the heartbeat of one of our ground stations, of type GCS if requested."""
+    """Make the heartbeat of a uavrt ground station, of type GCS if requested."""
     if as_gcs:
         return own_heartbeat(MavType.GCS)
     return own_heartbeat(MavType.GENERIC, custom_mode=_STATION_MARK)
@@ -67,7 +67,7 @@ def own_heartbeat(kind: int, *, custom_mode: int = 0) -> Heartbeat:
 
 
 def is_station(heartbeat: Heartbeat) -> bool:
-    """Whether a heartbeat is a ground station's: by its type, ours by its mark."""
+    """True if a heartbeat is a ground station's: by its type, or by uavrt's mark."""
     marked = heartbeat.type == MavType.GENERIC and heartbeat.custom_mode == _STATION_MARK
     return heartbeat.type == MavType.GCS or marked
 
@@ -76,17 +76,17 @@ class Discovery:
     """Keeps the autopilot (first heartbeat of component 1) and every ground station.
 
     Ground stations are recognised by their heartbeat, whatever their numbers: QGroundControl is
-    255/190, MAVSDK 245/190, MAVProxy 255/230, ours 254/190.
+    255/190, MAVSDK 245/190, MAVProxy 255/230, uavrt 254/190.
     """
 
     def __init__(self) -> None:
         self.autopilot: Peer | None = None
         self.autopilot_kind = 0
-        """MAV_AUTOPILOT of its heartbeat."""
+        """MAV_AUTOPILOT number in the autopilot's heartbeat."""
         self.autopilot_armed = False
-        """Whether its motors may turn, by its last heartbeat."""
+        """True if the motors may turn, by the autopilot's last heartbeat."""
         self.autopilot_landed: bool | None = None
-        """Whether it stands on the ground; None while it does not say."""
+        """True if the vehicle is on the ground; None if not reported."""
         self._autopilot_heard_ns = 0
         self._stations: dict[Peer, int] = {}
         self._others: set[Peer] = set()
@@ -113,7 +113,7 @@ class Discovery:
         return lost
 
     def autopilot_present(self, now_ns: int) -> bool:
-        """Whether the autopilot's heartbeats arrive."""
+        """True while the autopilot's heartbeats arrive."""
         if self.autopilot is None:
             return False
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
@@ -121,7 +121,7 @@ class Discovery:
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
         """Ground stations that are present; if none is, the last one received, if any.
 
-        Heartbeats are lost more easily than a ground station; sending costs nothing.
+        Heartbeats are lost more easily than a ground station, and sending to it costs nothing.
         """
         present = [
             peer
@@ -142,15 +142,15 @@ class Discovery:
 
     @property
     def known(self) -> bool:
-        """Whether any ground station was ever received."""
+        """True once any ground station was received."""
         return bool(self._stations)
 
     def station_present(self, now_ns: int) -> bool:
-        """Whether any ground station's heartbeats arrive."""
+        """True while any ground station's heartbeats arrive."""
         return any(now_ns - heard < STATION_SILENCE_NS for heard in self._stations.values())
 
     def other_station_present(self, now_ns: int) -> bool:
-        """Whether a ground station is there that is not ours, such as QGroundControl."""
+        """True if a ground station other than uavrt's is present, such as QGroundControl."""
         return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
 
     def target(self, now_ns: int) -> Peer | None:

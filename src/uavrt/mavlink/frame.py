@@ -1,4 +1,4 @@
-"""Bytes of a link to frames and back, without I/O.
+"""Convert bytes of a link to frames and back, without I/O.
 
 A frame (MAVLink 2)::
 
@@ -8,8 +8,8 @@ Trailing zeros of the payload are cut by the sender. The checksum is CRC-16/MCRF
 everything between the marker and itself, then the message's own seed byte. MAVLink 1 frames
 (0xFE len seq sysid compid id) are read too, because some radios still send RADIO_STATUS so.
 
-After a bad checksum the search goes on at the byte after the false marker, not after the false
-frame: on a noisy serial line a stray 0xFD would otherwise swallow up to 280 good bytes.
+After a bad checksum, parsing resumes at the byte after the false marker, not after the false
+frame: on a noisy serial line a stray 0xFD would otherwise discard up to 280 good bytes.
 """
 
 import binascii
@@ -33,10 +33,10 @@ _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def crc16_mcrf4xx(data: bytes) -> int:
-    """Checksum of MAVLink.
+    """MAVLink's checksum of some bytes.
 
-    MCRF4XX is CRC-CCITT with the bits of input and output mirrored; the standard library has
-    the latter in C, 40 times as fast as a loop in Python on a 145-byte frame.
+    CRC-16/MCRF4XX is CRC-CCITT with input and output bits mirrored. The standard library has
+    the latter in C, 40 times as fast as a Python loop on a 145-byte frame.
     """
     crc = binascii.crc_hqx(data.translate(_REVERSED), 0xFFFF)
     return _REVERSED[crc & 0xFF] << 8 | _REVERSED[crc >> 8]
@@ -44,7 +44,7 @@ def crc16_mcrf4xx(data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One received frame with a valid checksum, or of an unknown message."""
+    """A received frame with a valid checksum, or of an unknown message."""
 
     raw: bytes
     """The whole frame as received, for forwarding."""
@@ -61,13 +61,13 @@ class Frame:
         return self.message_id in MESSAGES
 
     def message(self) -> Message | None:
-        """Read the message; None if the dialect does not have it."""
+        """The decoded message; None if the dialect does not have it."""
         kind = MESSAGES.get(self.message_id)
         return None if kind is None else kind.decode(self.payload)
 
 
 Sign = Callable[[bytes], bytes]
-"""Makes the signature of a frame whose flag is set (`uavrt.mavlink.signing`)."""
+"""Function that signs a frame with the signed flag (`uavrt.mavlink.signing`)."""
 
 
 def encode_frame(
@@ -161,7 +161,7 @@ class FrameParser:
 
 
 def _frame_length(buffer: bytes, place: int) -> int | None:
-    """Length of the frame that starts at `place`; None if not enough bytes are here."""
+    """Length of the frame that starts at `place`; None if its header is incomplete."""
     if place + 3 > len(buffer):
         return None
     length = buffer[place + 1]
@@ -175,10 +175,10 @@ def _next_byte(buffer: bytes, place: int) -> int | None:
 
 
 def _check(raw: bytes, following: int | None) -> Frame | None:
-    """Read a frame of the right length; None if it is none.
+    """Read a frame of the right length; None if its checksum is wrong.
 
-    An unknown message has no seed for its checksum; it is accepted if the start of another
-    frame follows, or nothing yet.
+    The checksum of an unknown message cannot be checked. It is accepted if another frame, or
+    nothing yet, follows.
     """
     if raw[0] == MARKER_V2:
         _, length, incompatible, _, sequence, system_id, component_id = raw[:7]

@@ -1,4 +1,4 @@
-"""Files offered to clients: one directory, read-only, and a few files made in memory.
+"""Files served to MAVLink FTP clients: one directory, read-only, and files made in memory.
 
 Names with ``..`` and links are refused, so that nothing outside can be reached. Only regular
 files and directories are visible.
@@ -25,10 +25,10 @@ class FileRefused(Exception):
 
 
 class FileTree:
-    """The directory.
+    """A directory of files as clients see it.
 
-    `root`: what clients see as ``/``; it need not exist yet. `extra`: files that exist in
-    memory only, by their path without the leading slash.
+    `root`: directory that clients see as ``/``; it need not exist yet. `extra`: contents of
+    files that exist in memory only, by path without the leading slash.
     """
 
     def __init__(self, root: str | Path, extra: Mapping[str, bytes] | None = None) -> None:
@@ -73,7 +73,7 @@ class FileTree:
             raise _refusal(error) from error
 
     def _inside(self, parts: list[str]) -> Path:
-        """Path of a name, unless a part of it leads outside."""
+        """Path of a client's file name; `FileRefused` if it is outside the directory."""
         root = Path(os.path.realpath(self.root))
         place = root.joinpath(*parts)
         if os.path.realpath(place) != str(place):
@@ -93,7 +93,7 @@ class FileTree:
 
 
 def read_at(file: BinaryIO | bytes, offset: int, size: int) -> bytes:
-    """Read a part; empty at the end. Raises `FileRefused`."""
+    """Read bytes of an open file from an offset; empty at the end. Raises `FileRefused`."""
     if isinstance(file, bytes):
         return file[offset : offset + size]
     try:
@@ -103,13 +103,13 @@ def read_at(file: BinaryIO | bytes, offset: int, size: int) -> bytes:
 
 
 def close(file: BinaryIO | bytes) -> None:
-    """Close what `FileTree.open` gave."""
+    """Close a file that `FileTree.open` returned."""
     if not isinstance(file, bytes):
         file.close()
 
 
 def _parts(name: str) -> list[str]:
-    """Parts of a name that a client sent; also ``@MAV_LOG``-like prefixes are just names."""
+    """Split a client's file name at slashes; prefixes like ``@MAV_LOG`` are plain names."""
     parts = [part for part in name.split("/") if part not in ("", ".")]
     if ".." in parts or "\0" in name:
         raise FileRefused(FtpError.FILE_NOT_FOUND)

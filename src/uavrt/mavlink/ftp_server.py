@@ -33,32 +33,32 @@ T = TypeVar("T")
 
 BURST_S = 0.5
 MOST_BURST_BYTES = 32 * DATA_SIZE
-"""Longest burst; then a client reports its losses, which shows the link's rate."""
+"""Longest burst [bytes]. After it a client reports its losses, which show the link's rate."""
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
 """Time without use after which a session is closed [ns]."""
 GIVES_WAY_NS = ns_from_s(10.0)
-"""Time without use after which a session may be closed for another [ns]."""
+"""Time without use after which a session may be closed for another client [ns]."""
 MAX_CLIENTS = 16
 WAITING = 32
 
 
 class Disk(Protocol):
-    """Runs work that may block on the disk."""
+    """Function that runs work which may block on the disk."""
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Do `job` and give `then` its result; False when too much is waiting."""
+        """Run `job` and pass its result to `then`; False if too many jobs are waiting."""
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """Run disk work inline."""
+    """Run a disk job inline and pass on its result."""
     then(job())
     return True
 
 
 @dataclass(slots=True)
 class Session:
-    """An open file of a client."""
+    """A file that a client has open."""
 
     file: BinaryIO | bytes
     size: int
@@ -67,21 +67,21 @@ class Session:
 
 @dataclass(slots=True)
 class Burst:
-    """A part of a file that was read and is sent piece by piece."""
+    """A part of a file that was read and is sent in pieces."""
 
     peer: Peer
     request: FtpPacket
     sequence: int
     offset: int
     data: bytes
-    """Bytes from `offset` on; shorter than requested at the end of the file."""
+    """Bytes of the file from `offset` on; shorter than requested at the end of the file."""
     chunk: int
     size: int = 0
-    """Size of the whole burst; 0 until the first piece is sent and the rate is known."""
+    """Size of the whole burst [bytes]; 0 before the first piece, when the rate is unknown."""
     ended: bool = False
 
     def next_part(self, rate_bytes_s: float) -> FtpPacket:
-        """Return the next piece."""
+        """Return the next piece of the burst."""
         if self.size == 0:
             # Full parts only: pymavlink takes a shorter one for the end of the file.
             size = min(MOST_BURST_BYTES, rate_bytes_s * BURST_S)
@@ -106,19 +106,19 @@ class Burst:
 
 @dataclass(slots=True)
 class Client:
-    """The last request of a client and its answer."""
+    """The last request of a client and its reply."""
 
     request: FtpPacket
     reply: FtpPacket | None = None
     reading: bool = False
-    """Whether the disk has not answered yet."""
+    """True while the disk has not answered yet."""
     data_sent_ns: int | None = None
-    """Time of the last data sent to it, for the round trip [ns]."""
+    """Time of the last data sent to the client, to measure the round trip [ns]."""
 
 
 @dataclass(slots=True)
 class Crc:
-    """A checksum being computed."""
+    """A file's checksum that is being computed."""
 
     peer: Peer
     request: FtpPacket
@@ -129,7 +129,7 @@ class Crc:
 
 
 class FileServer:
-    """Serves a `FileTree` to the paced queue, which `wake` reports; `disk` runs disk work."""
+    """Serves a `FileTree` by the paced queue, which `wake` starts; `disk` reads files."""
 
     def __init__(
         self, tree: FileTree, wake: Callable[[], None] = lambda: None, disk: Disk = at_once
@@ -146,13 +146,13 @@ class FileServer:
         self.refused = 0
         self.repeated = 0
         self.left = 0
-        """Requests refused because the disk had too much to do."""
+        """Requests refused because too many disk jobs were waiting."""
         self.bytes_sent = 0
         self.given_up = 0
-        """Sessions closed in favour of another client's."""
+        """Sessions closed to serve another client."""
 
     def receive(self, payload: bytes, peer: Peer, now_ns: int) -> float | None:
-        """Handle a request; return the round trip since the last data, if it shows one [s]."""
+        """Handle a request; return the round trip since the last data [s] or None."""
         request = FtpPacket.decode(payload)
         if request.opcode in (Opcode.ACK, Opcode.NAK):
             return None
@@ -178,17 +178,17 @@ class FileServer:
         return trip_s
 
     def on(self, link: int) -> "FilesOnLink":
-        """Return the source of the replies that leave by one link."""
+        """Return the source of the replies that leave by link number `link`."""
         return FilesOnLink(self, link)
 
     def wait_ns(self, now_ns: int, link: int | None = None) -> int | None:
-        """A source's: time until a reply may go, None when there is none."""
+        """Time until a reply may leave by link number `link` [ns]; None if none waits."""
         waiting = [peer for peer, _ in self._replies]
         waiting += [burst.peer for burst in self._bursts.values()]
         return 0 if any(link in (None, peer.link) for peer in waiting) else None
 
     def take(self, now_ns: int, rate_bytes_s: float, link: int | None = None) -> Message | None:
-        """A source's: the next reply."""
+        """Return the next reply that leaves by link number `link`."""
         here = [reply for reply in self._replies if link in (None, reply[0].link)]
         bursts = [b for b in self._bursts.values() if link in (None, b.peer.link)]
         if here:
@@ -297,7 +297,7 @@ class FileServer:
     def _on_disk(
         self, peer: Peer, request: FtpPacket, job: Callable[[], T], then: Callable[[T], None]
     ) -> bool:
-        """Run disk work, and continue with its result or refusal."""
+        """Run a disk job, then continue with its result, or refuse the request."""
         client = self._clients.get(peer)
 
         def outcome() -> T | FileRefused:
@@ -421,7 +421,7 @@ class FileServer:
             self._replies.popleft()  # its client asks again
 
     def _repeat(self, peer: Peer, client: Client) -> None:
-        """The reply was lost, or has not been sent yet: never do the request twice."""
+        """Send the reply again to a repeated request; the request is not run twice."""
         self.repeated += 1
         reply = client.reply
         if reply is not None and (peer, reply) not in self._replies:
@@ -449,10 +449,10 @@ class FileServer:
             self._disk(partial(close, session.file), _nothing)
 
     def _room_for(self, peer: Peer, now_ns: int) -> bool:
-        """Whether a client may open another file; open files of others do not block it.
+        """True if a client may open another file; open files of others do not block it.
 
-        Idle sessions are closed first, then those of other clients beyond their first: of the
-        client with most, the one unused for longest.
+        Idle sessions are closed first. Then the client with the most sessions, if it has more
+        than one, loses the one unused for longest.
         """
         if len(self._sessions) < MAX_SESSIONS:
             return True
@@ -475,26 +475,26 @@ class FileServer:
 
 
 def _nothing(result: object) -> None:
-    """Do nothing after a file was closed."""
+    """Ignore the result of closing a file."""
 
 
 class FilesOnLink:
-    """The replies of a `FileServer` that leave by one link; a source of the paced queue."""
+    """Replies of a `FileServer` that leave by one link; a source of the paced queue."""
 
     def __init__(self, files: FileServer, link: int) -> None:
         self._files, self._link = files, link
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """A source's: time until a reply may go, None when there is none."""
+        """Time until a reply may leave [ns]; None if none waits."""
         return self._files.wait_ns(now_ns, self._link)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Message | None:
-        """A source's: the next reply."""
+        """Return the next reply."""
         return self._files.take(now_ns, rate_bytes_s, self._link)
 
 
 def path_of(request: FtpPacket) -> str:
-    """Path in a request: up to a NUL that some clients send along."""
+    """Path in a file request; the NUL that some clients append is cut off."""
     try:
         return request.data.split(b"\0", 1)[0].decode()
     except UnicodeDecodeError as error:
@@ -502,7 +502,7 @@ def path_of(request: FtpPacket) -> str:
 
 
 def fitting(entries: list[bytes]) -> Iterator[bytes]:
-    """As many whole entries as a reply holds, each ended by NUL."""
+    """Bytes of as many whole directory entries as one reply holds, each ended by NUL."""
     room = DATA_SIZE
     for entry in entries:
         room -= len(entry) + 1

@@ -62,11 +62,11 @@ WRITING = frozenset(
         Opcode.RENAME,
     }
 )
-"""Requests that would change a file."""
+"""Opcodes of requests that would change a file; this server refuses them."""
 
 
 class FtpError(IntEnum):
-    """Why a request was not served: the first data byte of a NAK."""
+    """Reason for refusing a request: the first data byte of a NAK."""
 
     FAIL = 1
     FAIL_ERRNO = 2
@@ -82,20 +82,20 @@ class FtpError(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FtpPacket:
-    """A request or a reply."""
+    """A request or reply of MAVLink FTP."""
 
     sequence: int
     session: int = 0
     opcode: int
     size: int | None = None
-    """Number of data bytes; in requests for data, of those wanted."""
+    """Number of data bytes in the packet; in requests for data, the number requested."""
     request_opcode: int = 0
     burst_complete: bool = False
     offset: int = 0
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """Bytes of the payload, 251 of them."""
+        """Bytes of the payload, always 251."""
         size = len(self.data) if self.size is None else self.size
         head = _LAYOUT.pack(
             self.sequence & 0xFFFF,
@@ -110,7 +110,7 @@ class FtpPacket:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read a payload; every 251 bytes are one."""
+        """Read a payload of 251 bytes; any content is valid."""
         sequence, session, opcode, size, request, complete, offset = _LAYOUT.unpack_from(
             payload
         )
@@ -127,5 +127,5 @@ class FtpPacket:
 
 
 def checksum(data: bytes, so_far: int = 0) -> int:
-    """CRC-32 of the service: from zero and not inverted at the end, as PX4 computes it."""
+    """CRC-32 of MAVLink FTP: starts at zero, not inverted at the end, as PX4 computes it."""
     return zlib.crc32(data, so_far ^ 0xFFFFFFFF) ^ 0xFFFFFFFF

@@ -1,9 +1,9 @@
-"""Common parts of links of every kind; `uavrt.mavlink.transport` opens them.
+"""Base class of links over UDP, TCP and serial ports; `uavrt.mavlink.transport` opens them.
 
 A link that cannot be opened raises a `LinkError` with its remedy. After that it recovers by
-itself: a lost serial adapter or TCP peer is tried again every second, and meanwhile frames to
-send are dropped and counted. Received frames go to one callback, at once, in the loop's thread.
-No thread, no blocking call.
+itself: a lost serial adapter or TCP peer is tried again every second; frames to send are
+meanwhile dropped and counted. Received frames go to one callback, at once, in the loop's
+thread. It uses no thread and no blocking call.
 
 No input ends the reading: a frame whose handler fails is counted and logged, and the next frame
 is read.
@@ -21,45 +21,45 @@ log = get_logger()
 
 
 class Parser(Protocol):
-    """Cuts bytes into frames for its handler, and counts other bytes."""
+    """Protocol of a parser that cuts bytes into frames and counts bytes outside of frames."""
 
     received: int
     bad_crc: int
     skipped_bytes: int
 
     def feed(self, data: bytes) -> list[Any]:
-        """Add bytes; return the frames that they complete, each with its bytes as ``raw``."""
+        """Add bytes; return the frames they complete, each with its bytes as ``raw``."""
         ...
 
     def reset(self) -> None:
-        """Drop incomplete input."""
+        """Drop an incomplete frame."""
         ...
 
 
 RETRY_S = 1.0
 MAX_PENDING = 16_384
-"""Most bytes waiting for the system; more frames are dropped."""
+"""Most bytes that may wait for the operating system; further frames are dropped."""
 
 
 @dataclass(slots=True)
 class LinkCounters:
-    """Counts since the link was opened."""
+    """Counts of frames and bytes since a link was opened."""
 
     received: int = 0
     bad_crc: int = 0
     skipped_bytes: int = 0
     sent: int = 0
     dropped: int = 0
-    """Frames not sent: no peer yet, link down, or the system takes no more."""
+    """Frames not sent: no peer is known, the link is down, or the send buffer is full."""
     reconnects: int = 0
     faults: int = 0
-    """Frames whose handler failed: a defect of ours, or a full disk."""
+    """Received frames whose handler failed, by a defect or a full disk."""
 
 
 class Link:
-    """One link; subclasses implement the transport.
+    """Base of the links over UDP, TCP and serial ports.
 
-    `on_frame`: called with each received frame. `parser`: of another protocol than MAVLink.
+    `on_frame`: called with each received frame. `parser`: None: one of MAVLink.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Link:
         """Time since the frame being handled arrived [ns]."""
 
     async def open(self) -> None:
-        """Open it; raises `LinkError`."""
+        """Open the link; raises `LinkError`."""
         raise NotImplementedError
 
     def send(self, frame: bytes) -> bool:
@@ -89,17 +89,17 @@ class Link:
         return sent
 
     async def close(self) -> None:
-        """Close it for good."""
+        """Close the link for good."""
         raise NotImplementedError
 
     @property
     def delay_s(self) -> float:
-        """Time that a frame would wait on this computer [s]."""
+        """Time that a new frame would wait in this computer's buffers [s]."""
         return 0.0
 
     @property
     def counters(self) -> LinkCounters:
-        """Counts so far."""
+        """Counts of frames and bytes since the link was opened."""
         return LinkCounters(
             received=self._parser.received,
             bad_crc=self._parser.bad_crc,

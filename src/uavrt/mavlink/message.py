@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Self
 
 
 class Message:
-    """One MAVLink message; field names and units are MAVLink's own."""
+    """A MAVLink message; field names and units are those of MAVLink."""
 
     __slots__: tuple[str, ...] = ()
     ID: ClassVar[int]
@@ -14,7 +14,7 @@ class Message:
     LAYOUT: ClassVar[Struct]
 
     def pack(self) -> bytes:
-        """Whole payload, trailing zeros included."""
+        """Bytes of the whole payload, trailing zeros included."""
         raise NotImplementedError
 
     @classmethod
@@ -48,10 +48,10 @@ class Message:
 
 
 def text_of(field: bytes) -> str:
-    """Text of a char array, up to the first NUL; invalid UTF-8 becomes a mark."""
+    """Text of a char array, up to the first NUL; invalid UTF-8 becomes a replacement mark."""
     return field.split(b"\0", 1)[0].decode("utf-8", errors="replace")
 
 
 def bytes_of(text: str) -> bytes:
-    """Bytes of a char array; `struct` cuts or fills them to size."""
+    """Bytes of a text for a char array; `struct` cuts or fills them to size."""
     return text.encode("utf-8", errors="replace")

@@ -1,4 +1,4 @@
-"""Metadata files that a ground station can fetch from us, made in memory.
+"""Metadata files that a ground station can fetch from the drone side, made in memory.
 
 COMPONENT_METADATA (397) names the general file, which names the others; ground stations fetch
 them by MAVLink FTP and cache them by their checksum. Formats: general.schema.json and
@@ -21,10 +21,10 @@ TYPE_PARAMETER = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Metadata:
-    """The files, and the COMPONENT_METADATA for the first."""
+    """The metadata files, and the COMPONENT_METADATA message that names the general one."""
 
     files: Mapping[str, bytes]
-    """Files by path, for `uavrt.mavlink.ftp_files.FileTree`."""
+    """Contents of the files by path, for `uavrt.mavlink.ftp_files.FileTree`."""
     uri: str
     crc: int
 
@@ -32,7 +32,7 @@ class Metadata:
 def component_metadata(
     parameters: Iterable[Parameter] = OFFERED.values(), *, floats: bool = False
 ) -> Metadata:
-    """Write the files for our parameters; with `floats` all of them are of that type."""
+    """Make the metadata files of uavrt's parameters; `floats`: declare all as float."""
     described = [_described(row, floats) for row in parameters]
     listing = _json({"version": 1, "parameters": described})
     general = _json(

@@ -1,7 +1,7 @@
-"""Missions and fences to and from an autopilot, by MAVLink's mission protocol. Pure.
+"""Send missions and fences to an autopilot and read them, by MAVLink's mission protocol. Pure.
 
 Each transfer is given messages and the time, and returns messages to send. The vehicle requests
-the items of an upload, and again those that were lost; we request those of a download
+the items of an upload, and lost ones again. In a download, items are requested from the vehicle
 (https://mavlink.io/en/services/mission.html). Nothing here starts a mission.
 """
 
@@ -21,13 +21,13 @@ MOST_ITEMS = 1000
 RETRY_S = 1.0
 """Time until a request is repeated [s]; longer than the queue of a full 57 600-baud link."""
 TRIES = 12
-"""Most tries of a request: at 20 % loss each way, 1 - 0.8² = 0.36, one of 200 000 fails."""
+"""Most tries of a request; each fails with 36 % at 20 % loss each way, all once in 200 000."""
 SILENCE_S = 6.0
 """Longest silence in an upload [s]; PX4 repeats its requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
-"""A whole transfer takes at most."""
+"""Longest duration of a whole transfer, and its addition for each item [s]."""
 LAST_S = 3.0
-"""Wait for the answer to a whole upload [s]; if it is lost, reading back decides."""
+"""Longest wait for the answer to a complete upload [s]; else a download shows the result."""
 _TYPES: dict[MissionKind, int] = {
     "mission": MavMissionType.MISSION,
     "fence": MavMissionType.FENCE,
@@ -50,11 +50,11 @@ _OURS = (
 
 
 class MissionTransfer(ABC):
-    """Common part of an upload and a download.
+    """Base of mission upload and download.
 
-    `own`: our system and component id. `done`: it has ended well. `fault`: why it has failed.
-    `silent`: it has failed because no answer came. `counters`: repetitions, and messages not
-    used.
+    `own`: system and component id of this side. `done`: it has succeeded. `fault`: reason of
+    its failure. `silent`: it has failed because no answer came. `counters`: numbers of
+    repetitions and of unused messages.
     """
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
@@ -70,11 +70,11 @@ class MissionTransfer(ABC):
 
     @property
     def over(self) -> bool:
-        """Whether it has ended, either way."""
+        """True once the transfer has succeeded or failed."""
         return self.done or self.fault is not None
 
     def receive(self, message: Message, sender: tuple[int, int], now_s: float) -> list[Message]:
-        """Handle a message; return those to send at once."""
+        """Handle a received message; return the messages to send at once."""
         if self.over or not isinstance(message, _OURS):
             return []
         place = (message.target_system, message.target_component)
@@ -85,7 +85,7 @@ class MissionTransfer(ABC):
         return self._take(message, now_s)
 
     def due(self, now_s: float) -> list[Message]:
-        """Messages to be sent now, for the first time or again."""
+        """Messages to send now, for the first time or again."""
         if self.over:
             return []
         if self._begun_s is None:
@@ -105,22 +105,22 @@ class MissionTransfer(ABC):
     @property
     @abstractmethod
     def _size(self) -> int:
-        """Number of items, if known."""
+        """Number of mission items; 0 while unknown."""
 
     @abstractmethod
     def _take(self, message: Message, now_s: float) -> list[Message]:
-        """Use a message for this transfer."""
+        """Use a message that belongs to this transfer."""
 
     @abstractmethod
     def _again(self, now_s: float) -> list[Message]:
-        """Messages that are due, for the first time or again."""
+        """Requests that are due, for the first time or again."""
 
     def _strange(self) -> list[Message]:
         self.counters["strange"] += 1
         return []
 
     def _try(self, message: Message, now_s: float, wait_s: float = RETRY_S) -> list[Message]:
-        """Send a request, or fail after `TRIES`."""
+        """Send a request; fail the transfer after `TRIES` of them."""
         if self._tries >= TRIES:
             self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
             self.silent = True
@@ -150,7 +150,7 @@ class MissionTransfer(ABC):
 
 
 class MissionUpload(MissionTransfer):
-    """Sends items as the vehicle requests them; parameters as of `MissionTransfer`."""
+    """Sends items as the vehicle requests them; parameters as in `MissionTransfer`."""
 
     def __init__(
         self,
@@ -163,7 +163,7 @@ class MissionUpload(MissionTransfer):
         self._items = tuple(items)
         self._asked: set[int] = set()
         self.acknowledged = False
-        """Whether the vehicle acknowledged all of it; else only reading back shows it."""
+        """True once the vehicle acknowledged the upload; else a download shows the result."""
 
     @property
     def _size(self) -> int:
@@ -221,7 +221,7 @@ class MissionUpload(MissionTransfer):
 
 
 class MissionDownload(MissionTransfer):
-    """Requests all items; `items` are those that have come."""
+    """Download that requests all items; those received are in `items`."""
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
         super().__init__(kind, vehicle, own)
@@ -282,7 +282,7 @@ class MissionDownload(MissionTransfer):
         return self._try(dialect.MissionRequestInt(**self._to(), seq=len(self.items)), now_s)
 
 
-def homed(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
-    """Put an item for home before a mission, as ArduPilot requires; it keeps its own there."""
+def with_home(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
+    """Insert an item for home before a mission; ArduPilot keeps its home there."""
     first = (MissionItem(command=16),) if home_first else ()
     return (*first, *items)

@@ -1,4 +1,4 @@
-"""Names of the values that stock ground stations show and plot: NAMED_VALUE_FLOAT (251)."""
+"""Name a tag's values that stock ground stations show and plot: NAMED_VALUE_FLOAT (251)."""
 
 import string
 
@@ -8,10 +8,10 @@ _DIGITS = string.digits + string.ascii_uppercase
 
 
 def value_name(kind: str, tag_id: int) -> str:
-    """Make the name of a tag's value: ``SNR_2``; unique for every tag of 32 bits.
+    """Make the name of a tag's value, such as ``SNR_2``; unique for every tag of 32 bits.
 
-    Ten bytes hold an id of six digits; a longer one stands without the underscore, to the base
-    of 36 (``SNRLFLS`` is tag 1 000 000).
+    Ten bytes hold an id of six digits. A longer id is written in base 36 without the underscore
+    (``SNRLFLS`` is tag 1 000 000).
 
     `kind`: three letters. `tag_id`: 0 to 2**32 - 1.
     """

@@ -1,11 +1,11 @@
-"""Sending no faster than an autopilot forwards and a radio carries. Pure.
+"""Send messages no faster than an autopilot forwards and a radio carries. Pure.
 
 PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main loop;
 what does not fit is dropped silently. Three tunnel messages fit, so those for the ground leave
 one at a time, a gap apart.
 
-Urgent messages are queued here. Pulses and files stay with their own sources, which are asked
-for the next message when there is room for one.
+Urgent messages are queued here. Pulses and files stay with their sources; the next one is taken
+when there is room for it.
 """
 
 from collections import deque
@@ -22,47 +22,47 @@ from uavrt.units import ns_from_s
 MIN_GAP_S = 0.012
 """Shortest gap through an autopilot [s]; PX4's pass on a ``-r 1200`` serial link is 8.33 ms."""
 STRAIGHT_GAP_S = 0.001
-"""Shortest gap without an autopilot between [s]; bursts of 200 datagrams overran a socket."""
+"""Shortest gap on a direct link [s]; bursts of 200 datagrams overran a socket."""
 HEADER_BYTES = 12
 
 
 class Priority(IntEnum):
-    """Order of sending."""
+    """Order in which messages leave; the lowest number goes first."""
 
     ACK = 0
     STATUS = 1
     PULSE = 2
     VALUE = 3
     OTHER = 4
-    """Answers to stations that do not command."""
+    """Answers to stations that do not command the drone."""
     FILE = 5
 
 
 CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
-"""Most messages that may wait."""
+"""Most messages that may wait in the queue of each priority."""
 URGENT = (Priority.ACK, Priority.STATUS)
 ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
-"""Room that lower priorities leave, so that a pulse can follow: the longest frames."""
+"""Bytes that a lower priority leaves free for a pulse after it; its longest frame."""
 OTHER_PATIENCE_NS = ns_from_s(2.0)
-"""Longest wait of other stations' answers behind pulses [ns]."""
+"""Longest wait behind pulses of answers to stations that do not command [ns]."""
 
 
 Item = TunnelPayload | Message
 
 
 class Source(Protocol):
-    """Keeps messages of its own and gives them one by one."""
+    """Protocol of a source that keeps its own messages and gives them one by one."""
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until it has one [ns]; None without any."""
+        """Time until the source has a message to send [ns]; None without any."""
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
-        """Return one."""
+        """Return the source's next message; `rate_bytes_s`: present rate of the link."""
 
 
 @dataclass(slots=True)
 class PacingCounters:
-    """Counts of messages through the queue."""
+    """Numbers of messages that left a paced queue, and that it dropped."""
 
     released: int = 0
     dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(CAPACITY, 0))
@@ -74,8 +74,8 @@ class PacedQueue:
     When a queue is full its oldest message is dropped and counted: an old status is useless,
     and an acknowledgement is requested again.
 
-    `gap_s`: time between two messages; at least 0.012 s. `rate`: bytes a second of the link.
-    `straight`: without an autopilot between, the gap may be as short as 0.001 s. Raises
+    `gap_s`: time between two messages; at least 0.012 s. `rate`: estimate of the link's rate.
+    `straight`: direct link without an autopilot; the gap may be as short as 0.001 s. Raises
     `ConfigError` for a shorter gap.
     """
 
@@ -96,14 +96,14 @@ class PacedQueue:
         self._other_since_ns: int | None = None
         self.rate = rate or LinkRate()
         self.frame_extra_bytes = 0
-        """Additional bytes of each frame, as a signature's 13."""
+        """Bytes added to each frame, such as the 13 of a signature."""
         self.counters = PacingCounters()
 
     def __len__(self) -> int:
         return sum(map(len, self._queues.values()))
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Take messages of that priority from `source`."""
+        """Send the messages of `source` with the given priority."""
         self._sources[priority] = source
         self._sources = dict(sorted(self._sources.items()))
 
@@ -131,7 +131,7 @@ class PacedQueue:
         return max(gap_ns, self.rate.wait_ns(now_ns, ROOM_BYTES.get(min(ready), 0)))
 
     def _urgent(self, now_ns: int) -> deque[Item] | None:
-        """Return the queue whose message does not wait for the rate."""
+        """Queue whose message may leave without regard to the rate; None if there is none."""
         other = self._queues[Priority.OTHER]
         if not other:
             self._other_since_ns = None
@@ -176,7 +176,7 @@ class PacedQueue:
 
 
 def _size(item: Item) -> int:
-    """Bytes of the frame."""
+    """Size of a message's frame, unsigned [bytes]."""
     if isinstance(item, TunnelPayload):
         return FRAME_OVERHEAD + len(item.payload)
     return HEADER_BYTES + len(item.pack().rstrip(b"\0"))

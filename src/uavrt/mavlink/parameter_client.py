@@ -1,4 +1,4 @@
-"""Read and set the autopilot's parameters over an own link; for set-up, not for flight."""
+"""Read and set the autopilot's parameters over a separate link; for set-up, not for flight."""
 
 import asyncio
 import contextlib
@@ -25,9 +25,9 @@ OWN_COMPONENT = 191
 
 
 class ParameterClient:
-    """A conversation with the autopilot; see `connected`.
+    """Client of the autopilot's parameters; open it with `connected`.
 
-    `kind`: MAV_AUTOPILOT of its heartbeat. `armed`: whether its motors may turn.
+    `kind`: MAV_AUTOPILOT number in its heartbeat. `armed`: True if its motors may turn.
     """
 
     def __init__(self) -> None:
@@ -66,11 +66,11 @@ class ParameterClient:
 
     @property
     def bytewise(self) -> bool:
-        """Whether it puts whole numbers as bytes into parameters (PX4)."""
+        """True if the autopilot writes integers as bytes into parameters (PX4)."""
         return self.kind != MavAutopilot.ARDUPILOTMEGA
 
     async def read(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Get the values of parameters; None if not answered, as for unknown ones."""
+        """Get the values of parameters; None for those not answered, as unknown ones."""
         assert self.autopilot is not None
         values: dict[str, float | None] = dict.fromkeys(names)
         for _ in range(TRIES):
@@ -91,7 +91,7 @@ class ParameterClient:
         return values
 
     async def write(self, name: str, value: float) -> float | None:
-        """Set a parameter that was read before; return its value, None without an answer."""
+        """Set a parameter that was read before; return its new value, None if unanswered."""
         assert self.autopilot is not None
         kind = self._types.get(name, MavParamType.REAL32)
         request = dialect.ParamSet(
@@ -110,7 +110,7 @@ class ParameterClient:
         return None
 
     async def _beat(self) -> None:
-        """Send a heartbeat, so that an autopilot learns our address."""
+        """Send a heartbeat, so that the autopilot learns this side's address."""
         while True:
             self._send(own_heartbeat(MavType.ONBOARD_CONTROLLER))
             await asyncio.sleep(HEARTBEAT_S)

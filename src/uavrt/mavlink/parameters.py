@@ -1,8 +1,8 @@
-"""Our parameters for ground stations: list, read, set (MAVLink's parameter protocol). Pure.
+"""List, read and set uavrt's parameters from ground stations (MAVLink protocol). Pure.
 
-A value travels in a field of type float. A whole number is either cast to float (ArduPilot) or
-its bytes are put there (PX4); a component declares it by its capability bits, and ground
-stations assume it by the vehicle's autopilot.
+A value travels in a field of type float. An integer is either cast to float (ArduPilot) or its
+bytes are put there (PX4). The capability bits declare which; ground stations assume it by the
+vehicle's autopilot.
 """
 
 import math
@@ -26,7 +26,7 @@ _FORMATS: dict[int, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ParameterChange:
     """A requested change of a parameter."""
 
     name: str
@@ -34,11 +34,10 @@ class Wish:
 
 
 class ParameterServer:
-    """Answers with the values in force.
+    """Server of the parameters in force.
 
-    `values`: gives every parameter's value, in the order of their index.
-    `types`: INT32 or REAL32 for each.
-    `bytewise`: whether whole numbers travel as bytes.
+    `values`: gives every parameter's value, in the order of their index. `types`: INT32 or
+    REAL32 for each. `bytewise`: whether integers travel as bytes.
     """
 
     def __init__(
@@ -52,11 +51,11 @@ class ParameterServer:
         self._names = list(types)
         self._bytewise = bytewise
 
-    def receive(self, message: Requests) -> list[dialect.ParamValue] | Wish:
+    def receive(self, message: Requests) -> list[dialect.ParamValue] | ParameterChange:
         """Handle a request; return the answers, or the requested change.
 
-        An unknown name or index is not answered: a request to all components may mean the
-        autopilot's.
+        A request for an unknown name or index is not answered: one to all components may mean a
+        parameter of the autopilot.
         """
         match message:
             case dialect.ParamRequestList():
@@ -67,12 +66,12 @@ class ParameterServer:
                 return [self.value(name)] if name in self._types else []
             case dialect.ParamSet(param_id=name) if name in self._types:
                 value = decode_value(message.param_value, message.param_type, self._bytewise())
-                return [self.value(name)] if value is None else Wish(name, value)
+                return [self.value(name)] if value is None else ParameterChange(name, value)
             case _:
                 return []
 
     def value(self, name: str) -> dialect.ParamValue:
-        """Describe the value in force."""
+        """PARAM_VALUE message with the value in force of a parameter."""
         kind = self._types[name]
         return dialect.ParamValue(
             param_id=name,
@@ -84,10 +83,10 @@ class ParameterServer:
 
 
 def encode_value(value: float, kind: int, bytewise: bool) -> float:
-    """Write a value into the float field.
+    """Write a value into the float field of a parameter message.
 
-    A whole number below -2**22 or from 0x7F800001 would be a signalling NaN there, which Python
-    does not pass on; no parameter of ours goes so far.
+    An integer below -2**22 or from 0x7F800001 would be a signalling NaN there, which Python
+    does not preserve; no parameter of uavrt needs such values.
     """
     layout = _FORMATS.get(kind)
     if layout is None or not bytewise:
@@ -97,7 +96,7 @@ def encode_value(value: float, kind: int, bytewise: bool) -> float:
 
 
 def decode_value(field: float, kind: int, bytewise: bool) -> float | None:
-    """Read a value from the float field; None for a type of 64 bits, or no number."""
+    """Read a value from the float field; None for a 64-bit type, infinity or NaN."""
     if kind == MavParamType.REAL32 or not bytewise:
         return field if math.isfinite(field) else None
     layout = _FORMATS.get(kind)

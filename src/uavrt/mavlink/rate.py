@@ -1,14 +1,14 @@
 """Estimate how many bytes a second the link to the ground can carry. Pure.
 
-A token bucket whose rate follows what is known of the link:
+A token bucket whose rate follows the known state of the link:
 
 - RADIO_STATUS (PX4 passes it on) gives the free part of the radio's buffer.
-- Without it (ArduPilot keeps it to itself), acknowledgements do: while their round trip stays
-  near its least mean the link is not full, and the rate grows; when a queue makes it longer,
-  the rate falls. Loss says nothing: on a radio most of it is noise.
-- With neither there is only the planning figure.
+- Without it (ArduPilot does not forward it), the round trips of acknowledgements do. While
+  their mean stays near its minimum the link is not full, and the rate grows. When a queue makes
+  it longer, the rate falls. Loss says nothing: on a radio most of it is noise.
+- With neither, the rate is a planning figure.
 
-What is urgent (acknowledgements, status) is not held back by the bucket but empties it.
+Urgent messages (acknowledgements, status) do not wait for the bucket but empty it.
 """
 
 from collections import deque
@@ -19,21 +19,21 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 START_BYTES_S = 1200.0
 LEAST_BYTES_S = 300.0
 MOST_BYTES_S = 3000.0
-"""Highest rate by RADIO_STATUS [B/s]; SiK at AIR_SPEED 64 carries 3167 each way when busy."""
+"""Highest rate by RADIO_STATUS [bytes/s]; a SiK radio at AIR_SPEED 64 carries 3167."""
 MOST_BY_ACKS_BYTES_S = 24_000.0
 PLAIN_BYTES_S = 2000.0
-"""Rate without any report [B/s]: 3167 of AIR_SPEED 64, less 1 kB/s of telemetry; 15 pulses."""
+"""Rate without any report [bytes/s]: AIR_SPEED 64 less 1000 of telemetry; 15 pulses."""
 FRAME_OVERHEAD = 17
-"""Bytes of a TUNNEL frame besides its payload: 12 of MAVLink 2, 5 of TUNNEL."""
+"""Bytes of a TUNNEL frame in addition to its payload: 12 of MAVLink 2, 5 of TUNNEL."""
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
 PULSE_WAIT_S = 0.005
-"""Longest wait of a pulse behind other messages [s]; timers are coarser on fast links."""
+"""Longest wait of a pulse behind other messages [s]; on fast links, timers are coarser."""
 RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
 BASE_WINDOW = 240
-"""Rounds whose least mean round trip counts as that of an empty link: a minute."""
+"""Rounds of 0.25 s whose smallest mean round trip is an empty link's; one minute."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
 """Queueing delay at which the rate is lowered [s]; a SiK radio's buffer is 1850 B, 0.6 s."""
@@ -43,18 +43,18 @@ QUICK_GROWTH = 1.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Expected rates of a kind of link [bytes/s]."""
+    """Expected rates of one kind of link: first, lowest and highest [bytes/s]."""
 
     start: float = START_BYTES_S
     least: float = LEAST_BYTES_S
     most: float = MOST_BY_ACKS_BYTES_S
     plain: float = PLAIN_BYTES_S
-    """Rate without any report."""
+    """Rate without any report [bytes/s]."""
 
 
 RADIO = Reach()
 STRAIGHT = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0)
-"""Wi-Fi or cable to a ground station: the worst Wi-Fi, 1 Mbit/s, carries 100 kB/s."""
+"""Rates of Wi-Fi or cable to a ground station; even 1 Mbit/s Wi-Fi carries 100 kB/s."""
 
 
 class LinkRate:
@@ -72,10 +72,10 @@ class LinkRate:
         self._round_ns = 0
         self._held_back = False
         self._quick = True
-        """Whether nothing has been queued yet: the link may be a fast one."""
+        """True while no queue was seen; the link may be a fast one."""
 
     def bytes_s(self, now_ns: int) -> float:
-        """Present rate [bytes/s]."""
+        """Present rate of the link [bytes/s]."""
         if self._fresh(self._radio_ns, RADIO_FRESH_NS, now_ns):
             return min(self._rate, MOST_BYTES_S)
         if self._fresh(self._acks_ns, ACKS_FRESH_NS, now_ns):
@@ -94,7 +94,7 @@ class LinkRate:
         self._rate = min(MOST_BYTES_S, max(self._reach.least, self._rate))
 
     def acknowledged(self, trip_s: float | None, now_ns: int) -> None:
-        """Handle an acknowledgement; `trip_s` if it is of a message that was sent once."""
+        """Handle an acknowledgement; `trip_s`: round trip if sent once, else None."""
         self._acks_ns = now_ns
         if trip_s is None:
             return
@@ -120,10 +120,10 @@ class LinkRate:
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
-        """Time until a message that is not urgent may go [ns].
+        """Time until a message that is not urgent may leave [ns].
 
-        `room_bytes`: leaves room for a pulse after it, which then waits for at most
-        `PULSE_WAIT_S`; at most `BURST_BYTES`.
+        `room_bytes`: bytes of the bucket, at most `BURST_BYTES`, that stay free for a pulse
+        after it; the pulse then waits `PULSE_WAIT_S` at most.
         """
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)
@@ -134,7 +134,7 @@ class LinkRate:
         return ns_from_s(lacking / rate) + 1
 
     def spend(self, size: int, now_ns: int) -> None:
-        """Count `size` bytes that go."""
+        """Take the `size` bytes of a sent frame from the bucket."""
         self._fill(now_ns)
         self._tokens = max(-DEBT_BYTES, self._tokens - size)
 

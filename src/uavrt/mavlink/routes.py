@@ -1,8 +1,8 @@
 """Choose the link to each peer. Pure.
 
-Link 0 leads to the autopilot and through it, by its radio, to the ground; the others lead
-directly to ground stations, by Wi-Fi or cable. They are faster and reach less far, so a ground
-station is reached over the first of them on which it is received, and else over link 0.
+Link 0 leads to the autopilot and by its radio to the ground. The others lead directly to ground
+stations, by Wi-Fi or cable; they are faster and reach less far. A ground station is reached
+over the first direct link on which it is received, else over link 0.
 """
 
 from collections import OrderedDict
@@ -12,18 +12,18 @@ from uavrt.mavlink.discovery import Peer
 from uavrt.units import ns_from_s
 
 FRESH_NS = ns_from_s(1.5)
-"""Silence after which another link is used [ns]. A ground station sends a heartbeat a second,
-so one may be lost, and repetitions still arrive within the 2 s of a failover."""
+"""Silence on a link after which another is used [ns]. Ground stations send a heartbeat a
+second: one may be lost, and repetitions still arrive within the 2 s of a failover."""
 STEADY_NS = ns_from_s(3.0)
-"""Time without such a silence before a link replaces a working one [ns]. At the edge of its
-range it comes and goes."""
+"""Time without such a silence after which a link may replace a working one [ns]. At the edge of
+its range a link comes and goes."""
 DOUBT_NS = ns_from_s(10.0)
-"""Time for which a link is avoided on which we receive and are not received [ns]."""
+"""Time for which a link is avoided that receives but does not deliver [ns]."""
 MAX_PEERS = 64
 
 
 class Routes:
-    """Stores for each peer the links on which it was received."""
+    """Links on which each peer was received, and when."""
 
     def __init__(self, links: int) -> None:
         self._order = (*range(1, links), 0)
@@ -31,7 +31,7 @@ class Routes:
         self._doubted_until: dict[int, int] = {}
 
     def heard(self, peer: Peer, link: int, now_ns: int) -> None:
-        """Note that a frame of `peer` has come by `link`."""
+        """Record that a frame of `peer` has come by `link`."""
         links = self._heard.setdefault(peer, {})
         since_ns, last_ns = links.get(link, (now_ns, now_ns))
         links[link] = (since_ns if now_ns - last_ns < FRESH_NS else now_ns, now_ns)
@@ -40,7 +40,7 @@ class Routes:
             self._heard.popitem(last=False)
 
     def doubt(self, link: int, now_ns: int) -> None:
-        """Note that nothing sent over `link` is answered, though the peer is received."""
+        """Avoid `link` for a while: peers are received there, but do not answer."""
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:
@@ -62,6 +62,6 @@ class Routes:
         return best
 
     def links_to(self, peers: Iterable[Peer], now_ns: int) -> tuple[int, ...]:
-        """Links that together reach all of them, the preferred first."""
+        """Fewest links that reach all given peers, the preferred one first."""
         needed = {self.link_to(peer, now_ns) for peer in peers}
         return tuple(link for link in self._order if link in needed)

@@ -1,4 +1,4 @@
-"""Convert the autopilot's pose messages to our records; None for other messages."""
+"""Convert the autopilot's pose messages to attitude and position samples."""
 
 import math
 

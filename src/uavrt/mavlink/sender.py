@@ -1,6 +1,6 @@
 """Send messages to the ground: choose the link and the time.
 
-`PacedSender` is one link's; `TunnelSender` has one for each link and chooses.
+`PacedSender` sends over one link; `TunnelSender` has one for each link and chooses.
 """
 
 import asyncio
@@ -24,19 +24,19 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Most pulses that may wait for another link."""
+"""Most pulses that may wait on each further link that must carry them too."""
 UNSENT = 64
-"""Messages for all kept until a first ground station is there. In the queue they would delay
-replies to file clients, which are no ground stations."""
+"""Most messages for all stations kept until the first ground station appears. In the queue they
+would delay replies to file clients, which are no ground stations."""
 
 
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    `target`: gives the address of all ground stations, or None while there is none. `gap_s`:
-    time between two messages, at least 0.012 s. `straight`: no autopilot between: quick, and
-    with the shortest gap. `frame_extra_bytes`: of each frame, as a signature. `may_send`:
-    whether the own system number is known; messages wait until it is.
+    `target`: gives the address of all ground stations, None if there is none. `gap_s`: time
+    between two messages, at least 0.012 s. `straight`: direct link without an autopilot: fast,
+    with the shortest gap. `frame_extra_bytes`: bytes added to each frame, such as a signature.
+    `may_send`: True once the system number is known; messages wait until then.
     """
 
     def __init__(
@@ -64,20 +64,20 @@ class PacedSender:
 
     @property
     def rate(self) -> LinkRate:
-        """The rate of the link to the ground."""
+        """Estimate of this link's rate."""
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Take messages of that priority from `source`; call `wake` when it has new ones."""
+        """Send messages of `source` with that priority; call `wake` when it has new ones."""
         self._queue.add_source(source, priority)
 
     def put(self, item: Item, priority: Priority) -> None:
-        """Queue an urgent message."""
+        """Queue a message with that priority."""
         self._queue.put(item, priority)
         self.wake()
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of waiting, sent and dropped messages, for a health record."""
         counters = self._queue.counters
         return {
             "tunnel_waiting": len(self._queue),
@@ -90,7 +90,7 @@ class PacedSender:
         }
 
     async def run(self) -> None:
-        """Send forever."""
+        """Send messages until cancelled."""
         self._loop = asyncio.get_running_loop()
         try:
             self._pump()
@@ -105,10 +105,10 @@ class PacedSender:
             self._pump()
 
     def _pump(self) -> None:
-        """Send what may go now; come back when the next may.
+        """Send the messages that may leave now; set a timer for the next one.
 
-        By timers of the loop, not by a task: at 200 messages a second a task's wake-ups cost
-        more than the messages.
+        Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
+        messages.
         """
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
@@ -140,27 +140,27 @@ class PacedSender:
         )
 
 
-class OnLink:
-    """A source as one of several links sees it: only the link in use takes from it.
+class LinkView:
+    """A shared source as one of several links sees it: only the link in use takes from it.
 
-    `source`: shared by all links. `link`: number of the link. `group`: gives the link in use.
-    `views`: those of all links, this one among them.
+    `source`: source shared by all links. `link`: number of this link. `group`: gives the number
+    of the link in use. `views`: the views of all links, this one among them.
     """
 
     def __init__(
-        self, source: Source, link: int, group: "TunnelSender", views: list["OnLink"]
+        self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]
     ) -> None:
         self._source, self._link, self._group, self._views = source, link, group, views
         self._copies: deque[Item] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """A source's: time until it has one [ns]; None without any."""
+        """Time until a message may leave by this link [ns]; None without any."""
         if self._copies:
             return 0
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
-        """A source's: give one, and leave a copy for the other links that need it."""
+        """Return the next message; leave a copy for other links that carry it too."""
         if self._copies:
             return self._copies.popleft()
         if self._group.link != self._link:
@@ -177,18 +177,18 @@ class OnLink:
         return None
 
     def leave(self, given: Item) -> None:
-        """Add a copy; the oldest is dropped if necessary."""
+        """Add a copy that another link left; drop the oldest if too many wait."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 
 
 class TunnelSender:
-    """Sends messages for the ground, each over the right link.
+    """Sends each message for the ground over the right link.
 
-    An answer leaves by its question's link; messages to all ground stations by the fewest links
-    that reach all of them (`uavrt.mavlink.routes`), so that each gets them once.
+    An answer leaves by the link of its request. Messages to all ground stations leave by the
+    fewest links that reach them (`uavrt.mavlink.routes`), so that each station gets them once.
 
-    `senders`: those of the links, link 0 first. `routes`: links to each peer. `discovery`:
+    `senders`: senders of all links, link 0 first. `routes`: links to each peer. `discovery`:
     peers present.
     """
 
@@ -202,36 +202,36 @@ class TunnelSender:
         self._unsent: deque[tuple[Item, Priority]] = deque(maxlen=UNSENT)
         self._text_id = 0
         self.changed: Callable[[], None] = lambda: None
-        """Called when pulses go by another link than before."""
+        """Function called when pulses leave by another link than before."""
         self.changes = 0
         self.copies_dropped = self.unsent_dropped = 0
 
     @property
     def link(self) -> int:
-        """The link that carries pulses."""
+        """Number of the link that carries pulses."""
         return self._links[0]
 
     @property
     def rate(self) -> LinkRate:
-        """The rate of the link that carries pulses."""
+        """Rate estimate of the link that carries pulses."""
         return self._senders[self.link].rate
 
     def rate_of(self, link: int) -> LinkRate:
-        """The rate of one link."""
+        """Rate estimate of link number `link`."""
         return self._senders[link].rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Take messages of that priority from `source`; call `wake` when it has new ones."""
+        """Send messages of `source` with that priority; call `wake` when it has new ones."""
         if len(self._senders) == 1:
             self._senders[0].add_source(source, priority)
             return
-        views: list[OnLink] = []
+        views: list[LinkView] = []
         for number, sender in enumerate(self._senders):
-            views.append(OnLink(source, number, self, views))
+            views.append(LinkView(source, number, self, views))
             sender.add_source(views[-1], priority)
 
     def add_source_on(self, link: int, source: Source, priority: Priority) -> None:
-        """Take messages from `source` for one link only."""
+        """Send the messages of `source` by link number `link` only."""
         self._senders[link].add_source(source, priority)
 
     def send_tunnel(
@@ -275,7 +275,7 @@ class TunnelSender:
             sender.wake()
 
     def choose(self, now_ns: int) -> None:
-        """Choose the links again; call it every 50 ms or so."""
+        """Choose the links for messages to all stations; call it about every 50 ms."""
         if not self._discovery.known:
             return
         before = self._links
@@ -291,21 +291,21 @@ class TunnelSender:
             self.wake()
 
     def unanswered(self, now_ns: int) -> None:
-        """Avoid the link that carries pulses for a while: nothing on it is answered."""
+        """Avoid the link that carries pulses for a while, since no station answers on it."""
         self._routes.doubt(self.link, now_ns)
 
     def links_for(self, place: tuple[int, int] | None, now_ns: int) -> tuple[int, ...]:
-        """Links for a pulse to one ground station, or to all (None)."""
+        """Numbers of the links for a message to one ground station, or to all (None)."""
         if place is None:
             return self._links
         return (self._routes.link_to(Peer(*place), now_ns),)
 
     def wake_link(self, link: int) -> None:
-        """Check one link again."""
+        """Check the sources of link number `link` again."""
         self._senders[link].wake()
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record; of several links the sums."""
+        """Counts for a health record, summed over all links."""
         every = [sender.counters() for sender in self._senders]
         counts = {name: sum(each[name] for each in every) for name in every[0]}
         if len(every) > 1:

@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: frames that only holders of a key can have sent. Pure.
+"""MAVLink 2 signing: only holders of a key can have sent a signed frame. Pure.
 
 A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 bytes::
 
@@ -6,10 +6,10 @@ A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 by
                             key (32), the frame up to here
 
 Times of one sender's link rise strictly; other frames are replays. The first of a
-stream may be at most a minute behind our own time, or behind the newest that was ever taken.
-The newest times outlive the process (`SigningTimes`).
+stream may be at most a minute older than this computer's time or the newest accepted time.
+The newest times are stored over a restart (`SigningTimes`).
 
-PX4 1.17 breaks the signatures of frames that it forwards; for the way through it there is
+PX4 1.17 breaks the signatures of frames that it forwards; messages through it use
 `uavrt.tunnel.seal`.
 """
 
@@ -34,10 +34,10 @@ Unsigned = Literal["none", "autopilot", "all"]
 KEY_SIZE = 32
 HASH_SIZE = 6
 EPOCH_S = 1_420_070_400
-"""2015-01-01 UTC."""
+"""Origin of signing times, 2015-01-01 UTC [s since 1970]."""
 TICK_NS = 10_000
 BEHIND_TICKS = 6_000_000
-"""Largest age of a stream's first frame, a minute [10 µs]."""
+"""Largest age of a stream's first frame: one minute [10 µs]."""
 MAX_STREAMS = 64
 COMMANDING = frozenset(
     {
@@ -53,7 +53,7 @@ COMMANDING = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """The secret that all signers share; never shown."""
+    """The secret key that all signers share; it is never shown."""
 
     secret: bytes
 
@@ -81,10 +81,10 @@ def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Sig
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigningTimes:
-    """The newest accepted times [10 µs since 2015]."""
+    """The newest signing times that were accepted [10 µs since 2015]."""
 
     newest: int
-    """Newest of all, and of our own."""
+    """Newest time of all streams, and of this side's own frames [10 µs since 2015]."""
     streams: tuple[tuple[int, int, int, int], ...] = ()
     """System id, component id, link id and time of each stream."""
 
@@ -92,8 +92,8 @@ class SigningTimes:
 class Signing:
     """Signs frames and checks received ones; one for all links of a component.
 
-    `clock_ns`: time now [ns, UTC]. `unsigned`: senders whose unsigned frames are accepted.
-    RADIO_STATUS always is: radios cannot sign. `counters`: refused frames, by reason.
+    `clock_ns`: time now [ns, UTC]. `unsigned`: senders whose unsigned frames are accepted,
+    besides radios' RADIO_STATUS. `counters`: refused frames, by reason.
     """
 
     def __init__(
@@ -107,25 +107,25 @@ class Signing:
         self.counters: Counter[str] = Counter()
 
     def times(self) -> SigningTimes:
-        """Times to be stored over a restart."""
+        """Newest signing times, to be stored over a restart."""
         streams = tuple((*stream, ticks) for stream, ticks in self._streams.items())
         return SigningTimes(newest=self._last_ticks, streams=streams)
 
     def remember(self, times: SigningTimes, *, behind_s: float) -> None:
-        """Restore stored times; they may be `behind_s` behind the latest."""
+        """Restore stored times, which may be up to `behind_s` older than the newest [s]."""
         behind = round(behind_s * NANOSECONDS_PER_SECOND / TICK_NS)
         self._last_ticks = max(self._last_ticks, times.newest)
         for system_id, component_id, link_id, ticks in times.streams:
             self._streams[system_id, component_id, link_id] = ticks + behind
 
     def signature(self, frame: bytes, link_id: int) -> bytes:
-        """Return the 13 bytes for a frame whose flag is set."""
+        """Make the 13 signature bytes of a frame with the signed flag."""
         self._last_ticks = max(self._last_ticks + 1, self._now_ticks())
         tail = bytes((link_id & 0xFF,)) + self._last_ticks.to_bytes(6, "little")
         return tail + self._hash(frame + tail)
 
     def accepts(self, frame: Frame) -> bool:
-        """Check a frame; a refused one is counted."""
+        """True if a frame's signature is valid; refused frames are counted."""
         reason = (
             self._fault_of_signed(frame) if frame.signed else self._fault_of_unsigned(frame)
         )

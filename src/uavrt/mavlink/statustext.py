@@ -11,7 +11,7 @@ TEXTS_A_SECOND = 0.5
 TEXTS_KNOWN = 64
 REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
-"""Most pieces: 400 bytes; more would block the radio for a second."""
+"""Most pieces of a text: 400 bytes; more would block the radio for a second."""
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
@@ -44,9 +44,9 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Limits texts: ten at once, then one every two seconds, none again within 10 s.
+    """Limits texts: ten at once, then one every two seconds, no repetition within 10 s.
 
-    A fault that repeats must not fill the radio link. Alerts, critical or worse, always go.
+    A fault that repeats must not fill the radio link. Critical and worse texts always go.
     """
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class TextLimiter:
         self.left_out = 0
 
     def allows(self, severity: int, text: str, now_ns: int) -> bool:
-        """Return whether a text may go now; count it if not."""
+        """True if a text may be sent now; a refused one is counted."""
         if self._filled_ns is not None:
             elapsed_s = (now_ns - self._filled_ns) / NANOSECONDS_PER_SECOND
             self._tokens = min(TEXT_BURST, self._tokens + elapsed_s * TEXTS_A_SECOND)
@@ -74,22 +74,22 @@ class TextLimiter:
         return True
 
     def sent_within(self, text: str, period_ns: int, now_ns: int) -> bool:
-        """Whether a text has gone out within a period."""
+        """True if the same text was sent within the last `period_ns`."""
         last_ns = self._recent.get(text)
         return last_ns is not None and now_ns - last_ns < period_ns
 
 
 class TextAssembler:
-    """Joins pieces of texts; a missing piece becomes an ellipsis.
+    """Joins the pieces of texts; a missing piece becomes an ellipsis.
 
-    A text is given when its last piece is there or when another text of the same sender begins.
+    A text ends with its last piece, or when another text of the same sender begins.
     """
 
     def __init__(self) -> None:
         self._parts: dict[tuple[int, int], tuple[int, int, dict[int, str]]] = {}
 
     def add(self, sender: tuple[int, int], message: Statustext) -> list[tuple[int, str]]:
-        """Handle a message; return the texts that are now complete, as (severity, text)."""
+        """Handle a piece; return the texts that are now complete, as (severity, text)."""
         done: list[tuple[int, str]] = []
         open_text = self._parts.get(sender)
         if open_text is not None and open_text[0] != message.id:

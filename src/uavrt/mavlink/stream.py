@@ -25,18 +25,18 @@ log = get_logger()
 
 READ_SIZE = 4096
 BITS_PER_BYTE = 10
-"""Bits of a byte on a serial line, with start and stop bit."""
+"""Bits that a byte takes on a serial line, with start and stop bit."""
 SERIAL_PENDING = 2048
-"""Most bytes waiting for a serial port: 0.36 s at 57 600 baud."""
+"""Most bytes that may wait for a serial port: 0.36 s at 57 600 baud."""
 SIOCOUTQ = 0x5411
-"""Linux: number of unacknowledged bytes of a TCP connection."""
+"""Linux ioctl number that gives the unacknowledged bytes of a TCP connection."""
 UNACKNOWLEDGED_MS = 3000
-"""Wait of unacknowledged bytes that ends a TCP connection [ms]; later data would be stale."""
+"""Wait of unacknowledged bytes after which TCP reconnects [ms]; later data would be stale."""
 MOST_WRITES = 1024
 
 
 class TcpLink(Link):
-    """A TCP client."""
+    """A link as TCP client, which reconnects by itself."""
 
     def __init__(
         self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None
@@ -46,10 +46,10 @@ class TcpLink(Link):
         self._task: asyncio.Task[None] | None = None
         self._written = 0
         self._writes: deque[tuple[int, float]] = deque(maxlen=MOST_WRITES)
-        """Bytes before each frame that may be unacknowledged, and when it was written."""
+        """Sent frames that may be unacknowledged: bytes written before each, and its time."""
 
     async def open(self) -> None:
-        """Connect, then keep connected."""
+        """Connect to the server, then keep connected."""
         with os_errors_as(
             LinkError,
             self.address,
@@ -104,7 +104,7 @@ class TcpLink(Link):
 
     @property
     def delay_s(self) -> float:
-        """Wait of the oldest unacknowledged byte [s]; infinite if the system takes no more."""
+        """Wait of the oldest unacknowledged byte [s]; infinite if the send buffer is full."""
         writer = self._writer
         if writer is None:
             return 0.0
@@ -208,7 +208,7 @@ class SerialLink(Link):
 
     @property
     def delay_s(self) -> float:
-        """Wait by the port's rate, with the bytes in the system [s]."""
+        """Time that a new frame would wait at the port's rate [s]."""
         held = len(self._pending)
         if self._port is not None:
             with suppress(OSError):
@@ -241,7 +241,7 @@ class SerialLink(Link):
 
 
 def _unacknowledged(connected: socket.socket) -> int:
-    """Bytes waiting in the system or on their way; 0 if it does not report them."""
+    """Bytes that the system has not delivered yet; 0 if it does not report them."""
     if sys.platform != "linux":
         return 0
     import fcntl

@@ -1,6 +1,6 @@
-"""Requests messages from the autopilot at our rates. Pure.
+"""Request messages from the autopilot at fixed rates. Pure.
 
-PX4 streams most of them unasked, ArduPilot nothing. One request is on the way at a time,
+PX4 streams most of them without a request, ArduPilot none. One request is under way at a time,
 because the acknowledgement does not name the message. A stream that is silent for 3 s is
 requested again, so a restarted autopilot needs no special case.
 """
@@ -46,13 +46,13 @@ class StreamRequests:
             stream.wanted, stream.tries, stream.heard_ns = True, 0, now_ns
 
     def heard(self, message_id: int, now_ns: int) -> None:
-        """Note that a message came."""
+        """Record that a streamed message came."""
         stream = self._streams.get(message_id)
         if stream is not None:
             stream.heard_ns = now_ns
 
     def acknowledged(self, ack: CommandAck) -> None:
-        """Handle the answer to a request."""
+        """Handle the autopilot's acknowledgement of a stream request."""
         if ack.command != MavCmd.SET_MESSAGE_INTERVAL or self._waiting is None:
             return
         if ack.result == MavResult.IN_PROGRESS:
@@ -65,7 +65,7 @@ class StreamRequests:
         self._waiting = None
 
     def next_request(self, autopilot: Peer, now_ns: int) -> CommandLong | None:
-        """Give the request to send now, if any."""
+        """Return the stream request to send now; None if none is due."""
         if self._waiting is not None:
             if now_ns - self._asked_ns < ACK_WAIT_NS:
                 return None

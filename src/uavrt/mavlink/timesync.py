@@ -1,8 +1,8 @@
-"""The autopilot's boot clock on our clock.
+"""Convert the autopilot's boot time to this computer's time.
 
-TIMESYNC round trips give points (boot time, our time); a straight line through the best of them
-gives offset and skew. Without answers, the messages themselves bound the offset from one side:
-none arrives before it was sent. Pure: no clock is read here.
+TIMESYNC round trips give pairs of boot time and local time. A straight line through the best of
+them gives offset and skew. Without answers, the messages themselves bound the offset from one
+side: none arrives before it was sent. Pure: no clock is read here.
 """
 
 import math
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_SKEW = 0.025
-"""Largest skew; PX4 1.17 in simulation runs 11 000 to 20 000 ppm slow."""
+"""Largest rate difference of the clocks; PX4 1.17 in simulation runs 1.1 to 2 % slow."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
-"""Span of round trips from which even a slow link's show the skew [s]."""
+"""Time span of round trips that shows the skew even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
-"""Error of the skew that is harmless before that: 2 ms in the second until the next answer."""
+"""Uncertainty of the skew accepted over a shorter span: 2 ms in a second."""
 ONE_WAY_NS = ns_from_s(3.0)
-"""Time for which messages are collected before their least delay is used [ns]."""
+"""Time for which messages are collected before their smallest delay is used [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
-"""Seconds of messages that bound the offset; the clocks part over longer times."""
+"""Seconds of messages that bound the offset; over longer times the clocks drift apart."""
 STALE_NS = ns_from_s(10.0)
 """Age of the last answer above which the line is extrapolated and times are marked [ns]."""
 
@@ -34,21 +34,21 @@ class RoundTrip:
 
     remote_ns: int
     local_ns: int
-    """Our time half-way between sending and receiving."""
+    """Local time half-way between sending and receiving [ns]."""
     round_trip_ns: int
 
 
 class TimeSync:
-    """Maps boot time to our time by a line through the shortest round trips of a window.
+    """Maps boot time to local time by a line through the shortest round trips of a window.
 
     A message that waited in a queue did so in one direction only, so its midpoint is off by up
     to half its round trip; the shortest trips waited least. A jump of the boot clock that no
     delay can explain, or its fall, restarts the window: the autopilot was restarted.
 
-    `window_s`: how long a round trip counts. `keep`: share of the shortest round trips of each
-    2 s used for the line: of one a second, 30 % in all. `jump_s`: error that means another
-    clock, beyond what the round trips and an unknown skew allow; in two consecutive answers, if
-    it is less than a second.
+    `window_s`: time for which a round trip counts. `keep`: share of the shortest round trips of
+    each 2 s used for the line; 30 % at one a second. `jump_s`: error that means another clock,
+    beyond the uncertainty of round trips and skew; an error below one second must occur in two
+    consecutive answers.
     """
 
     def __init__(
@@ -60,35 +60,35 @@ class TimeSync:
         self._trips: deque[RoundTrip] = deque()
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
         self._skew = 0.0
-        """Skew as last fitted; kept over a restart, as the crystal is the same."""
+        """Last fitted skew; kept over the autopilot's restart, as the crystal is the same."""
         self._tilted = False
-        """Whether the skew of the line was fitted."""
+        """True if the skew of the line was fitted, False if assumed."""
         self._uncertain_ns = 0
         """Half the median round trip of the answers used for the line [ns]."""
         self._suspect: RoundTrip | None = None
-        """Answer that only another clock explains; the next clear one decides."""
+        """Answer that only another clock explains; the next clear answer decides."""
         self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
-        """Arrival and offset of the quickest message of each second."""
+        """Arrival time and offset of the message with the smallest delay in each second."""
         self._one_way_bin_ns = 0
         self.round_trips = 0
-        """Number of answers since the start."""
+        """Number of answered requests since the start."""
         self.residual_s: float | None = None
-        """Root mean square distance of the trips used for the line [s]."""
+        """Root mean square deviation from the line of the round trips used [s]."""
         self.resets = 0
 
     @property
     def synchronized(self) -> bool:
-        """Whether a round trip is known."""
+        """True once a round trip is known."""
         return self._line is not None
 
     @property
     def skew_ppm(self) -> float:
-        """Rate of our clock over the autopilot's, minus one [ppm]."""
+        """Rate of the local clock over the autopilot's, minus one [ppm]."""
         return 0.0 if self._line is None else self._line[2] * 1e6
 
     @property
     def round_trip_s(self) -> float | None:
-        """Shortest round trip of the window."""
+        """Shortest round trip of the window [s]."""
         if not self._trips:
             return None
         return min(trip.round_trip_ns for trip in self._trips) / NANOSECONDS_PER_SECOND
@@ -102,11 +102,11 @@ class TimeSync:
         self.resets += 1
 
     def age_ns(self, now_ns: int) -> int | None:
-        """Time since the last answer, None without any."""
+        """Time since the last answer [ns]; None without any."""
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """Whether the line is extrapolated without answers, or there is only a bound."""
+        """True if the line is extrapolated without answers, or the offset has only a bound."""
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 
@@ -128,7 +128,7 @@ class TimeSync:
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
         """Handle an answered request.
 
-        `sent_ns`, `received_ns`: our time when the request left and the answer came [ns].
+        `sent_ns`, `received_ns`: local time when the request left and the answer came [ns].
         `remote_ns`: boot time in the answer [ns].
         """
         if received_ns < sent_ns:
@@ -151,9 +151,9 @@ class TimeSync:
         self._line = self._fit()
 
     def add_one_way(self, remote_ns: int, received_ns: int) -> None:
-        """Handle a message with a boot time, for autopilots that answer no TIMESYNC.
+        """Handle a message with a boot time, for autopilots that do not answer TIMESYNC.
 
-        The least differences of the last seconds lie on the offset plus the shortest delay.
+        The smallest differences of the last seconds are the offset plus the shortest delay.
         """
         offset = received_ns - remote_ns
         if not self._one_way or received_ns - self._one_way_bin_ns >= ONE_WAY_BIN_NS:
@@ -163,9 +163,9 @@ class TimeSync:
             self._one_way[-1] = (received_ns, offset)
 
     def local_ns(self, remote_ns: int) -> int | None:
-        """Our time of a boot time; None if unknown.
+        """Local time of a boot time [ns]; None if unknown.
 
-        Without any round trip the one-way offset serves after 3 s of messages.
+        Without any round trip, the one-way offset is used after 3 s of messages.
         """
         if self._line is not None:
             remote, local, skew = self._line
@@ -177,9 +177,9 @@ class TimeSync:
         return remote_ns + self._least_offset(remote_ns + bound[-1][1])
 
     def _least_offset(self, at_ns: int) -> int:
-        """Offset at a time, by the line that all messages lie on or above.
+        """Offset at a time, by the line below which no message lies.
 
-        Its slope is that between the quickest messages of the first and of the second half.
+        Its slope is that between the messages of smallest delay in the first and second half.
         """
         points = list(self._one_way)
         half = len(points) // 2
@@ -192,7 +192,7 @@ class TimeSync:
         return int(least)
 
     def _error_ns(self, trip: RoundTrip) -> int:
-        """How far an answer lies from the line."""
+        """Deviation of an answer from the line [ns]."""
         expected = self.local_ns(trip.remote_ns)
         assert expected is not None
         return trip.local_ns - expected
@@ -206,12 +206,12 @@ class TimeSync:
         return abs(self._error_ns(trip)) > allowed or fell
 
     def _fit(self) -> tuple[int, int, float]:
-        """Line through the shortest round trips; of equal ones the newest.
+        """Fit the line through the shortest round trips; of equal ones the newest counts.
 
-        The shortest of every 2 s (at first of shorter pieces), and of these the shorter part,
-        so that they spread over the window. While the span is too short for a skew, the line
-        goes through the shortest with the previous skew (also from before a restart), at first
-        none.
+        The shortest trip of every 2 s (at first of shorter pieces) is taken, and of these the
+        shorter part, so that they spread over the window. While the span is too short for a
+        skew, the line goes through the shortest trip, with the previous skew (also from before
+        a restart), at first none.
         """
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns

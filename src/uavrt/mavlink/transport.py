@@ -1,4 +1,4 @@
-"""Opening of links."""
+"""Open links from their addresses, and keep them open."""
 
 import asyncio
 from collections.abc import Callable
@@ -20,8 +20,8 @@ async def open_link(
 
     `address`: ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see
     `uavrt.mavlink.address`. `on_frame`: called with each received frame, in the loop's thread.
-    `parser`: of another protocol than MAVLink. Raises `ConfigError` for an invalid address,
-    `LinkError`, with the reason and remedy, if it cannot be opened.
+    `parser`: parser of the protocol; None: MAVLink. Raises `ConfigError` for an invalid
+    address, `LinkError`, with reason and remedy, if it cannot be opened.
     """
     where = parse_address(address) if isinstance(address, str) else address
     link: Link
@@ -46,9 +46,9 @@ async def keep_open(
 ) -> NoReturn:
     """Read a receiver until cancelled; reopen it when it fails.
 
-    `address`: of the receiver. `take`: receives what the parser gives. `opened`: gets the link
-    once it is open, and None when it is closed. `failed`: gets the reason each time that it
-    cannot be opened.
+    `address`: the receiver's address. `take`: called with what the parser returns. `opened`:
+    called with the link once it is open, and with None when it is closed. `failed`: called with
+    the reason each time that it cannot be opened.
     """
     link = None
     try:

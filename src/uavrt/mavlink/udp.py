@@ -2,8 +2,8 @@
 
 Messages come 4 ms apart, and at 260 a second wake-ups cost more than reading. So the socket is
 read empty at a wake-up and then polled every `REST_S` until it is quiet; commands wait up to 8
-ms. Each frame's age comes from the kernel's time stamp, so that clocks are compared by the time
-of arrival.
+ms. The age of a frame is read from the kernel's time stamp, so that clocks are compared by the
+time of arrival.
 """
 
 import asyncio
@@ -26,20 +26,20 @@ log = get_logger()
 REST_S = 0.008
 """Time between two polls [s]; PX4 itself polls a link of 1200 B/s once in 8 ms."""
 PEER_SILENCE_S = 30.0
-"""Silence after which a peer is not sent to any more [s]."""
+"""Silence of a peer after which nothing is sent to it [s]."""
 MAX_PEERS = 24
 DATAGRAM = 2048
 RECEIVE_BUFFER = 1 << 18
 SO_TIMESTAMPNS = 35
-"""Linux, asm-generic/socket.h; the socket module has no name for it before Python 3.14."""
+"""Linux option for time stamps in ns (asm-generic/socket.h); Python names it from 3.14."""
 OLDEST_NS = 10_000_000_000
-"""Age beyond which the wall clock has stepped [ns]."""
+"""Age of a datagram above which the wall clock must have stepped [ns]."""
 _TIMESPEC = struct.Struct("@ll")
 _GONE = (ConnectionRefusedError, ConnectionResetError)
 
 
 class UdpLink(Link):
-    """UDP: ``udpin`` receives and answers every sender, ``udpout`` sends to one address."""
+    """UDP link: ``udpin`` receives and answers every sender, ``udpout`` sends to one."""
 
     def __init__(
         self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None
@@ -84,7 +84,7 @@ class UdpLink(Link):
 
     @property
     def local_port(self) -> int:
-        """Port the socket is bound to, also if the system chose it."""
+        """Port of the socket, also if the system chose it."""
         assert self._socket is not None
         port: int = self._socket.getsockname()[1]
         return port
@@ -104,7 +104,7 @@ class UdpLink(Link):
             self._socket = None
 
     def _listen(self) -> None:
-        """Wake at the next datagram."""
+        """Read at the next datagram."""
         assert self._socket is not None
         try:
             asyncio.get_running_loop().add_reader(self._socket.fileno(), self._woken)
@@ -129,7 +129,7 @@ class UdpLink(Link):
                 self._rest()
 
     def _look(self) -> None:
-        """Read again after a rest; wait for datagrams only once it is quiet."""
+        """Read again after a pause; wait for datagrams only once none has come."""
         self._timer = None
         found = True
         try:
@@ -160,7 +160,7 @@ class UdpLink(Link):
         return found
 
     def _lost(self, error: OSError) -> None:
-        """Reopen after the network went away."""
+        """Reopen the socket after the network went away."""
         log.warning("link lost", address=str(self.address), reason=str(error))
         self._release()
         self._retry_later()

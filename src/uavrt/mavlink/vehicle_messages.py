@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import degrees, isfinite
 from typing import Any
 
-from uavrt.guidance.manners import AutopilotName
+from uavrt.guidance.autopilot_behaviour import AutopilotName
 from uavrt.guidance.observed import (
     BootTimeSeen,
     FailsafeSeen,
@@ -17,7 +17,7 @@ from uavrt.guidance.observed import (
     SticksSeen,
     TargetSeen,
 )
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import (
     MavCmd,
@@ -37,8 +37,8 @@ _KINDS: dict[int, AutopilotName] = {
     dialect.MavAutopilot.ARDUPILOTMEGA: "ardupilot",
 }
 _MULTIROTORS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
-"""MAV_TYPE: quadrotor, coaxial, helicopter, hexa-, octo- and tricopter, dodeca-, decarotor. A
-plane circles where these hover, and ArduPilot's modes have other numbers on it."""
+"""MAV_TYPE numbers of vehicles that hover: multicopters and helicopters. A plane circles
+instead, and ArduPilot numbers its modes differently on it."""
 WATCHED_HZ: dict[int, float] = {
     dialect.PositionTargetGlobalInt.ID: 10.0,
     dialect.RcChannels.ID: 10.0,
@@ -50,13 +50,13 @@ WATCHED_HZ: dict[int, float] = {
     dialect.Wind.ID: 0.2,
     dialect.WindCov.ID: 0.2,
 }
-"""Messages streamed so that a takeover is seen in time, and their rates [Hz]. PX4 refuses
-HEARTBEAT and ArduPilot CURRENT_MODE: each reports its mode by the other. Each also has its own
-message for the wind."""
+"""Messages that show a takeover in time, with their rates [Hz]. PX4 refuses HEARTBEAT and
+ArduPilot CURRENT_MODE: each reports its mode by the other. Each also has its own message for
+the wind."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
-"""Messages that the autopilots stamp when sending."""
+"""Messages with a time stamp that the autopilots set when sending."""
 _FAILING: dict[int, str] = {
     MavSysStatusSensor.SYS_STATUS_GEOFENCE: "fence",
     MavSysStatusSensor.SYS_STATUS_AHRS: "position estimate",
@@ -67,17 +67,17 @@ _RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 
 
 def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
-    """Which autopilot it is; None if we do not fly with it, or for another vehicle type."""
+    """Kind of an autopilot by its heartbeat; None for unknown ones and winged vehicles."""
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
 def observations(
     message: Message, now_s: float, late_s: float | None = None
 ) -> Iterator[Observation]:
-    """Convert a message of the autopilot to observations; most give none.
+    """Convert a message of the autopilot to observations; most messages give none.
 
-    `now_s`: our monotonic time of its arrival. `late_s`: its delay, if the autopilot's clock is
-    known.
+    `now_s`: monotonic time of arrival [s]. `late_s`: delay of the message [s]; None if the
+    autopilot's clock is unknown.
     """
     if isinstance(message, TIMED):
         yield BootTimeSeen(now_s, message.time_boot_ms / 1e3, late_s)
@@ -96,7 +96,7 @@ def observations(
         case dialect.CurrentMode():
             yield ModeSeen(now_s, message.custom_mode)
         case dialect.RcChannels():
-            yield _hands(message, now_s)
+            yield _rc(message, now_s)
         case dialect.HomePosition():
             yield HomeSeen(
                 now_s, message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
@@ -151,8 +151,8 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
     )
 
 
-def _hands(message: dialect.RcChannels, now_s: float) -> SticksSeen:
-    """All RC channels; none without a receiver, or if it has lost the sender."""
+def _rc(message: dialect.RcChannels, now_s: float) -> SticksSeen:
+    """All RC channels; empty without a receiver, or if it has lost the transmitter."""
     count = min(message.chancount, MOST_CHANNELS)
     raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]
     known_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)

@@ -1,4 +1,4 @@
-"""The wind as each autopilot reports it. Pure.
+"""Read the wind that each autopilot reports. Pure.
 
 ArduPilot sends WIND and PX4 WIND_COV, where they estimate it: a multirotor needs its drag to be
 measured for that (EK3_DRAG_*, EKF2_DRAG_CTRL).
@@ -14,7 +14,7 @@ STRONGEST_M_S = 60.0
 
 
 def wind_of(message: Message) -> tuple[float, float] | None:
-    """Motion of the air, east and north [m/s]; None for other messages."""
+    """Velocity of the air, east and north [m/s]; None for other messages."""
     match message:
         case dialect.Wind():  # the direction that it comes from
             comes = radians(message.direction)

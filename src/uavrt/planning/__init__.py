@@ -1,9 +1,9 @@
-"""Where to fly next to find tagged animals; no I/O.
+"""Decide where to fly next to find tagged animals; no I/O.
 
-`beliefs` hold where a tag may be, `vehicle` and `energy` what the drone can reach, `area` where
-it may fly. `search` asks one of the `planners` for the next path; `stopping` decides when a tag
-is found, `division` and `shares` divide an area among drones, `coverage` computes where a tag
-would have been detected.
+`beliefs` hold the probability of each tag's position, `vehicle` and `energy` model what the
+drone can reach, `area` limits where it may fly. `search` gets the next path from one of the
+`planners`; `stopping` decides when a tag is found, `division` and `shares` divide tags among
+drones, `coverage` computes where a tag would have been detected.
 """
 
 from typing import TYPE_CHECKING

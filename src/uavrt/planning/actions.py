@@ -27,7 +27,7 @@ class Rotate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hold:
-    """Stay; a fixed wing circles."""
+    """Stay in place; a fixed wing circles."""
 
     duration_s: float = 5.0
 

@@ -1,4 +1,4 @@
-"""Where to search, where to fly, and where not."""
+"""Search areas, fences and excluded areas, and checks of paths against them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,28 +8,23 @@ from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
 from uavrt.localization.position.bayes_fix import Area
+from uavrt.planning.tuning import PLANNING
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Height of the ground [m] at positions in the plane, with any datum."""
-
-_LEAST_AREA_M2 = 100.0
-_LISTED_CORNERS = 3
-"""Most corners beyond the fence that an error lists."""
-_SPACING_M = 5.0
-"""Distance between the checked points of a path."""
+"""Function that gives the height of the ground [m] at positions in the plane; any datum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circle:
-    """An excluded circle: a person, a building, a nest."""
+    """Excluded circle around a person, a building or a nest."""
 
     east_m: float
     north_m: float
     radius_m: float
     name: str = ""
-    """Name for errors."""
+    """Name of the circle in errors."""
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
@@ -39,46 +34,46 @@ class Circle:
             )
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
-        """True for positions within it."""
+        """True for positions inside the circle."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(off < self.radius_m)
 
     def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions from it; 0 within."""
+        """Distance of positions from the circle [m]; 0 inside."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m) - self.radius_m
         return np.asarray(np.maximum(off, 0.0))
 
     def off_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of straight paths from one position to others; 0 if they cross it."""
+        """Least distance from the circle of straight paths [m]; 0 if they cross it."""
         off = _off_segment_m(self.east_m, self.north_m, start_m, (east_m, north_m))
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions within it from its edge; 0 or negative outside."""
+        """Distance of positions inside the circle from its edge [m]; 0 or negative outside."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(self.radius_m - off)
 
     def depth_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least depth on the straight paths from one position to others."""
+        """Least depth inside the circle on straight paths to positions [m]."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polygon:
-    """An outline whose sides do not cross each other.
+    """Outline whose sides do not cross each other.
 
     Raises `PlanError`: fewer than three corners, sides that cross, or hardly any area.
     """
 
     corners: tuple[tuple[float, float], ...]
-    """East and north of each [m]; the last is joined to the first."""
+    """East and north of each corner [m]; the last corner is joined to the first."""
     name: str = "polygon"
-    """Name for errors."""
+    """Name of the outline in errors."""
 
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
@@ -93,29 +88,29 @@ class Polygon:
                 f"the {self.name} crosses itself: its sides {first + 1} and {second + 1}",
                 remedy="Draw the corners in their order along the outline",
             )
-        if self.area_m2 < _LEAST_AREA_M2:
+        if self.area_m2 < PLANNING.least_area_m2:
             raise PlanError(
                 f"the {self.name} holds {self.area_m2:.0f} m²",
-                remedy=f"Draw one of {_LEAST_AREA_M2:.0f} m² or more",
+                remedy=f"Draw one of {PLANNING.least_area_m2:.0f} m² or more",
             )
 
     @classmethod
     def rectangle(
         cls, west_m: float, east_m: float, south_m: float, north_m: float, name: str = "polygon"
     ) -> "Polygon":
-        """Outline of a rectangle."""
+        """Outline of a rectangle with sides along east and north."""
         corners = ((west_m, south_m), (east_m, south_m), (east_m, north_m), (west_m, north_m))
         return cls(corners=corners, name=name)
 
     @property
     def area_m2(self) -> float:
-        """The area inside."""
+        """Area inside the outline [m²]."""
         x, y = np.array(self.corners).T
         return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0)
 
     @property
     def box(self) -> Area:
-        """Rectangle around it."""
+        """Smallest rectangle along east and north around the outline."""
         x, y = np.array(self.corners).T
         return Area(
             west_m=float(x.min()),
@@ -125,7 +120,7 @@ class Polygon:
         )
 
     def _crossing(self) -> tuple[int, int] | None:
-        """Find two sides that share a point and are not neighbours."""
+        """Two sides that share a point and are not neighbours; None if there are none."""
         points = np.array(self.corners, np.float64)
         count = len(points)
         for first in range(count):
@@ -142,7 +137,7 @@ class Polygon:
         return None
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
-        """True for positions within it: a ray to the east crosses an odd number of sides."""
+        """True for positions inside: a ray to the east crosses an odd number of sides."""
         x, y = np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
         inside = np.zeros(np.broadcast_shapes(x.shape, y.shape), bool)
         points = np.array(self.corners, np.float64)
@@ -158,27 +153,27 @@ class Polygon:
         return list(zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True))
 
     def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions from it; 0 within."""
+        """Distance of positions from the outline [m]; 0 inside."""
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), 0.0, off))
 
     def off_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of straight paths from one position to others; 0 if they cross it."""
+        """Least distance from the outline of straight paths [m]; 0 if they cross it."""
         edge = self._edge_ways_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions within it from its edge; 0 outside."""
+        """Distance of positions inside the outline from its edge [m]; 0 outside."""
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), off, 0.0))
 
     def depth_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least depth on the straight paths from one position to others; 0 if they leave it."""
+        """Least depth inside the outline on straight paths [m]; 0 if they leave it."""
         edge = self._edge_ways_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -186,7 +181,7 @@ class Polygon:
     def _edge_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of straight paths from its edge; 0 if they cross it."""
+        """Least distance of straight paths from the outline's edge [m]; 0 if they cross it."""
         end = (east_m, north_m)
         off = [ways_apart_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -196,12 +191,12 @@ _Place = tuple[float | _Floats, float | _Floats]
 
 
 def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
-    """Direction of the turn from a over b to c: positive to the left."""
+    """Sense of rotation of the path from a over b to c: positive to the left."""
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place) -> _Floats:
-    """Distance of positions from a segment."""
+    """Distance of positions from a line segment [m]."""
     along_x, along_y = b[0] - a[0], b[1] - a[1]
     length2 = np.maximum(along_x**2 + along_y**2, 1e-9)
     share = np.clip(((x - a[0]) * along_x + (y - a[1]) * along_y) / length2, 0.0, 1.0)
@@ -209,7 +204,7 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
 
 
 def ways_apart_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
-    """Least distance of straight paths from a segment; 0 if they cross it."""
+    """Least distance of straight paths from a line segment [m]; 0 if they cross it."""
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
     corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
@@ -224,7 +219,6 @@ def _side(a: _Floats, b: _Floats, c: _Floats) -> float:
 
 
 def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
-    """True if two segments share a point."""
     one, two = _side(a, b, c), _side(a, b, d)
     three, four = _side(c, d, a), _side(c, d, b)
     if one * two < 0.0 and three * four < 0.0:
@@ -236,7 +230,6 @@ def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
 
 
 def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
-    """True if neighbouring sides overlap, or one has no length."""
     if np.array_equal(a, b) or np.array_equal(c, d):
         return True
     meeting, before, after = (b, a, d) if np.array_equal(b, c) else (a, b, c)
@@ -245,36 +238,35 @@ def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
 
 
 def flat_ground(east_m: _Floats, north_m: _Floats) -> _Floats:
-    """Level ground."""
+    """Height of level ground: 0 at all positions."""
     return np.zeros(np.broadcast_shapes(np.shape(east_m), np.shape(north_m)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchArea:
-    """Where the animals may be, and where the drone may fly.
+    """Area of the animals, and limits within which the drone may fly.
 
     Raises `PlanError`: the area reaches beyond the fence, the least height exceeds the
-    greatest, or home is outside.
+        greatest, or home is outside.
     """
 
     search: Polygon
     fence: Polygon | None = None
-    """Fence that the drone stays in; None: no limit."""
+    """Fence that the drone must stay inside; None is no limit."""
     voids: tuple[Circle | Polygon, ...] = ()
-    """Areas that the drone stays out of."""
+    """Excluded areas that the drone must not enter."""
     within: tuple[Circle | Polygon, ...] = ()
-    """Areas that the drone stays in, with home and the return."""
+    """Areas that the drone must not leave, home and return included."""
     margin_m: float = 0.0
-    """Distance to keep from them, for gusts and for wider bends than planned."""
+    """Distance to keep from fence and excluded areas [m], for gusts and wide turns."""
     straight_home: bool = False
-    """True: the straight return from anywhere must avoid them, too."""
+    """True if the straight return from any position must avoid the excluded areas, too."""
     lowest_m: float = 20.0
-    """Least height above the ground beneath."""
+    """Least height above the ground beneath [m]."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """With the same datum: highest ground on the straight return from positions, which must be
-    cleared, too."""
+    """Function that gives the highest ground on the straight return from positions [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -289,7 +281,10 @@ class SearchArea:
         within = self.fence.contains(*_nudged(corners).T)
         if not np.all(within):
             outside = [str(n + 1) for n in np.flatnonzero(~within)]
-            named, more = ", ".join(outside[:_LISTED_CORNERS]), len(outside) - _LISTED_CORNERS
+            named, more = (
+                ", ".join(outside[: PLANNING.listed_corners]),
+                len(outside) - PLANNING.listed_corners,
+            )
             named = f"s {named}" if len(outside) > 1 else f" {named}"
             named += f" and {more} more" if more > 0 else ""
             raise PlanError(
@@ -302,7 +297,7 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Refuse a home that excludes take-off or return; raises `PlanError`."""
+        """Reject a home that excludes take-off or return; raises `PlanError`."""
         home = np.array([self.home_m]).T
         for void in self.voids:
             if float(void.off_m(*home)[0]) <= self.margin_m:
@@ -318,7 +313,7 @@ class SearchArea:
                 )
 
     def entered(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Find the excluded area that a path, or the return from it, enters; None if none.
+        """Excluded area that a path, or the return from it, enters; None if none.
 
         The path is given by points, beginning with its start; segments are checked, too.
         """
@@ -329,9 +324,9 @@ class SearchArea:
     def _entered(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Number of each leg that enters an excluded area, and how.
+        """Yield the number of each leg that enters an excluded area, with the reason.
 
-        From a start within the margin, where a gust has put it, it may not come closer.
+        A drone that a gust has put into the margin may leave it, but not come closer.
         """
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
@@ -362,7 +357,7 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Why a path may not be flown at a height above home; None if it may.
+        """Reason why a path may not be flown at a height above home; None if it may.
 
         The path is given by points; the segments between them are checked, too.
         """
@@ -374,9 +369,11 @@ class SearchArea:
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
     ) -> list[str | None]:
-        """Why straight paths from a position to others may not be flown at one height."""
+        """Reasons why straight paths to positions may not be flown at one height."""
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
-        share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / _SPACING_M)) + 1))[1:]
+        share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / PLANNING.path_step_m)) + 1))[
+            1:
+        ]
         x = state_m[0] + (east_m - state_m[0])[:, None] * share
         y = state_m[1] + (north_m - state_m[1])[:, None] * share
         reasons: list[str | None] = [None] * len(east_m)
@@ -387,7 +384,7 @@ class SearchArea:
     def _faults(
         self, x: _Floats, y: _Floats, height_m: _Floats | float, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Number of each leg with a fault, and the fault."""
+        """Yield the number of each leg that may not be flown, with the reason."""
         found: list[tuple[int, str]] = []
 
         def add(bad: _Flags, reason: str) -> None:
@@ -410,7 +407,6 @@ class SearchArea:
 
 
 def _named(void: Circle | Polygon) -> str:
-    """The area's name, or its kind if it has none."""
     if void.name in ("", "polygon"):
         return "a place to keep away from"
     return f"the keep-out {void.name!r}"
@@ -421,27 +417,26 @@ def _named_within(area: Circle | Polygon) -> str:
 
 
 def _nudged(corners: _Floats) -> _Floats:
-    """Move a corner on the fence inside by a millimetre."""
     middle = corners.mean(axis=0)
     off = middle - corners
     return np.asarray(corners + 1e-3 * off / np.maximum(np.hypot(*off.T)[:, None], 1e-9))
 
 
 def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-    """Points of a path, no farther apart than the checked distance."""
+    """Points of a path, no farther apart than the distance between checked points."""
     if len(east_m) < 2:
         return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
-    places = np.linspace(0.0, gone[-1], max(2, int(gone[-1] / _SPACING_M) + 2))
+    places = np.linspace(0.0, gone[-1], max(2, int(gone[-1] / PLANNING.path_step_m) + 2))
     places = np.union1d(places, gone)
     return np.interp(places, gone, east_m), np.interp(places, gone, north_m)
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Refuse an unreachable search before anything moves.
+    """Reject an unreachable search before anything moves.
 
     `farthest_m`: reach from home, including the return and the reserve. Raises `PlanError`: the
-    whole area is beyond the battery's reach.
+        whole area is beyond the battery's reach.
     """
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
@@ -497,7 +492,6 @@ def survey_lines(
 
 
 def _cut(corners: _Floats, along: _Floats, across: _Floats, offset: float) -> Sequence[_Floats]:
-    """First and last point of a line within an outline."""
     crossings = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         x, y = float(a @ across) - offset, float(b @ across) - offset

@@ -1,8 +1,8 @@
 """Probabilities about each tag during a search.
 
 A tracker of `uavrt.localization` estimates the tag's position, given that it is there. This
-module adds the probability that it is there at all, and checks whether the pulses are those of
-such a tag.
+module adds the probability that it is there at all, and checks if the pulses agree with such a
+tag.
 """
 
 from collections.abc import Iterator, Mapping
@@ -29,25 +29,25 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExistenceRules:
-    """Constants of the check of the model, and of an interferer received as the tag."""
+    """Constants of the model check, and of an interferer that is received as the tag."""
 
     memory: float = 0.95
-    """Weight of a pulse in the check of the model when the next one comes: twenty pulses."""
+    """Factor on a pulse's weight in the model check at each further pulse."""
     largest_sigmas: float = 4.0
-    """Largest deviation with which one pulse counts [standard deviations]."""
+    """Limit of one pulse's deviation in the model check [standard deviations]."""
     failing_sigmas: float = 3.3
-    """Deviation at which the check fails [standard deviations]: once in a thousand."""
+    """Mean deviation that fails the model check [standard deviations]: once in 1000."""
     rival_sigma_db: float = 12.0
-    """Uncertainty of the level of an interferer [dB]."""
+    """Standard deviation of an interferer's level before any pulse [dB]."""
     rival_particles: int = 2000
     rival_share: float = 0.1
     """Probability, before the flight, that a stationary interferer is received as the tag."""
     rival_nats: float = 7.0
-    """Largest log odds of the interferer."""
+    """Largest log odds of an interferer [nats]."""
     tag_nats: float = 25.0
-    """Largest evidence that a tag is there: a tag that falls silent is to be doubted."""
+    """Largest evidence that a tag is there [nats], so that its loss is noticed."""
     known_share: float = 0.5
-    """Share of its area's width: an interferer whose place is known better is not the tag."""
+    """Spread of an interferer, as a share of its area's width, if its place is known."""
 
 
 _RULES = _ExistenceRules()
@@ -55,18 +55,18 @@ _RULES = _ExistenceRules()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelCheck:
-    """Whether recent pulses agree with a tag at its estimated position."""
+    """Agreement of recent pulses with a tag at its estimated position."""
 
     bias_sigmas: float
-    """Deviation of their mean, in its own standard deviations."""
+    """Mean deviation of the pulses over its own standard deviation."""
     scatter: float
-    """Mean square over the expected one; 1 is right."""
+    """Mean square deviation over the expected one; 1 if the model holds."""
     pulses: float
-    """Weighted number of pulses."""
+    """Sum of the pulses' weights."""
 
     @property
     def passed(self) -> bool:
-        """True if mean and scatter are as expected."""
+        """True if mean and scatter of the pulses are as expected."""
         if self.pulses < 1.0:
             return False
         room = _RULES.failing_sigmas * np.sqrt(2.0 / self.pulses)
@@ -77,7 +77,7 @@ class ModelCheck:
 
 
 def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
-    """Deviation of a pulse, in standard deviations of those that are detected.
+    """Deviation of a pulse [standard deviations], among pulses above the threshold.
 
     Far from a tag only its strongest pulses reach the threshold; a pulse's deviation is then
     the normal deviate with the same conditional probability.
@@ -91,7 +91,7 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 
 
 class Rival:
-    """A stationary interferer that is received as the tag.
+    """Stationary interferer that is received as the tag.
 
     It has a tracker, which takes each pulse in proportion to how much better it explains it
     than the tag does, and a probability of existence.
@@ -113,16 +113,16 @@ class Rival:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Rival | None":
-        """Make the possible interferer of a tag; it shows when the tag itself is missed."""
+        """Create the possible interferer of a tag; it counts when the tag itself is missed."""
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
     def probability(self) -> float:
-        """Probability that it exists."""
+        """Probability that the interferer exists."""
         return float(1.0 / (1.0 + np.exp(-self._log_odds)))
 
     def density(self, heard: Listening) -> float:
-        """Probability density [1/dB] of this pulse from the interferer."""
+        """Probability density of this pulse from the interferer [1/dB]."""
         self._density = self.tracker.density(heard)
         return self._density
 
@@ -145,8 +145,8 @@ class Rival:
 class TagBelief:
     """Position and existence of one tag.
 
-    `particles`: hypotheses of the position. `existence`: prior probability that the tag is in
-    the area and beeps.
+    `particles`: number of hypotheses of the position.
+    `existence`: prior probability that the tag is in the area and transmits.
     """
 
     def __init__(
@@ -172,22 +172,22 @@ class TagBelief:
 
     @property
     def prior(self) -> TagPrior:
-        """The prior, before the flight."""
+        """Knowledge of the tag before the flight."""
         return self._tracker.prior
 
     @property
     def tracker(self) -> ParticleTracker:
-        """Hypotheses of the position."""
+        """Particle tracker of the position, given that the tag is in the area."""
         return self._tracker
 
     @property
     def log_bayes_factor(self) -> float:
-        """Log Bayes factor of all evidence for "it is there" against "it is not"."""
+        """Log Bayes factor of all evidence that the tag is there against its absence."""
         return float(self._log_bayes_factor)
 
     @property
     def existence_probability(self) -> float:
-        """Probability that the tag is in the area and beeps."""
+        """Probability that the tag is in the area and transmits."""
         return float(1.0 / (1.0 + np.exp(-self._prior_odds - self._log_bayes_factor)))
 
     def advance_to(self, time_s: float) -> None:
@@ -220,7 +220,7 @@ class TagBelief:
         return expected
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
-        """Record a pulse's deviation from the expected one; likely false ones count less."""
+        """Record a pulse's deviation from the expected one; likely false pulses count less."""
         if heard.snr_db is None:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)
@@ -239,7 +239,7 @@ class TagBelief:
         )
 
     def doubt(self) -> str | None:
-        """Why the pulses may be an interferer's; None if it differs from the tag.
+        """Reason to suspect that pulses are an interferer's; None if it differs from the tag.
 
         A probable interferer must be known to be elsewhere: until then, the tag's position may
         be based on its pulses.
@@ -257,20 +257,20 @@ class TagBelief:
         return None
 
     def estimate(self) -> TrackEstimate:
-        """Estimated position of the tag, given that it is there."""
+        """Estimated position of the tag, given that it is in the area."""
         return self._tracker.estimate()
 
     def spread(self) -> Spread:
-        """Spread of the hypotheses of its position."""
+        """Mean and covariance of the tag's position."""
         return self._tracker.spread()
 
     def hypotheses(self, count: int) -> Hypotheses:
-        """Some hypotheses, drawn evenly."""
+        """Equally probable hypotheses of the tag, selected from its tracker."""
         return self._tracker.hypotheses(count)
 
 
 class Beliefs(Mapping[int, TagBelief]):
-    """Several tags; they differ in frequency, so each pulse belongs to one.
+    """Positions and existence of several tags, whose pulses differ in frequency.
 
     Raises `ConfigError`: there is no tag, or an id is repeated.
     """

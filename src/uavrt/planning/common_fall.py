@@ -1,4 +1,4 @@
-"""Share between tags of one area how their levels fall with distance.
+"""Share the path loss exponent among the tags of one area.
 
 Each tracker learns its own exponent, but ground and plants are those of the area: a flight
 around one tag measures the exponent of all. Without sharing, the two hypotheses of each other
@@ -18,18 +18,18 @@ from uavrt.planning.beliefs import TagBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Sharing:
-    """When and how surely tags share the fall with distance."""
+    """Constants of sharing the path loss exponent."""
 
     exponent_sigma: float = 0.15
-    """Difference of the exponents of two tags in one area, one standard deviation."""
+    """Standard deviation between the path loss exponents of two tags in one area."""
     existence: float = 0.95
     """Least probability that a tag exists before it informs others."""
     news: float = 1.25
-    """Factor on its precision after which a tag sends its next message."""
+    """Growth of a tag's precision after which it sends its next message."""
     placed_m: float = 50.0
-    """Root mean square of a tag's cloud below which its place is known [m]."""
+    """Root mean square spread of a tag's position below which its place is known [m]."""
     most_precision: float = 1.0 / 0.1**2
-    """Precision that a tag's own pulses may claim."""
+    """Largest precision of the exponent that one tag's pulses may contribute."""
 
 
 _SHARING = _Sharing()
@@ -37,11 +37,11 @@ _SHARING = _Sharing()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Told:
-    """A normal likelihood in natural parameters, which add up."""
+    """Normal likelihood of the exponent in natural parameters, which add up."""
 
     precision: float = 0.0
     weighted: float = 0.0
-    """Mean times precision."""
+    """Mean times precision of the exponent."""
 
     def plus(self, other: "_Told") -> "_Told":
         return _Told(
@@ -57,12 +57,12 @@ class _Told:
         return _Told(precision=self.precision * share, weighted=self.weighted * share)
 
     def softened(self, variance: float) -> "_Told":
-        """The message for another tag, whose exponent differs with this variance."""
+        """Message for another tag, whose exponent differs with a given variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
 class CommonFall:
-    """Shares each tag's knowledge of the exponent among all tags."""
+    """Shares what each tag's pulses show of the path loss exponent among all tags."""
 
     def __init__(self) -> None:
         self._variance = _SHARING.exponent_sigma**2
@@ -70,7 +70,7 @@ class CommonFall:
         self._received: dict[int, _Told] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Collect each tag's knowledge, and pass it to the others."""
+        """Collect each tag's information on the exponent, and pass it to the others."""
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return
@@ -90,7 +90,7 @@ class CommonFall:
             self._received[one.tag_id] = others
 
     def _ask(self, belief: TagBelief) -> None:
-        """Get the message of a tag's own pulses, if it exists and fits the model."""
+        """Message by a tag's own pulses; None unless it exists and agrees with the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

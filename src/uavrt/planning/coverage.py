@@ -1,6 +1,6 @@
 """Probability of detecting a tag at each place along a path, planned or flown.
 
-The expected pulses are divided into groups of K; the mean energy of a group, by link budget,
+The expected pulses are divided into groups of K. The mean energy of a group, by link budget,
 antenna pattern and terrain, gives the detector's own detection probability. The error of the
 tag's power is common to all pulses, so the probability of missing all groups is averaged over
 it, not multiplied.
@@ -20,76 +20,74 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_d
 from uavrt.localization.headings import Headings
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
+from uavrt.planning.tuning import PLANNING
 from uavrt.planning.whole_flight import MODEL, WholeFlightSum
 from uavrt.terrain.squares import GroundGrid
 from uavrt.terrain.viewshed import terrain_loss_map
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
-_ERRORS = 9
-"""Values of the level's common error."""
 _GROUP_ENR_DB = np.arange(-15.0, 35.25, 0.25)
-_NOTHING_DB = -60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListeningWay:
-    """Pose of the antenna at each expected pulse, one row per pulse."""
+    """Positions and headings of the antenna at each expected pulse of a path."""
 
     time_s: _Floats
-    """(n,) times, rising."""
+    """(n,) rising times [s]."""
     east_m: _Floats
-    """(n,) in the plane of the ground."""
+    """(n,) east coordinate in the plane of the ground [m]."""
     north_m: _Floats
     height_m: _Floats
-    """(n,) height above the ground beneath."""
+    """(n,) height above the ground beneath [m]."""
     headings: Headings | None = None
-    """Antenna's headings; None: equal gain in all directions."""
+    """Headings of the antenna; None is equal gain in all directions."""
     noise_db: _Floats | None = None
-    """(n,) noise above the budget's; None: the budget's noise."""
+    """(n,) noise over that of the link budget [dB]; None is equal to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Coverage:
-    """Detection probability of a tag at each cell."""
+    """Detection probability of a tag at each cell of a map."""
 
     ground: GroundGrid
     heard: _Singles
-    """(rows, columns), the southern row first; NaN where the ground's height is unknown."""
+    """(rows, columns) detection probability, the southern row first; NaN is unknown."""
     groups: int
-    """Number of groups on the path; for a whole flight 1 or 0."""
+    """Number of pulse groups on the path; for a whole flight 1 or 0."""
     whole_flight: bool = False
     """True if all pulses are judged together, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
-    """Limitations of the figures, in words."""
+    """Sentences on the limitations of the figures."""
 
     @property
     def mean(self) -> float:
-        """Mean probability of all known cells; NaN without any."""
+        """Mean detection probability of all cells of known height; NaN without any."""
         known = self.heard[np.isfinite(self.heard)]
         return float(known.mean()) if known.size else math.nan
 
     @property
     def known_km2(self) -> float:
-        """Area of the known cells, to which mean and shares refer."""
+        """Area of the cells of known height [km²], to which mean and shares refer."""
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Share of the known cells with at least this probability."""
+        """Share of the cells of known height with at least a given probability."""
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absence:
-    """Conclusion about an area in which a tag was not detected."""
+    """Probability that an undetected tag is absent from an area."""
 
     prior: float
-    """Prior probability that the tag is in it."""
+    """Prior probability that the tag is in the area."""
     heard: float
-    """Mean probability of detecting it there."""
+    """Mean probability of detecting the tag in the area."""
     not_here: float
-    """Posterior probability that it is not there."""
+    """Posterior probability that the tag is not in the area."""
 
 
 def listening_way(
@@ -100,11 +98,10 @@ def listening_way(
     interval_s: float,
     nose_first: bool = False,
 ) -> ListeningWay:
-    """Distribute a tag's pulses along a planned path.
+    """Distribute a tag's pulses along straight paths between corners (east, north).
 
-    `corners_m`: (east, north) of each corner; the drone flies straight between them.
     `height_m`: constant height above the ground. `nose_first`: the antenna points along the
-    path; else it has equal gain in all directions.
+        path; otherwise it has equal gain in all directions.
     """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
@@ -139,17 +136,20 @@ def coverage_of(
 ) -> Coverage:
     """Probability at each cell that at least one group of a tag's pulses is detected.
 
-    `ground`: its cells are possible positions of the tag. `way`: one row for each pulse. `tag`:
-    its K, interval and false-alarm probability give the threshold. `budget`: of `uavrt range`;
-    the path's height replaces the budget's. `pattern`: with the path's headings; an upright
-    whip's is equal on all sides with a null below; by default all directions are equal.
+    `ground`: its cells are possible positions of the tag.
+    `way`: one row for each pulse.
+    `tag`: its K, interval and false-alarm probability give the threshold.
+    `budget`: link budget; the path's height replaces the budget's.
+    `pattern`: used with the path's headings; an upright whip's is equal on all sides with a
+        null below; by default all directions are equal.
     `level_sigma_db`: standard deviation of the tag's level, common to all pulses.
-    `frequency_window_hz`: half-width of the search around the tag's frequency. `hills`: the
-    ground is not level. `whole_flight`: judge all pulses together, as `uavrt integrate` does.
-    `most_drift`: searched change of the interval over the flight. `on_pulse`: called with the
-    number of finished pulses and their total.
+    `frequency_window_hz`: half-width of the search around the tag's frequency.
+    `hills`: False for level ground.
+    `whole_flight`: judge all pulses together, as `uavrt integrate` does.
+    `most_drift`: searched change of the interval over the flight.
+    `on_pulse`: called with the number of finished pulses and their total.
     """
-    errors_db, weights = special.roots_hermitenorm(_ERRORS)
+    errors_db, weights = special.roots_hermitenorm(PLANNING.level_nodes)
     weights = weights / weights.sum()
     view = _View(ground, budget, pattern, way, hills=hills)
     if whole_flight:
@@ -170,7 +170,7 @@ def coverage_of(
             whole_flight=True,
         )
     found = _found_by_enr(tag, frequency_window_hz)
-    missed = np.zeros((_ERRORS, *ground.height_m.shape), np.float32)
+    missed = np.zeros((PLANNING.level_nodes, *ground.height_m.shape), np.float32)
     groups, summed = 0, np.zeros(ground.height_m.shape, np.float32)
     for pulse in range(len(way.time_s)):
         summed += view.energies(pulse)
@@ -195,7 +195,7 @@ def _by_whole_flight(
     pulses: int,
     on_pulse: Callable[[int, int], None] | None,
 ) -> _Floats:
-    """Detection probability from all pulses together: (errors, rows, columns)."""
+    """(errors, rows, columns) probability of a detection from all pulses together."""
     for number in range(2 * pulses):
         step = judged.look if number < pulses else judged.add
         step(view.energies(number % pulses))
@@ -207,9 +207,10 @@ def _by_whole_flight(
 def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) -> Absence:
     """Probability that an undetected tag is not in a part of the map.
 
-    `coverage`: of a flight without a detection of the tag. `inside` (rows, columns): the part.
-    `prior`: prior probability that the tag is in it; None: the tag is equally likely anywhere
-    on the map. In cells of unknown ground the detection probability counts as 0.
+    `coverage`: of a flight without a detection of the tag.
+    `inside` (rows, columns): True in the part.
+    `prior`: prior probability that the tag is in it; None if the tag is equally likely anywhere
+        on the map. In cells of unknown ground the detection probability counts as 0.
     """
     missed = 1.0 - np.nan_to_num(coverage.heard.astype(np.float64), nan=0.0)
     here = float(missed[inside].mean()) if inside.any() else 1.0
@@ -223,7 +224,7 @@ def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) 
 
 @lru_cache(maxsize=64)
 def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
-    """Log-probability of missing a group, by ENR in steps of a quarter decibel."""
+    """Log-probability of missing a group, tabulated by ENR in steps of a quarter decibel."""
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
         for enr in _GROUP_ENR_DB
@@ -232,7 +233,7 @@ def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
 
 
 class _View:
-    """Energies of pulses from all cells, recomputed only if the drone has moved."""
+    """Energies of one pulse for tags at all cells, computed again when the drone has moved."""
 
     def __init__(
         self,
@@ -251,7 +252,6 @@ class _View:
         self._towards: tuple[_Singles, _Singles, _Singles] | None = None
 
     def energies(self, pulse: int) -> _Singles:
-        """Energy of a pulse over noise from each cell."""
         way = self._way
         at = (way.east_m[pulse], way.north_m[pulse], way.height_m[pulse])
         if (
@@ -286,7 +286,7 @@ class _View:
                 tag_m=budget.tag_height_m,
                 frequency_hz=budget.frequency_hz,
             )
-        self._level = np.maximum(level, np.float32(_NOTHING_DB))
+        self._level = np.maximum(level, np.float32(PLANNING.no_level_db))
         down = np.float32(height_m - budget.tag_height_m) + rise
         slant = np.maximum(np.sqrt(over * over + down * down), np.float32(1.0))
         if self._upright:

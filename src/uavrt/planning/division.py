@@ -7,15 +7,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.planning.tuning import PLANNING
+
 _Floats = NDArray[np.float64]
-_PASSES = 4
-CHANGE_S = 8.0
-"""Time that a transfer of a tag to another drone must save."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Start of a drone's round: place and time."""
+    """Place and time at which a drone begins its round."""
 
     east_m: float
     north_m: float
@@ -34,9 +33,10 @@ def divided(
     """Rounds of the drones, as indices of tags in their order.
 
     Each tag in turn goes to the drone that would finish it first (list scheduling); then single
-    tags move to other rounds while that shortens the longest round or the total. `east_m`,
-    `north_m` (tags,): positions. `stay_s`: time at each tag. `owners`: previous drone of each
-    tag: another takes it only if the saved time is worth the change.
+    tags move to other rounds while that shortens the longest round or the total.
+
+    `stay_s`: time at each tag.
+    `owners`: previous drone of each tag; another takes it only if that saves enough time.
     """
     rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]
@@ -49,7 +49,7 @@ def divided(
         )
         tours[drone].append(tag)
         left.remove(tag)
-    for _ in range(_PASSES):
+    for _ in range(PLANNING.division_passes):
         moved = [rounds.improve(tours, tag) for tag in range(len(east_m))]
         if not any(moved):
             break
@@ -76,16 +76,15 @@ class _Rounds:
         self._after = [one.after_s for one in starts]
 
     def time_s(self, drone: int, tour: Sequence[int]) -> float:
-        """Time at which a round ends."""
         if not tour:
             return 0.0
         legs = (self._between[a][b] for a, b in pairwise(tour))
         changed = sum(self._owners[tag] not in (None, drone) for tag in tour)
         way = self._first[drone][tour[0]] + sum(legs)
-        return self._after[drone] + way + CHANGE_S * changed
+        return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move a tag to its cheapest place; False if it stays."""
+        """Move a tag to its cheapest place in all rounds; False if it does not move."""
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

@@ -6,32 +6,28 @@ from math import hypot, inf, isfinite
 import numpy as np
 
 from uavrt.errors import ConfigError
+from uavrt.planning.tuning import PLANNING
 from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
-
-_J_PER_WH = 3600.0
-_SCALE_DRIFT = 0.03
-"""Change of the scale between two updates, by wind and the battery's voltage."""
-_RETURN_CLIMB_M_S, _RETURN_SINK_M_S = 3.0, 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyModel:
-    """Power of a drone, with a scale factor learnt from its battery.
+    """Power of a drone, with a scale factor learned from its battery.
 
     Power at an airspeed v is that of hovering, less up to `translation_share` once the rotors
-    meet fresh air, plus a drag that grows with v³ and gives `cruise_w` at `cruise_m_s`. All is
-    multiplied by the scale.
+    meet fresh air, plus a drag that grows with v³ and gives `cruise_w` at `cruise_m_s`. The
+    scale multiplies all.
     """
 
     hover_w: float = 400.0
     cruise_w: float = 420.0
     cruise_m_s: float = 10.0
     climb_j_per_m: float = 60.0
-    """Additional energy per metre of climb."""
+    """Additional energy for each metre of climb [J]."""
     scale: float = 1.0
     """Ratio of used to modelled power: payload, air, age of the battery."""
     scale_sigma: float = 0.2
-    """Standard deviation of that ratio."""
+    """Standard deviation of the ratio of used to modelled power."""
 
     def __post_init__(self) -> None:
         if min(self.hover_w, self.cruise_w, self.cruise_m_s) <= 0.0 or self.climb_j_per_m < 0:
@@ -41,7 +37,7 @@ class EnergyModel:
             )
 
     def power_w(self, airspeed_m_s: float) -> float:
-        """Power in level flight."""
+        """Power in level flight [W]."""
         share = airspeed_m_s / self.cruise_m_s
         relieved = 0.1 * self.hover_w * (1.0 - np.exp(-2.0 * share))
         at_cruise = 0.1 * self.hover_w * (1.0 - np.exp(-2.0))
@@ -49,13 +45,12 @@ class EnergyModel:
         return float(self.scale * max(self.hover_w - relieved + drag, 0.3 * self.hover_w))
 
     def used_wh(self, duration_s: float, airspeed_m_s: float, climb_m: float = 0.0) -> float:
-        """Energy of a stretch of flight; a descent recovers none."""
+        """Energy of a stretch of flight [Wh]; a descent recovers none."""
         climb = self.scale * self.climb_j_per_m * max(climb_m, 0.0)
-        return (self.power_w(airspeed_m_s) * duration_s + climb) / _J_PER_WH
+        return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Update with the energy predicted for a stretch, and the energy used by battery
-        readings.
+        """Update with the predicted energy of a stretch, and the energy used by the battery.
 
         An unlikely value (an unknown payload) is accepted, but increases the uncertainty: the
         drone has to come home. `sigma_wh` is the error of two readings' difference. Raises
@@ -68,7 +63,7 @@ class EnergyModel:
             )
         per_scale = predicted_wh / self.scale
         off = used_wh - predicted_wh
-        sigma = hypot(self.scale_sigma, _SCALE_DRIFT)
+        sigma = hypot(self.scale_sigma, PLANNING.scale_drift)
         if abs(off) > 2.0 * hypot(per_scale * sigma, sigma_wh):
             sigma = abs(off) / per_scale
         precision = 1.0 / sigma**2 + (per_scale / sigma_wh) ** 2
@@ -89,9 +84,9 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy to climb, fly home and descend, at `sigmas` above the estimated power.
+        """Energy to climb, fly home and descend [Wh], `sigmas` above the estimated power.
 
-        Infinite if the wind is too strong.
+        It is infinite if the wind is too strong.
         """
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
@@ -104,7 +99,10 @@ class EnergyModel:
             hypot(way[0] * steady - wind.east_m_s, way[1] * steady - wind.north_m_s),
         )
         climb = max(0.0, return_height_m - state.height_m)
-        upright = climb / _RETURN_CLIMB_M_S + (state.height_m + climb) / _RETURN_SINK_M_S
+        upright = (
+            climb / PLANNING.return_climb_m_s
+            + (state.height_m + climb) / PLANNING.return_sink_m_s
+        )
         sure = 1.0 + sigmas * self.scale_sigma / self.scale
         used = self.used_wh(flying, airspeed) + self.used_wh(upright, wind.speed_m_s, climb)
         return sure * used
@@ -112,7 +110,7 @@ class EnergyModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Battery:
-    """Energy left, and the reserve required back home."""
+    """Energy left in the battery, and the reserve required at home."""
 
     remaining_wh: float
     reserve_wh: float = 15.0

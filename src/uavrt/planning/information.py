@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.position.level_belief import REFERENCE_M, antenna_gain_db
-from uavrt.localization.position.loss_error import ALIKE_M, LossError, doubtful_db
+from uavrt.localization.position.level_belief import antenna_gain_db
+from uavrt.localization.position.loss_error import LossError, doubtful_db
 from uavrt.localization.position.trackers import Hypotheses, TagPrior
+from uavrt.localization.position.tuning import LOSS, POWER
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.vehicle import Legs
 
@@ -25,7 +26,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listener:
-    """Reception of pulses at the drone."""
+    """Parameters of the reception of pulses at the drone."""
 
     above_tags_m: float
     pulse_s: float
@@ -39,7 +40,7 @@ def expected_levels_db(
     listener: Listener,
     walked_m: tuple[_Singles, _Singles] | None = None,
 ) -> tuple[_Singles, _Singles | float]:
-    """Level of each hypothesis along paths, (legs, samples, hypotheses).
+    """Expected level of each hypothesis along paths [dB], (legs, samples, hypotheses).
 
     Also the variance (legs, samples) due to the elevation map. Travelling hypotheses continue
     at their velocity; `walked_m`, east and north of each leg and hypothesis (legs, 1,
@@ -57,7 +58,7 @@ def expected_levels_db(
     height, lost = _over_ground(prior, east, north, dx, dy, listener)
     slant2 = dx * dx + dy * dy + height**2
     gain = antenna_gain_db(prior.pattern, yaw, dx, dy, height, np.sqrt(slant2))
-    decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(REFERENCE_M))
+    decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(POWER.reference_m))
     level = some.level_db - some.exponent * decades + gain - lost
     if prior.path_gain is not None:
         level = level + prior.path_gain(dx, dy, listener.above_tags_m)
@@ -78,7 +79,7 @@ def _over_ground(
     dy: _Singles,
     listener: Listener,
 ) -> tuple[_Singles | float, _Singles | float]:
-    """Heights of the drone above the hypotheses, and losses behind hills."""
+    """Heights of the drone above the hypotheses [m], and losses behind hills [dB]."""
     if prior.hills is None:
         return listener.above_tags_m, 0.0
     hills = prior.hills.rough()
@@ -102,11 +103,11 @@ def information_nats(
     hypotheses: int = 64,
     others: Legs | None = None,
 ) -> _Floats:
-    """Information of each path on each tag's position, (tags, legs).
+    """(tags, legs) information of each path on each tag's position [nats].
 
-    `legs`: their samples stand for equal shares of each path's time. `hypotheses`: number drawn
-    of each tag; its logarithm limits the information. `others`: paths of other drones, whose
-    information is excluded.
+    `legs`: their samples stand for equal shares of each path's time.
+    `hypotheses`: number drawn of each tag; its logarithm limits the information.
+    `others`: paths of other drones, whose information is excluded.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
     for number, belief in enumerate(beliefs):
@@ -123,19 +124,17 @@ def information_nats(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pulses:
-    """Expected pulses along paths."""
+    """Expected levels, weights and durations of pulses along paths."""
 
     level_db: _Singles
-    """(ways, samples, hypotheses)."""
+    """(ways, samples, hypotheses) expected levels [dB]."""
     per_db2: _Singles
-    """(ways, samples): number of pulses over the variance of each."""
+    """(ways, samples) number of pulses over the variance of each [1/dB²]."""
     alike_db2: _Floats
-    """(ways,): variance common to all pulses of a path, from the elevation map."""
+    """(ways,) variance common to all pulses of a path, from the elevation map [dB²]."""
     span_s: _Floats
-    """Duration (ways,)."""
 
     def as_one(self) -> "_Pulses":
-        """All paths joined into one."""
         return _Pulses(
             level_db=self.level_db.reshape(1, -1, self.level_db.shape[2]),
             per_db2=self.per_db2.reshape(1, -1),
@@ -144,7 +143,6 @@ class _Pulses:
         )
 
     def joined(self, one: "_Pulses") -> "_Pulses":
-        """Each path joined with one other."""
         ways, _, hypotheses = self.level_db.shape
         samples = one.level_db.shape[1]
         level = np.broadcast_to(one.level_db, (ways, samples, hypotheses))
@@ -174,7 +172,7 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
 def _over_the_way(
     wrong2: _Singles | float, legs: Legs, pulses: _Floats
 ) -> tuple[_Floats, _Floats | float]:
-    """Error of the terrain losses: (ways,) common, and (ways, samples) of each pulse.
+    """Variance by terrain losses: common to a path (ways,), and for each pulse (ways, samples).
 
     A turn in place receives all pulses through the same hills, so their direction stays known.
     Along a path the error changes slowly: all pulses of a stretch count as one.
@@ -182,14 +180,16 @@ def _over_the_way(
     if isinstance(wrong2, float):
         return np.zeros(len(pulses)), 0.0
     far = np.hypot(np.diff(legs.east_m), np.diff(legs.north_m)).sum(axis=1)
-    alike = np.exp(-far / ALIKE_M)
-    together = np.maximum(pulses * np.minimum(ALIKE_M / np.maximum(far, 1.0), 1.0), 1.0)
+    alike = np.exp(-far / LOSS.correlation_m)
+    together = np.maximum(
+        pulses * np.minimum(LOSS.correlation_m / np.maximum(far, 1.0), 1.0), 1.0
+    )
     apart2 = ((1.0 - alike) * together)[:, None] * wrong2
     return alike * wrong2.mean(axis=1), apart2
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """Information of expected pulses on the position, (ways,)."""
+    """(ways,) information of expected pulses on the position [nats]."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -206,10 +206,11 @@ def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
 
 
 def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
-    """(legs, hypotheses, hypotheses) -¼ (|s_i - s_j|² - (w_i - w_j)²), by one product.
+    """(legs, hypotheses, hypotheses) -¼ (distance² - difference of w²) of all pairs.
 
-    Of (legs, samples, hypotheses) and (legs, hypotheses): with q = |s|² - w² it is
-    ½ (s_i · s_j - w_i w_j) - ¼ q_i - ¼ q_j, and each term a row of both factors.
+    Inputs are s (legs, samples, hypotheses) and w (legs, hypotheses): -¼ (|s_i - s_j|² - (w_i -
+    w_j)²). With q = |s|² - w² it is ½ (s_i · s_j - w_i w_j) - ¼ q_i - ¼ q_j, so that one matrix
+    product computes it.
     """
     quarter = np.einsum("csp,csp->cp", scaled, scaled)
     quarter -= whole * whole
@@ -225,7 +226,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """East and north that each hypothesis walks until each path's end, deterministically."""
+    """East and north that each hypothesis walks until each path's end [m]."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -234,10 +235,7 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """(legs, samples) variance of a level from the animal's later walk until the path's end.
-
-    The position at the end matters, so early pulses count less.
-    """
+    """(legs, samples) variance of a level by the animal's walk until the path's end [dB²]."""
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

@@ -1,4 +1,4 @@
-"""Avoid disturbing animals: keep paths at a distance from their possible positions."""
+"""Keep paths at a distance from the possible positions of animals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,11 +15,12 @@ _Real = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepAway:
-    """Distance to keep from every tag, found or not.
+    """Distance to keep from every tag, found or searched.
 
-    `radius_m`: least distance over ground. `probability`: that a path keeps it, for each tag.
-    `margin`: factor on the radius when planning, as an animal may move. `hypotheses`: number
-    drawn of each tag.
+    `radius_m`: least distance over ground.
+    `probability`: probability that a path keeps it, for each tag.
+    `margin`: factor on the radius when planning, as an animal may move.
+    `hypotheses`: number drawn of each tag.
     """
 
     radius_m: float = 50.0
@@ -47,8 +48,8 @@ class KeepAway:
     ) -> _Floats:
         """(tags, ways) probability that straight paths keep the planned distance from each tag.
 
-        A doubtful tag counts as existing; a travelling one continues. `start_m`: east and
-        north. `east_m`, `north_m` (ways,): ends. `stays_s`: time at the end.
+        A doubtful tag counts as existing; a travelling one continues. `stays_s`: time at the
+        end.
         """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
@@ -71,7 +72,7 @@ class KeepAway:
 def _nearest_m2(
     x: _Real, y: _Real, speed_x: _Real, speed_y: _Real, span_s: _Real | float
 ) -> _Floats:
-    """Square of the least distance from the origin during a constant motion."""
+    """Square of the least distance from the origin during a motion at constant velocity."""
     speed2 = np.maximum(speed_x**2 + speed_y**2, 1e-9)
     time = np.clip(-(x * speed_x + y * speed_y) / speed2, 0.0, span_s)
     return np.asarray((x + speed_x * time) ** 2 + (y + speed_y * time) ** 2)

@@ -11,21 +11,20 @@ from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
 from uavrt.planning.area import ways_apart_m
+from uavrt.planning.tuning import PLANNING
 from uavrt.planning.vehicle import Legs, Path
 
 _Floats = NDArray[np.float64]
 Strip = tuple[tuple[float, float], tuple[float, float]]
-"""East and north of a straight path's start and end [m]."""
-_CHECK_STEP_S = 1.0
-_SAMPLES = 8
+"""Start and end of a straight path, east and north [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
     """Distance between drones: over ground between their paths, and in height.
 
-    `margin`: factor on the distance when a planner chooses; paths with less are flown only if
-    there is no other.
+    `margin`: factor on the distance when a planner chooses; closer paths are flown only if
+        there is no other.
     """
 
     distance_m: float = 25.0
@@ -43,20 +42,20 @@ class Separation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherDrones:
-    """What one drone knows of the other drones before it decides."""
+    """State of the other drones of a search, as known before a decision."""
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Paths of drones that report: they will receive the pulses there."""
+    """Planned paths of drones that report; they will receive the pulses there."""
     left: frozenset[int] = frozenset()
-    """Tags that the others search for."""
+    """Tags that other drones search."""
     strips: tuple[Strip, ...] = ()
-    """Straight paths that belong to others at all times, because they share no clock."""
+    """Straight paths owned by other drones at all times, because drones share no clock."""
 
     def strips_apart_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """(ways,) least distance of straight paths from all strips."""
+        """(ways,) least distance of straight paths from all paths of other drones [m]."""
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
             least = np.minimum(least, ways_apart_m(start_m, (east_m, north_m), one))
@@ -66,8 +65,10 @@ class OtherDrones:
         """Remaining paths of the reporting drones, sampled; None without any."""
         if not self.listening:
             return None
-        shares = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-        left = np.array([max(_CHECK_STEP_S, one.time_s[-1] - time_s) for one in self.listening])
+        shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples
+        left = np.array(
+            [max(PLANNING.drones_step_s, one.time_s[-1] - time_s) for one in self.listening]
+        )
         times = left[:, None] * shares
         places = [
             _places_at(one, time_s + row)
@@ -87,7 +88,6 @@ class OtherDrones:
 
 
 def _places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
-    """East and north on a path; its end afterwards."""
     return (
         np.interp(time_s, path.time_s, path.east_m),
         np.interp(time_s, path.time_s, path.north_m),

@@ -1,4 +1,4 @@
-"""Level corrections to plain spreading loss over known ground."""
+"""Corrections of the path loss over known ground."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.planning.tuning import PLANNING
 from uavrt.units import SPEED_OF_LIGHT_M_S
 
 _Floats = NDArray[np.floating[Any]]
-_STEP_M = 0.5
 
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """Sum of the direct ray and the ray reflected by the ground.
+    """Level correction by the ray reflected by the ground, which adds to the direct one.
 
     The reflected ray has the Fresnel coefficient of medium ground; a table over the distance
     serves ten thousand positions.
@@ -28,7 +28,7 @@ class GroundReflection:
     _tables: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def gain_db(self, ground_m: _Floats, height_m: float) -> _Floats:
-        """Gain [dB] of both rays over the direct one; height: of the drone above the tag."""
+        """Level of both rays over the direct one [dB]; `height_m` is above the tag."""
         drone_m = height_m + self.tag_height_m
         straight = np.hypot(ground_m, height_m)
         mirrored = np.hypot(ground_m, drone_m + self.tag_height_m)
@@ -41,13 +41,13 @@ class GroundReflection:
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 
     def __call__(self, dx: _Floats, dy: _Floats, height_m: _Floats | float) -> _Floats:
-        """Compute as `uavrt.localization.position.trackers.PathGain`, for one height."""
+        """Correction for distances at one height, as `trackers.PathGain` specifies [dB]."""
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:
-            places = np.arange(0.0, self.farthest_m, _STEP_M)
+            places = np.arange(0.0, self.farthest_m, PLANNING.table_step_m)
             table = self.gain_db(places, height).astype(np.float32)
             self._tables[height] = table
         ground = np.sqrt(dx * dx + dy * dy)
-        place = np.minimum(ground * (1.0 / _STEP_M) + 0.5, len(table) - 1)
+        place = np.minimum(ground * (1.0 / PLANNING.table_step_m) + 0.5, len(table) - 1)
         return np.asarray(table[place.astype(np.int32)])

@@ -1,4 +1,4 @@
-"""A search from the first pulse to the return, driven by a process or an experiment."""
+"""A search from the first pulse to the return, which a process or an experiment runs."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ from uavrt.planning.vehicle import VehicleState, Wind, flown, headwind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """A found tag, with its position at that time."""
+    """Found tag, with its position at that time."""
 
     time_s: float
     estimate: TrackEstimate
@@ -28,7 +28,7 @@ class Found:
 
 
 class Search:
-    """Beliefs, planner with its random numbers, stop rule and return."""
+    """Search of all tags: probabilities, planner with random numbers, stop rule and return."""
 
     def __init__(
         self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
@@ -40,10 +40,10 @@ class Search:
         self._fall = CommonFall()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
-        """Refuse a search that cannot be flown, before anything moves.
+        """Reject a search that cannot be flown, before anything moves.
 
         Raises `PlanError`: a tag without any strength, a start outside the fence or the
-        heights, or an area beyond the battery's reach.
+            heights, or an area beyond the battery's reach.
         """
         for belief in self.beliefs.values():
             prior = belief.prior
@@ -73,7 +73,7 @@ class Search:
         belief.listen(heard)
 
     def judge(self, time_s: float) -> list[int]:
-        """Get the tags that have just been found."""
+        """Tags that have just been found."""
         new = []
         for tag_id, belief in self.beliefs.items():
             if tag_id in self.found:
@@ -110,7 +110,7 @@ class Search:
         return decision
 
     def near(self, state: VehicleState) -> float:
-        """Probability that an animal is or comes too close while the drone stays."""
+        """Probability that an animal comes too close while the drone stays."""
         rule = self.settings.keep_away
         if rule is None:
             return 0.0
@@ -127,7 +127,7 @@ class Search:
     def situation(
         self, state: VehicleState, wind: Wind, others: OtherDrones | None = None
     ) -> Situation:
-        """Input of the planner."""
+        """Input of the planner for the next decision."""
         return Situation.of(
             self.settings,
             state=state,
@@ -141,7 +141,6 @@ class Search:
     def _way_home_wh(
         self, energy: EnergyModel, state: VehicleState, wind: Wind | None
     ) -> float:
-        """Energy of the return in the reported wind, or else in the worst."""
         settings, home_m = self.settings, self.settings.area.home_m
         air = headwind(state, home_m, settings.worst_wind_m_s) if wind is None else wind
         return energy.way_home_wh(
@@ -174,7 +173,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Return instead, if a cycle of the action would use energy that the return needs."""
+        """Replace an action by the return if its cycle uses energy that the return needs."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None
@@ -197,6 +196,6 @@ class Search:
         )
 
     def know_energy(self, energy: EnergyModel) -> None:
-        """Use the power learnt from the battery from now on."""
+        """Set the energy model learned from the battery."""
         if self.settings.energy is not None:
             self.settings = replace(self.settings, energy=energy)

@@ -6,11 +6,7 @@ import numpy as np
 
 from uavrt.planning.beliefs import Beliefs, TagBelief
 from uavrt.planning.division import Start, divided
-
-_STAY_S = 6.0
-"""Time at a tag of a round: a turn towards it and its last pulses."""
-_KNOWN = 0.5
-"""Share of its area's extent: tags with wider clouds are searched by all drones."""
+from uavrt.planning.tuning import PLANNING
 
 
 def shared_out(
@@ -23,7 +19,8 @@ def shared_out(
 ) -> dict[int, list[int]]:
     """Located tags of each drone in the order of its round.
 
-    `found`: tags that need no more searching. `starts`: start of each drone's round, by number.
+    `found`: tags that need no more searching.
+    `starts`: start of each drone's round, by number.
     `owners`: previous drone of each tag, by number.
     """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
@@ -37,7 +34,7 @@ def shared_out(
         np.array([one.east_m for one in places]),
         np.array([one.north_m for one in places]),
         speed_m_s=speed_m_s,
-        stay_s=_STAY_S,
+        stay_s=PLANNING.stay_s,
         owners=[place.get(owners.get(one.tag_id)) for one in known],
     )
     return {
@@ -47,7 +44,7 @@ def shared_out(
 
 
 def _is_known(belief: TagBelief) -> bool:
-    """True if it is known in which part of its area a tag is."""
+    """True if a tag's position is known well enough for one drone to search it."""
     area = belief.prior.area
     width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
-    return belief.spread().rms_m < float(_KNOWN * width)
+    return belief.spread().rms_m < float(PLANNING.located_share * width)

@@ -25,24 +25,24 @@ class SearchSettings:
     stop: StopRule
     keep_away: KeepAway | None = None
     energy: EnergyModel | None = None
-    """Energy model; None: the battery is ignored (experiments without one)."""
+    """Energy model; None ignores the battery, as in some experiments."""
     worst_wind_m_s: float = 0.0
-    """Headwind assumed on the return if the wind is unknown."""
+    """Headwind assumed on the return if the wind is unknown [m/s]."""
     return_height_m: float = 0.0
-    """Height to which the autopilot climbs before it returns."""
+    """Height to which the autopilot climbs before it returns [m]."""
     cycle_s: float = 5.0
-    """Time until the next decision, unless the action ends earlier."""
+    """Time until the next decision [s], unless the action ends earlier."""
     pulse_s: float = 1.0
-    """Interval between a tag's pulses."""
+    """Interval between a tag's pulses [s]."""
     threshold_db: float = 10.0
-    """SNR from which a pulse is detected."""
+    """SNR above which a pulse is detected [dB]."""
     tag_height_m: float = 0.0
-    """Height above ground."""
+    """Height of tags above ground [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation(SearchSettings):
-    """Input of a decision."""
+    """State of the search before a decision: the input of a planner."""
 
     state: VehicleState
     beliefs: Beliefs
@@ -55,24 +55,24 @@ class Situation(SearchSettings):
 
     @classmethod
     def of(cls, settings: SearchSettings, **now: Any) -> "Situation":
-        """Make the situation of a search from its settings and its changing values."""
+        """Situation of a search, from its settings and its changing values."""
         fixed = {one.name: getattr(settings, one.name) for one in fields(settings)}
         return cls(**fixed, **now)
 
     @property
     def wanted(self) -> list[TagBelief]:
-        """Tags that are not found yet and not searched by others."""
+        """Tags that are neither found nor searched by other drones."""
         left = frozenset() if self.others is None else self.others.left
         return [one for tag_id, one in self.beliefs.items() if tag_id not in self.found | left]
 
     @property
     def above_tags_m(self) -> float:
-        """Height of the drone above the tags."""
+        """Height of the drone above the tags [m]."""
         return max(1.0, self.state.height_m - self.tag_height_m)
 
     @property
     def listener(self) -> Listener:
-        """Reception of pulses at the drone."""
+        """Parameters of the reception of pulses at the drone."""
         return Listener(
             above_tags_m=self.above_tags_m, pulse_s=self.pulse_s, threshold_db=self.threshold_db
         )
@@ -80,28 +80,28 @@ class Situation(SearchSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One of the rated actions."""
+    """Action that a planner rated."""
 
     action: Action
     duration_s: float
     nats_per_s: float | None = None
-    """Expected information per second; None: not computed."""
+    """Expected information rate [nats/s]; None if not computed."""
     refused: str | None = None
-    """Why it may not be flown."""
+    """Reason why the action may not be flown; None if it may."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """The next action, and why."""
+    """Next action, with its reason and the rated candidates."""
 
     action: Action
     reason: str
-    """Reason for the operator; the figures are in `candidates`."""
+    """Reason of the action for the operator; its figures are in `candidates`."""
     candidates: tuple[Candidate, ...] = ()
 
 
 class Planner(Protocol):
-    """Decides where to fly next.
+    """Interface of a planner, which decides where to fly next.
 
     A planner may have state (a survey its line); all randomness is from the situation's
     generator, so that equal flights give equal decisions.

@@ -1,4 +1,4 @@
-"""When a tag counts as found."""
+"""Rules that decide when a tag counts as found."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,25 +11,25 @@ from uavrt.planning.beliefs import TagBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Whether a tag is found, and the reason."""
+    """Decision whether a tag is found, and the reason."""
 
     found: bool
     reason: str
 
 
 class StopRule(Protocol):
-    """Decides whether a tag counts as found."""
+    """Interface of a rule that decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
         """Decide whether a tag is found."""
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Approximate information on the position that is missing; 0 when it is found."""
+        """Approximate missing information on the position [nats]; 0 when it is found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HonestStop:
-    """A tag is found if its 95 % circle is small enough, it exists, and the model agrees."""
+    """Rule: a tag's 95 % circle is small enough, it probably exists, and the model agrees."""
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0
@@ -43,7 +43,7 @@ class HonestStop:
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide as `StopRule`; cheap checks come first."""
+        """Decide whether a tag is found; cheap checks come first."""
         rms = belief.spread().rms_m
         # A circle of 95 % is 1.7 times as wide as the root mean square of round clouds, and of
         # long ones twice: clouds beyond the wish need no closer look.
@@ -65,6 +65,6 @@ class HonestStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Missing information: 1.4 nats for each halving of the radius."""
+        """Missing information [nats]: 1.4 for each halving of the radius."""
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))

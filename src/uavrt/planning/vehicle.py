@@ -27,37 +27,37 @@ class VehicleState:
     east_m: float
     north_m: float
     height_m: float
-    """Height above the take-off point."""
+    """Height above the take-off point [m]."""
     yaw_deg: float = 0.0
-    """Heading of the nose, clockwise from true north; the antenna points ahead."""
+    """Heading of the nose and the antenna, clockwise from true north [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wind:
-    """Motion of the air."""
+    """Velocity of the air over ground."""
 
     east_m_s: float = 0.0
     north_m_s: float = 0.0
 
     @property
     def speed_m_s(self) -> float:
-        """Wind speed."""
+        """Speed of the wind [m/s]."""
         return hypot(self.east_m_s, self.north_m_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Path:
-    """Positions of the drone at instants of a manoeuvre."""
+    """Positions of the drone at the time steps of a manoeuvre."""
 
     time_s: _Floats
-    """(n,) from one step after the start to the end."""
+    """(n,) times from one step after the start to the end [s]."""
     east_m: _Floats
     north_m: _Floats
     height_m: _Floats
     yaw_deg: _Floats
 
     def state(self, number: int) -> VehicleState:
-        """State of the drone at the instant of this index."""
+        """State of the drone at the time step of this number."""
         return VehicleState(
             time_s=float(self.time_s[number]),
             east_m=float(self.east_m[number]),
@@ -69,12 +69,12 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Straight paths or turns in place from the present position, sampled alike."""
+    """Straight paths or turns in place from the present position, each with equal samples."""
 
     duration_s: _Floats
-    """(legs,); infinite if the wind is too strong."""
+    """(legs,) durations [s]; infinite if the wind is too strong."""
     time_s: _Floats
-    """(legs, samples) from now."""
+    """(legs, samples) times from now [s]."""
     east_m: _Floats
     north_m: _Floats
     yaw_deg: _Floats
@@ -85,16 +85,16 @@ class Vehicle(Protocol):
 
     @property
     def speed_m_s(self) -> float:
-        """Usual airspeed."""
+        """Usual airspeed [m/s]."""
 
     @property
     def hovers(self) -> bool:
-        """True if it can stand and turn in place."""
+        """True if it can stay in place and turn."""
 
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Duration (places,) of the path to each [s]; infinite if the wind is too strong."""
+        """(places,) duration of the path to each [s]; infinite if the wind is too strong."""
 
     def along(
         self,
@@ -104,11 +104,11 @@ class Vehicle(Protocol):
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Sample the paths to some positions (legs,) at times (legs, samples) from now."""
+        """Sample the paths to positions (legs,) at times (legs, samples) from now."""
 
 
 def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _Floats:
-    """Speed over ground on each course; not positive if the wind is too strong."""
+    """Speed over ground on each course [m/s]; not positive if the wind is too strong."""
     along = wind.east_m_s * np.sin(course_rad) + wind.north_m_s * np.cos(course_rad)
     across = wind.east_m_s * np.cos(course_rad) - wind.north_m_s * np.sin(course_rad)
     left = airspeed_m_s**2 - across**2
@@ -123,23 +123,22 @@ def headwind(state: VehicleState, home_m: tuple[float, float], speed_m_s: float)
 
 
 def _turned_deg(start_deg: float, end_deg: _Floats) -> _Floats:
-    """Shorter angle between two headings, (-180, 180]."""
     return np.asarray(180.0 - np.remainder(180.0 - (end_deg - start_deg), 360.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Multirotor:
-    """A drone that can hover."""
+    """Motion of a drone that can hover."""
 
     speed_m_s: float = 10.0
     acceleration_m_s2: float = 4.0
-    """Acceleration; infinite: the speed changes at once."""
+    """Acceleration [m/s²]; infinite if the speed changes at once."""
     yaw_rate_deg_s: float = 45.0
     turns_first: bool = False
-    """True: it turns to its course before it moves."""
+    """True if it turns to its course before it moves."""
     airspeed_m_s: float | None = None
-    """Greatest airspeed, if the autopilot holds `speed_m_s` over ground against the wind; None:
-    `speed_m_s` is the airspeed."""
+    """Greatest airspeed [m/s], for an autopilot that holds `speed_m_s` over ground against the
+    wind; None if `speed_m_s` is the airspeed."""
 
     def __post_init__(self) -> None:
         if min(self.speed_m_s, self.acceleration_m_s2, self.yaw_rate_deg_s) <= 0.0:
@@ -150,7 +149,7 @@ class Multirotor:
 
     @property
     def hovers(self) -> bool:
-        """True."""
+        """Always true."""
         return True
 
     def _ground_speed_m_s(self, course_rad: _Floats, wind: Wind) -> _Floats:
@@ -162,7 +161,7 @@ class Multirotor:
     def _profile(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
-        """(legs,) distance, ground speed, turn [deg], durations of the turn and of the leg."""
+        """(legs,) distance [m], ground speed [m/s], turn [deg], times of turn and leg [s]."""
         dx, dy = east_m - state.east_m, north_m - state.north_m
         distance = np.hypot(dx, dy)
         course = np.arctan2(dx, dy)
@@ -186,7 +185,7 @@ class Multirotor:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Compute as `Vehicle`."""
+        """Durations of paths, as `Vehicle` specifies."""
         _, _, _, turning, flying = self._profile(state, east_m, north_m, wind)
         return turning + flying if self.turns_first else np.maximum(turning * 0.0, flying)
 
@@ -198,7 +197,7 @@ class Multirotor:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Compute as `Vehicle`."""
+        """Samples of paths, as `Vehicle` specifies."""
         distance, speed, turn, turning, flying = self._profile(state, east_m, north_m, wind)
         wait = turning if self.turns_first else np.zeros_like(turning)
         moving = np.clip(time_s - wait[:, None], 0.0, flying[:, None])
@@ -219,7 +218,7 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """(legs, samples) distance flown at times: accelerating, steady, braking."""
+        """(legs, samples) distance flown: accelerating, steady, braking [m]."""
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s
@@ -231,7 +230,7 @@ class Multirotor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedWing:
-    """A drone that must keep flying and turns on circles (Consi 2015)."""
+    """Motion of a drone that must keep flying and turns on circles (Consi 2015)."""
 
     speed_m_s: float = 16.0
     turn_radius_m: float = 60.0
@@ -245,17 +244,13 @@ class FixedWing:
 
     @property
     def hovers(self) -> bool:
-        """False."""
+        """Always false."""
         return False
 
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """(legs,) side (+1 right), angle of the circle [rad], straight part [m].
-
-        A position inside one circle is reached by the other: the side whose circle does not
-        include it, after a longer turn.
-        """
+        """(legs,) side (+1 right), angle on the circle [rad], and straight part [m]."""
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
@@ -274,7 +269,7 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Compute as `Vehicle`; the circle in still air, the straight part in the wind."""
+        """Durations of paths: the circle in still air, the straight part in the wind."""
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)
@@ -289,7 +284,7 @@ class FixedWing:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Compute as `Vehicle`."""
+        """Samples of paths, as `Vehicle` specifies."""
         side, angle, straight = (one[:, None] for one in self._turns(state, east_m, north_m))
         total = self.durations(state, east_m, north_m, wind)
         radius, yaw = self.turn_radius_m, np.radians(state.yaw_deg)
@@ -317,7 +312,7 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Positions of the drone at each step of an action.
+    """Positions of the drone at each time step of an action.
 
     Raises `ConfigError`: the wind is too strong for the path.
     """
@@ -354,7 +349,6 @@ def _straight(
 def _in_place(
     vehicle: Vehicle, state: VehicleState, action: Rotate | Hold, wind: Wind, step: float
 ) -> Path:
-    """Stand and turn; a fixed wing circles to the right for the same time."""
     count = max(1, round(action.duration_s / step))
     time = np.arange(1, count + 1, dtype=np.float64) * step
     turn = action.turn_deg if isinstance(action, Rotate) else 0.0

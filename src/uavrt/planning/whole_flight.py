@@ -21,36 +21,38 @@ _Singles = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeFlightModel:
-    """Constants of the search over a whole flight, as `uavrt.integration` makes it."""
+    """Parameters of the search over a whole flight, as `uavrt.integration` performs it."""
 
     least_pulses: int = 12
-    """Pulses that the ordinary detector sums: a shorter flight gains nothing."""
+    """Number of pulses that the ordinary detector sums; a shorter flight gains nothing."""
     design_enr: float = 2.0
-    """Energy over noise for which the weights are designed."""
+    """Energy over noise for which the weights are optimal."""
     patterns: float = 6.0
-    """Number of places that differ, for an antenna that turns."""
+    """Number of distinguishable places, for an antenna that turns."""
     hypotheses: float = 6.0
-    """Independent hypotheses for each pattern and cell."""
+    """Number of independent hypotheses for each pattern and cell."""
     slot_pulses: float = 0.5
     """Length of a slot [pulse widths]."""
     row_bins: float = 0.5
-    """Distance of two frequencies [1 / pulse width]."""
+    """Distance between two searched frequencies [1 / pulse width]."""
     drift_slots: float = 2.0
     """Shift of the flight's middle between two independent drifts [slots]."""
     loss_db: float = -0.8
-    """Loss of slots, frequencies and intervals between cells, less what neighbouring windows
-    hold of a pulse [dB]: brings 400 pulses of a turning antenna to 2.3 dB, as measured (I2)."""
+    """Loss by slots, frequencies and intervals between cells [dB]. With it, 400 pulses of a
+    turning antenna need 2.3 dB, as measured (I2)."""
 
 
 MODEL = WholeFlightModel()
 
 
 _TRAIN_ENR_DB = np.arange(-40.0, 40.25, 0.25)
+"""ENR of pulses for which the moments of a slot are tabulated [dB]."""
 _SKEWNESSES = np.linspace(0.01, 2.0, 100)
+"""Skewnesses of a sum for which the detection threshold is tabulated."""
 
 
 class WholeFlightSum:
-    """Expected weighted sum for each cell of a map; two passes."""
+    """Expected weighted sum of a flight's pulses for each cell of a map, in two passes."""
 
     def __init__(
         self,
@@ -71,13 +73,13 @@ class WholeFlightSum:
         self._spread: _Singles | None = None
 
     def look(self, energy: _Singles) -> None:
-        """First pass: find each cell's strongest pulse."""
+        """First pass: record each cell's strongest pulse."""
         if self._strongest is None:
             self._strongest = np.array(energy)
         np.maximum(self._strongest, energy, out=self._strongest)
 
     def add(self, energy: _Singles) -> None:
-        """Second pass: add a weighted pulse."""
+        """Second pass: add a weighted pulse to each cell's sum."""
         assert self._strongest is not None
         if self._squares is None:
             self._squares, self._cubes = np.zeros_like(energy), np.zeros_like(energy)
@@ -98,7 +100,7 @@ class WholeFlightSum:
             self._spread[number] += square * self._variance[row]
 
     def found(self) -> _Floats:
-        """Detection probability for each error and cell: (errors, …)."""
+        """(errors, …) detection probability for each error of the level and each cell."""
         if self._squares is None or self._cubes is None:
             raise ValueError("no pulse was added")
         assert self._shift is not None
@@ -116,10 +118,11 @@ class WholeFlightSum:
 def whole_flight_enr_db(
     tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
-    """ENR [dB] of the strongest pulse with which a whole flight detects a tag.
+    """ENR of the strongest pulse with which a whole flight detects a tag [dB].
 
-    `gain_db` (pulses,): relative level of each pulse of the flight. `probabilities`: detection
-    probabilities, with a search of ± 500 Hz around the tag's frequency.
+    `gain_db` (pulses,): relative level of each pulse of the flight.
+    `probabilities`: detection probabilities, with a search of ± 500 Hz around the tag's
+        frequency.
     """
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
@@ -134,7 +137,7 @@ def whole_flight_enr_db(
 def _log_probability(
     tag: Tag, pulses: int, frequency_window_hz: float, most_drift: float
 ) -> float:
-    """Log-probability of one noise hypothesis at the detection threshold."""
+    """Log-probability of one hypothesis in noise at the detection threshold."""
     interval_s = tag.pulse_intervals_s[0]
     slot_s = MODEL.slot_pulses * tag.pulse_width_s
     phases = interval_s / slot_s
@@ -156,10 +159,7 @@ def _exponentials(tag: Tag) -> float:
 
 @lru_cache(maxsize=16)
 def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]:
-    """Deviation and skewness of a slot in noise; mean and variance by a pulse's level.
-
-    The latter two in units of the noise's deviation, the mean relative to that of noise.
-    """
+    """Deviation and skewness of a slot in noise; mean and variance by a pulse's level."""
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)
     strength = 10.0 ** (_TRAIN_ENR_DB / 10.0)[:, np.newaxis]

@@ -1,4 +1,4 @@
-"""Give each pulse its pose: wait for the samples around it, for a limited time."""
+"""Give each pulse its pose: wait for the poses around it, for a limited time."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class _Waiting:
 
 
 class PoseAttacher:
-    """Holds pulses until their pose is known; drops none, keeps the order of each tag.
+    """Holds pulses until their pose is known; loses none, and keeps the order of each tag.
 
     A pulse is returned with the interpolated pose as soon as attitude and position after its
     centre have arrived; after `wait_s` with an extrapolated pose, marked, or with None.
@@ -29,11 +29,11 @@ class PoseAttacher:
         self._wait_ns = ns_from_s(wait_s)
         self._queues: dict[int, deque[_Waiting]] = {}
         self.attached = 0
-        """Pulses given an interpolated pose."""
+        """Number of pulses with an interpolated pose."""
         self.extrapolated = 0
-        """Pulses given a pose marked as extrapolated."""
+        """Number of pulses with a pose marked as extrapolated."""
         self.without_pose = 0
-        """Pulses passed on without a pose."""
+        """Number of pulses returned without a pose."""
 
     def __len__(self) -> int:
         return sum(map(len, self._queues.values()))
@@ -44,15 +44,15 @@ class PoseAttacher:
         queue.append(_Waiting(pulse, now_ns + self._wait_ns))
 
     def ready(self, now_ns: int) -> list[PulsePose]:
-        """Get the pulses whose pose is known, or whose wait is over."""
+        """Pulses whose pose is known, or whose wait is over."""
         return self._released(now_ns)
 
     def flush(self) -> list[PulsePose]:
-        """Get all pulses with the poses known, at the end of a flight."""
+        """All waiting pulses with the poses known, at the end of a flight."""
         return self._released(None)
 
     def next_deadline_ns(self) -> int | None:
-        """Latest time of the next call of `ready` [ns]; None when nothing waits."""
+        """Latest time for the next call of `ready` [ns]; None when no pulse waits."""
         return min((q[0].deadline_ns for q in self._queues.values() if q), default=None)
 
     def _released(self, now_ns: int | None) -> list[PulsePose]:
@@ -70,7 +70,7 @@ class PoseAttacher:
         return released
 
     def _pose(self, pulse: Pulse, overdue: bool) -> tuple[bool, Pose | None]:
-        """Whether the pulse can go, and with which pose."""
+        """True if the pulse can be returned now, and its pose."""
         center_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
         try:
             return True, self._ring.antenna_pose(center_ns)

@@ -1,4 +1,4 @@
-"""From the vehicle's pose to the antenna's: one rotation and one lever arm, applied once."""
+"""Convert the vehicle's pose to the antenna's by one rotation and one lever arm."""
 
 from dataclasses import dataclass, replace
 
@@ -20,8 +20,9 @@ from uavrt.messages import Pose
 class Mounting:
     """Mounting of the antenna on the vehicle.
 
-    `rotation` (w, x, y, z): antenna frame to vehicle frame. `offset_m` (forward, right, down):
-    antenna from the point whose position the autopilot reports [m].
+    `rotation` (w, x, y, z): antenna frame to vehicle frame.
+    `offset_m` (forward, right, down): antenna from the point whose position the autopilot
+    reports [m].
     """
 
     rotation: Quaternion = IDENTITY
@@ -29,7 +30,7 @@ class Mounting:
 
     @classmethod
     def from_settings(cls, settings: AntennaSettings) -> "Mounting":
-        """Take the angles and lengths of ``[antenna]``."""
+        """Convert the angles and lengths of the settings' section ``[antenna]``."""
         return cls(
             rotation=from_euler_deg(
                 settings.yaw_offset_deg, settings.pitch_offset_deg, settings.roll_offset_deg
@@ -42,7 +43,7 @@ class Mounting:
         )
 
     def antenna_pose(self, vehicle: Pose) -> Pose:
-        """Get the antenna's pose from the vehicle's."""
+        """Antenna's pose, from the vehicle's."""
         attitude = normalised(product(vehicle.quaternion_wxyz, self.rotation))
         if self.offset_m == (0.0, 0.0, 0.0):
             return replace(vehicle, quaternion_wxyz=attitude)

@@ -1,8 +1,7 @@
-"""The antenna's pose at any instant of the last minute.
+"""The antenna's pose at any time in the last minute.
 
-The thesis gave each pulse the pose half-way between take-off and now: its search for the sample
-before the pulse always found the first one ever, and its fraction was the constant ½, so a turn
-of 90° was logged as 45°. Hence here: integer nanoseconds, a bisection, the true fraction.
+The thesis gave each pulse the pose half-way between take-off and the present, so that a turn of
+90° was logged as 45°. Times here are integer nanoseconds, found by bisection.
 
 Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s, and
 marked; gaps of more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last
@@ -21,23 +20,24 @@ from uavrt.pose.series import Four, S, Series
 from uavrt.units import ns_from_s, wrap_degrees_180
 
 CAPACITY = 6_000
-"""Samples of each kind: two minutes at 50 Hz, one at 100 Hz."""
+"""Number of stored attitudes and of positions: two minutes at 50 Hz, one at 100 Hz."""
 
 MAX_GAP_S = 2.0
-"""Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""
+"""Longest gap between samples that is interpolated [s]; a vehicle may turn in a longer one."""
 
 MAX_EXTRAPOLATION_S = 1.0
 """Longest extrapolation beyond the newest sample, or from the edge of a gap [s]. At 30°/s it
 errs by some degrees where the turn begins or ends."""
 
 _RATE_BASELINE_S = 0.2
-"""Time over which the rate of motion is measured for it [s]."""
+"""Time over which the rate of motion is measured for extrapolation [s]."""
 
 
 class PoseRing:
-    """The vehicle's recent attitudes and positions, interpolated for the antenna.
+    """Recent attitudes and positions of the vehicle, interpolated for the antenna.
 
-    `antenna`: its mounting on the vehicle. `capacity`: samples of each kind that are kept.
+    `antenna`: its mounting on the vehicle.
+    `capacity`: number of samples of each kind that are kept.
     """
 
     def __init__(
@@ -50,14 +50,14 @@ class PoseRing:
         self._rate_baseline_ns = ns_from_s(_RATE_BASELINE_S)
         self._max_extrapolation_ns = ns_from_s(MAX_EXTRAPOLATION_S)
         self.late_samples = 0
-        """Samples left out because a later one was there already."""
+        """Number of samples left out because a later one had arrived before."""
         self.refused_samples = 0
-        """Invalid attitudes and positions that were refused."""
+        """Number of invalid attitudes and positions."""
         self.resets = 0
-        """Number of resets, because time fell or a flight brought a clock."""
+        """Number of resets, because time fell or a flight changed the clock."""
 
     def add_attitude(self, sample: AttitudeSample) -> None:
-        """Add an attitude; one that is no rotation is refused and counted."""
+        """Add an attitude; an invalid rotation is rejected and counted."""
         try:
             attitude = normalised(sample.quaternion_wxyz)
         except ValueError:
@@ -68,7 +68,7 @@ class PoseRing:
         )
 
     def add_position(self, sample: PositionSample) -> None:
-        """Add a position; one that is not finite is refused and counted."""
+        """Add a position; a non-finite one is rejected and counted."""
         numbers = (
             sample.latitude_deg,
             sample.longitude_deg,
@@ -103,24 +103,24 @@ class PoseRing:
 
     @property
     def newest_ns(self) -> int | None:
-        """Latest time at which both attitude and position are known, None before that."""
+        """Latest time at which both attitude and position are known [ns]; None before."""
         attitude_ns, position_ns = self._attitudes.last_ns, self._positions.last_ns
         if attitude_ns is None or position_ns is None:
             return None
         return min(attitude_ns, position_ns)
 
     def antenna_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
-        """Get the antenna's pose at an instant.
+        """Antenna's pose at a time.
 
-        `time_ns`: the instant, for a pulse its centre [ns, UTC]. `extrapolate`: extrapolate for
-        up to `MAX_EXTRAPOLATION_S` where no later sample is known, and hold the nearest sample
-        at the edges of a gap; the pose is marked. Raises `PoseUnavailable`, with
-        ``retry_later`` if a later sample may still give one.
+        `time_ns`: time, for a pulse its centre [ns, UTC].
+        `extrapolate`: extrapolate for up to `MAX_EXTRAPOLATION_S` where no later sample is
+            known, and hold the nearest sample at the edges of a gap; the pose is marked.
+        Raises `PoseUnavailable`, with ``retry_later`` if a later sample may still give one.
         """
         return self._mounting.antenna_pose(self.vehicle_pose(time_ns, extrapolate=extrapolate))
 
     def vehicle_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
-        """Get the vehicle's own pose, without the mounting; raises `PoseUnavailable`."""
+        """Vehicle's own pose, without the mounting; raises `PoseUnavailable`."""
         attitude, guessed_attitude = self._attitude(time_ns, extrapolate)
         position, guessed_position = self._position(time_ns, extrapolate)
         return Pose(
@@ -145,7 +145,7 @@ class PoseRing:
         return slerp(before.quaternion_wxyz, after.quaternion_wxyz, fraction), guessed
 
     def _position(self, time_ns: int, extrapolate: bool) -> tuple[PositionSample, bool]:
-        """Interpolate linearly: at 15 m/s and 10 Hz the chord of a 20 m turn is within 2 cm."""
+        """Interpolate a position linearly; at 15 m/s and 10 Hz a 20 m turn errs by 2 cm."""
         before, after, fraction, guessed = self._around(self._positions, time_ns, extrapolate)
         east_deg = wrap_degrees_180(after.longitude_deg - before.longitude_deg)
         position = PositionSample(
@@ -162,7 +162,7 @@ class PoseRing:
     def _around(
         self, series: Series[S], time_ns: int, extrapolate: bool
     ) -> tuple[S, S, float, bool]:
-        """Two samples, the fraction between them, and whether it is extrapolated."""
+        """Samples before and after a time, the fraction between, and True if extrapolated."""
         first_ns, last_ns = series.first_ns, series.last_ns
         if first_ns is None or last_ns is None:
             raise PoseUnavailable(time_ns, retry_later=True)

@@ -1,4 +1,4 @@
-"""A bounded run of timed samples with strictly rising times."""
+"""Ring buffer of timed samples with strictly rising times."""
 
 from array import array
 from bisect import bisect_left
@@ -7,11 +7,11 @@ from typing import Generic, Protocol, TypeVar
 
 
 class Timed(Protocol):
-    """Anything with a time."""
+    """Interface of a record that has a time."""
 
     @property
     def time_ns(self) -> int:
-        """Time [ns, UTC]."""
+        """Time of the record [ns, UTC]."""
         ...
 
 
@@ -19,18 +19,16 @@ S = TypeVar("S", bound=Timed)
 Four = tuple[float, float, float, float]
 
 REBOOT_NS = 500_000_000
-"""Fall of time that means a restarted count, not a late message [ns]. At 10 Hz and over a link
-of 57 600 baud messages are late by tens of milliseconds, never by half a second."""
+"""Step back of time that means a restarted clock and not a late message [ns]. At 10 Hz and over
+a link of 57 600 baud messages are late by tens of milliseconds, never by half a second."""
 
 
 class Series(Generic[S]):
-    """Samples by time, oldest dropped first.
+    """Samples in order of time; the oldest are dropped first.
 
     They are kept as bare numbers in memory allocated at the start, 40 bytes each (330 as
-    records), so that memory does not grow in flight.
-
-    `capacity`: most samples kept. `pack`: gets a sample's four numbers. `unpack`: makes a
-    sample of a time and its four numbers.
+    records), so that memory does not grow in flight. `pack` converts a sample to its four
+    numbers, `unpack` a time and four numbers to a sample.
     """
 
     def __init__(
@@ -81,7 +79,7 @@ class Series(Generic[S]):
         return self._unpack(self._times[index], (a, b, c, d))
 
     def _index_from(self, time_ns: int) -> int:
-        """Get the index of the first sample that is not older."""
+        """Index of the first sample at or after a time."""
         return bisect_left(self._times, time_ns, 0, self._count)
 
     @property
@@ -95,7 +93,7 @@ class Series(Generic[S]):
         return self._times[self._count - 1] if self._count else None
 
     def bracket(self, time_ns: int) -> tuple[S, S] | None:
-        """Samples just before and after a time, or one twice on a hit; None outside of them."""
+        """Samples just before and after a time, twice the same on a hit; None outside."""
         index = self._index_from(time_ns)
         if index == self._count:
             return None
@@ -107,13 +105,13 @@ class Series(Generic[S]):
         return self._sample(index - 1), self._sample(index)
 
     def first(self) -> S:
-        """Get the oldest sample of a run that is not empty."""
+        """Oldest sample of a series that is not empty."""
         return self._sample(0)
 
     def last(self) -> S:
-        """Get the newest sample of a run that is not empty."""
+        """Newest sample of a series that is not empty."""
         return self._sample(self._count - 1)
 
     def before_last(self, baseline_ns: int) -> S:
-        """Get the oldest sample within `baseline_ns` of the newest; the newest if alone."""
+        """Oldest sample within `baseline_ns` of the newest; the newest if it is alone."""
         return self._sample(self._index_from(self._times[self._count - 1] - baseline_ns))

@@ -49,7 +49,7 @@ class Capture:
             description="Raw capture of the receiver's band",
             hardware=settings.radio.kind,
         )
-        self._files = [*earlier, self._recorder.data_path]
+        self._files = [*earlier, self._recorder.file.data_path]
         self._wanted = max(0, round(self._capture_s * self._rate_hz) - self._earlier)
         self._why = ""
         if self._recorder.room_samples < self._wanted:

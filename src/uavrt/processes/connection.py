@@ -274,8 +274,9 @@ class ConnectionProcess:
             # As long as a pulse has not gone out, it is detecting.
             busy = system.state is SystemState.HAS_TAGS and self._pulses.unsent
             self._status.tick(SystemState.DETECTING if busy else system.state, now_ns)
-        processes = () if system is None else system.processes
-        self._status.faults(processes, now_ns, newcomer=newcomer)
+        processes, faults = ((), ()) if system is None else (system.processes, system.faults)
+        faults = (*faults, *self._poses.faults())
+        self._status.faults(processes, faults, now_ns, newcomer=newcomer)
         self._links.log_presence()
 
     def _status_text(self) -> str:

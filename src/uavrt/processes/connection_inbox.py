@@ -104,7 +104,7 @@ class ConnectionInbox:
             MOTION_INSIDE: self._take_motion,
             CODED_TAG_INSIDE: partial(self._take_command, coded_tag=True),
             NEIGHBOUR_INSIDE: self._take_neighbour,
-            ALIVE_INSIDE: self._take_key_check,
+            ALIVE_INSIDE: self._take_keepalive,
         }
         self._records: dict[type, Callable[[Any], None]] = {
             Pulse: pulses.add,
@@ -195,9 +195,9 @@ class ConnectionInbox:
             refusal = self.stations.gate.refusal(peer.place, sealed=sealed)
             self._motion.neighbours.receive(payload, peer.place, refusal, sealed=sealed)
 
-    def _take_key_check(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+    def _take_keepalive(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         assert sealed
-        self.stations.answer_key_check(payload, peer)
+        self.stations.answer_keepalive(payload, peer)
 
     def record(self, topic: str, record: Any) -> None:
         """Handle a record from the supervisor."""

@@ -95,10 +95,10 @@ class GroundStations:
         else:
             tunnel.send_message(value, Priority.OTHER, asker.link)
 
-    def answer_key_check(self, payload: bytes, peer: Peer) -> None:
-        """Answer a station's key check with the number that its next command must contain."""
+    def answer_keepalive(self, payload: bytes, peer: Peer) -> None:
+        """Answer a station's keepalive with the number that its next command must contain."""
         self.asked(peer)
-        session = self.gate.sign_of_life(payload, peer.place, self._link.place)
+        session = self.gate.keepalive(payload, peer.place, self._link.place)
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 

@@ -135,22 +135,23 @@ class GroundStatus:
             self._sender.send_text(text.severity, text.text)
 
     def faults(
-        self, processes: Sequence[ProcessStatus], now_ns: int, *, newcomer: bool
+        self,
+        processes: Sequence[ProcessStatus],
+        others: Sequence[StatusText],
+        now_ns: int,
+        *,
+        newcomer: bool,
     ) -> None:
-        """Send the faults of processes again, for stations that missed the first report.
+        """Repeat lasting faults, for stations that missed the first report or a piece of it.
 
-        `newcomer`: a station has just appeared and gets them at once.
+        `processes`: those that are not ok report why. `others`: other lasting faults.
+        `newcomer`: a station has just appeared; it gets all faults at once.
         """
         if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
             return
-        for one in processes:
-            words = one.reason
-            if words and not words.startswith(one.process):
-                words = f"{one.process}: {one.status} (reason {words})"
-            words = words[:200]
-            known = not newcomer and self._limiter.sent_within(words, AGAIN_NS, now_ns)
-            if words and not known:
-                self.text(StatusText(severity=MavSeverity.WARNING, text=words), now_ns)
+        for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):
+            if newcomer or not self._limiter.sent_within(fault.text, AGAIN_NS, now_ns):
+                self.text(fault, now_ns)
 
     def tag_text(self, text: str, now_ns: int) -> bool:
         """Send a text about a tag; False if dropped because there are too many."""
@@ -230,6 +231,14 @@ class GroundStatus:
             link_tx_max=unknown * 6,
             link_rx_max=unknown * 6,
         )
+
+
+def _fault_of(process: ProcessStatus) -> StatusText:
+    """Text on a process that is not ok: its name, its state and the reason."""
+    words = process.reason
+    if not words.startswith(process.process):
+        words = f"{process.process}: {process.status} (reason {words})"
+    return StatusText(severity=MavSeverity.WARNING, text=words[:200])
 
 
 def cpu_temperature_c() -> float | None:

@@ -19,9 +19,9 @@ from uavrt.errors import ConfigError, PlanError, UavrtError
 from uavrt.foreign import SHAPES, read_file
 from uavrt.geodesy import distance_m
 from uavrt.guidance.area_text import keep_out_in
+from uavrt.guidance.autopilot_behaviour import behaviour_of
+from uavrt.guidance.energy_learning import EnergyLearning
 from uavrt.guidance.ground import GroundAround
-from uavrt.guidance.lessons import Lessons
-from uavrt.guidance.manners import manners_of
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
@@ -185,17 +185,17 @@ class _Planning:
 
 def _plan(asked: _OrderRequest) -> _Planned:
     guidance, order, now = asked.settings.guidance, asked.order, asked.now
-    manners = manners_of(asked.vehicle.autopilot)
+    behaviour = behaviour_of(asked.vehicle.autopilot)
     ground = ground_of(guidance, now.home)
     limits = fenced(replace(limits_of(guidance), ground=ground), asked.fence)
     seeker = None
     if order.action == "search":
         hills = hills_of(guidance, now.home)
         equipment = replace(equipment_of(asked.settings), hills=hills)
-        seeker = Seeker(order, asked.tags, now, limits, manners, equipment)
+        seeker = Seeker(order, asked.tags, now, limits, behaviour, equipment)
         plan = seeker.plan
     else:
-        plan = plan_of(order, now, limits, manners)
+        plan = plan_of(order, now, limits, behaviour)
         order = replace(order, height_m=_height_m(order, now))
     unknown = "" if asked.fence is not None else "; own fence not known"
     return _Planned(
@@ -239,7 +239,7 @@ class Guide:
         self._frame = frame
         self._in_background, self._make_planner = in_background, planner
         guidance = frame.assignment.settings.guidance
-        self._learnt_power = Lessons(guidance.hover_w, guidance.battery_wh)
+        self._energy_learning = EnergyLearning(guidance.hover_w, guidance.battery_wh)
         """Power needed to fly, learnt from the battery over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
@@ -303,7 +303,7 @@ class Guide:
         fault = vehicle.takeoff_fault if taking_off else vehicle.fault
         if fault is not None:
             raise UavrtError(fault)
-        manners_of(vehicle.autopilot)
+        behaviour_of(vehicle.autopilot)
         now = self._now(vehicle, monotonic_s())
         if now is None:
             raise UavrtError("the vehicle's position or home is unknown", remedy="Wait for it")
@@ -366,7 +366,7 @@ class Guide:
 
     def _now(self, vehicle: VehicleReport, now_s: float) -> VehicleNow | None:
         now = now_of(vehicle, now_s)
-        return None if now is None else self._learnt_power.taught(now)
+        return None if now is None else self._energy_learning.learn(now)
 
     def _fly_order(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
         """Request the motion that is due in the confirmed order."""
@@ -430,13 +430,13 @@ class Guide:
             self._shared.check(now, _height_m(pilot.order, now))
             seeker.check(now)
             return pilot
-        plan = plan_of(pilot.order, now, offered.limits, manners_of(vehicle.autopilot))
+        plan = plan_of(pilot.order, now, offered.limits, behaviour_of(vehicle.autopilot))
         return Pilot(pilot.order, plan, offered.limits)
 
     def _report_course(self, now: VehicleNow, now_s: float) -> None:
         shared, pilot = self._shared, self._pilot
         every_s = PATH_REQUEST_S if shared.waits else COURSE_S
-        if not shared.speaks(now_s) or now_s - self._course_s < every_s:
+        if not shared.must_report(now_s) or now_s - self._course_s < every_s:
             return
         self._course_s = now_s
         height, searching = None, self._planner is not None and pilot is not None
@@ -451,7 +451,7 @@ class Guide:
 
     def _search(self, planner: SearchThread, pilot: Pilot, now: VehicleNow) -> None:
         time_ns = self._frame.clock.now_ns()
-        pilot.among = self._shared.has_others(now.time_s)
+        pilot.shared = self._shared.has_others(now.time_s)
         planner.place(time_ns, now)
         for result in planner.results():
             match result:
@@ -463,7 +463,7 @@ class Guide:
         if shared.waits:
             self._await_path(planner, pilot, now)
         elif now.began and pilot.ended is None and planner.is_time(now, idle=pilot.idle):
-            others = shared.thinks(now.time_s)
+            others = shared.begin_decision(now.time_s)
             planner.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
@@ -538,8 +538,8 @@ class Guide:
             "orders_flown": self.flown,
             "search_decisions": self.decisions,
             "ways_not_given": self.paths_refused,
-            "lessons_of_power": self._learnt_power.learnt,
-            "hover_w": round(self._learnt_power.energy.power_w(0.0)),
+            "lessons_of_power": self._energy_learning.learnt,
+            "hover_w": round(self._energy_learning.energy.power_w(0.0)),
             "others_told": len(self._shared.others(monotonic_s())),
         }
 

@@ -11,12 +11,12 @@ from uavrt.clock import monotonic_s
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS, AutopilotName
 from uavrt.guidance.heights import target_amsl_m
-from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Observation
 from uavrt.guidance.offers import WHEN_YOURS
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.wishes import CommandWriter
+from uavrt.guidance.vehicle_commands import CommandWriter
 from uavrt.log import get_logger
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message
@@ -79,7 +79,7 @@ class MotionControl:
             return
         settings = self._settings
         writer = CommandWriter(
-            manners=MANNERS[kind],
+            behaviour=BEHAVIOURS[kind],
             lowest_m=settings.lowest_m,
             highest_m=settings.highest_m,
             farthest_m=settings.fence_m,

@@ -23,7 +23,7 @@ from uavrt.mavlink.dialect import (
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.parameters import ParameterServer, Requests
 from uavrt.messages import Command, CommandReply, StatusText
-from uavrt.tunnel.seal import parameter_of
+from uavrt.tunnel.seal import read_parameter
 
 log = get_logger()
 
@@ -108,7 +108,7 @@ class ParameterDesk:
         value is the index to read, and NaN reads all.
         """
         try:
-            name, value = parameter_of(inside)
+            name, value = read_parameter(inside)
         except TunnelError as error:
             log.warning("bad parameter", reason=error.message)
             return

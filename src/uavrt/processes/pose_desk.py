@@ -42,6 +42,16 @@ POSES_KEPT_NS = 200 * POSE_PERIOD_NS
 SAME_CLOCK_NS = 1_000_000
 """Change of the clock below which known poses are kept [ns]; 0.03° at 30°/s."""
 
+_POSE_KNOWN = StatusText(severity=6, text="Place and heading known")
+_STALE_CLOCK = StatusText(
+    severity=4, text="Autopilot's clock: no answer for 10 s, times are extrapolated"
+)
+
+
+def _missing_text(missing: str) -> StatusText:
+    """Text on what is missing for the station's own pose."""
+    return StatusText(severity=4, text=missing.capitalize()[:200])
+
 
 class PoseDesk:
     """Collects attitude and position samples; computes the poses of pulses.
@@ -109,8 +119,7 @@ class PoseDesk:
         self._clock_is_stale = stale
         if stale:
             log.warning("autopilot's clock is extrapolated", **counters())
-            text = "Autopilot's clock: no answer for 10 s, times are extrapolated"
-            self._say(StatusText(severity=4, text=text))
+            self._say(_STALE_CLOCK)
         else:
             log.info("autopilot's clock known", **counters())
 
@@ -171,10 +180,14 @@ class PoseDesk:
         missing = self._own.status
         if missing != self._missing:
             self._missing = missing
-            text = "Place and heading known" if missing is None else missing.capitalize()
             log.info("own pose", missing=missing or "nothing")
-            self._say(StatusText(severity=6 if missing is None else 4, text=text[:200]))
+            self._say(_POSE_KNOWN if missing is None else _missing_text(missing))
         return missing
+
+    def faults(self) -> list[StatusText]:
+        """Get lasting faults of pose and clock, which the ground is reminded of."""
+        faults = [_STALE_CLOCK] if self._clock_is_stale else []
+        return faults if self._missing is None else [*faults, _missing_text(self._missing)]
 
     def due(self, now_ns: int) -> Pose | None:
         """The station's own position, when due for a report; None with an autopilot."""

@@ -97,7 +97,7 @@ class PulseOutlet:
         self.receipts += 1
         new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
         self._delivered(receipt.store, new, now_ns)
-        return receipt.store in self.sender.stores.proven, self.sender.underway.fresh_trip_s
+        return receipt.store in self.sender.stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
         """Note deliveries to stations without receipts; read pulses from disk if needed."""

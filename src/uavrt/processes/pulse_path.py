@@ -16,7 +16,7 @@ from uavrt.processes.pose_desk import PoseDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.processes.tag_texts import TagTexts
 from uavrt.recording.disk_thread import DiskThread
-from uavrt.recording.heard import heard_tags
+from uavrt.recording.spool import heard_tags
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Exchange
 
@@ -101,13 +101,13 @@ class PulsePath:
         If a pose came too late, the recorder has already replaced it; such pulses are dropped.
         """
         for pulse_pose in pulse_poses:
-            if self._delivery.let_out(pulse_pose.pulse.key):
+            if self._delivery.may_send(pulse_pose.pulse.key):
                 self._send_record("pulse_pose", pulse_pose)
                 self._send(pulse_pose)
 
     def pose_reconstructed(self, pulse_pose: PulsePose) -> None:
         """Send a pulse whose pose the recorder has reconstructed to the ground."""
-        if self._delivery.let_out(pulse_pose.pulse.key):
+        if self._delivery.may_send(pulse_pose.pulse.key):
             self._send(pulse_pose)
 
     def recorded(self, record: Recorded) -> None:
@@ -133,11 +133,11 @@ class PulsePath:
     def receipt(self, payload: bytes, place: tuple[int, int]) -> None:
         """Handle a ground station's receipt for pulses."""
         now_ns, stores = self._now_ns(), self.outlet.sender.stores
-        before = stores.present, stores.proven
-        proven, trip_s = self.outlet.receipt(payload, place, now_ns)
-        if stores.present - before[0] or stores.proven - before[1]:
+        before = stores.present, stores.confirmed
+        confirmed, trip_s = self.outlet.receipt(payload, place, now_ns)
+        if stores.present - before[0] or stores.confirmed - before[1]:
             self._delivery.station_came()
-        if proven:
+        if confirmed:
             self._link.tunnel.rate.acknowledged(trip_s, now_ns)
         self._link.tunnel.wake()
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from math import inf
 
-from uavrt.guidance.manners import AutopilotName
+from uavrt.guidance.autopilot_behaviour import AutopilotName
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address
 from uavrt.mavlink.message import Message

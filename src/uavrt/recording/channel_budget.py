@@ -1,4 +1,4 @@
-"""Disk budget of the kept channels of all flights; the oldest pieces are removed first."""
+"""Disk budget for the recorded channels of all flights; the oldest files are removed first."""
 
 from collections import deque
 from pathlib import Path
@@ -11,31 +11,29 @@ log = get_logger()
 
 
 class ChannelBudget:
-    """The pieces of channels on the disk, oldest first.
+    """Recorded channel files on the disk, oldest first, and their size.
 
-    Pieces of other flights that are starred are neither counted nor removed.
-
-    `flight`: the flight being recorded, in the folder of all flights. `most_bytes`: budget of
-    all.
+    Files of other flights that are starred are neither counted nor removed. `flight` is the
+    flight in progress, and `most_bytes` the budget for all flights.
     """
 
     def __init__(self, flight: Path, most_bytes: float) -> None:
         self._flight = flight
         self._most_bytes = most_bytes
         self._pieces: deque[tuple[Path, int]] = deque()
-        """Closed pieces: the file of samples and its size."""
+        """Closed channel files: path of the samples and size [bytes]."""
         self.bytes = 0
-        """Size of all pieces, with those being written."""
+        """Size of all channel files, open ones included."""
         self.removed_pieces = 0
 
-    def look(self) -> None:
-        """Find the pieces of earlier flights, and of this one before a restart."""
+    def find_files(self) -> None:
+        """Find the channel files of earlier flights, and of this one before a restart."""
         found = sorted(self._found())
         self._pieces = deque((path, size) for _, _, path, size in found)
         self.bytes = sum(size for *_, size in found)
 
     def _found(self) -> list[tuple[int, int, Path, int]]:
-        """Place of the flight among all, time of the last change, file and size."""
+        """Place in the order of flights, modification time, path and size of each file."""
         found = []
         flights = [
             path for path in flights_in_order(self._flight.parent) if path != self._flight
@@ -52,11 +50,11 @@ class ChannelBudget:
         return found
 
     def closed(self, path: Path, size: int) -> None:
-        """Mark a piece as removable; its bytes are counted already."""
+        """Mark a channel file as removable; its size is already counted."""
         self._pieces.append((path, size))
 
     def make_room(self, more: int) -> bool:
-        """Remove the oldest pieces until `more` bytes fit, and count them; False if none do."""
+        """Remove the oldest files until `more` bytes fit, and count these; else false."""
         while self.bytes + more > self._most_bytes and self._pieces:
             self._remove(*self._pieces.popleft())
         if self.bytes + more > self._most_bytes:
@@ -64,8 +62,8 @@ class ChannelBudget:
         self.bytes += more
         return True
 
-    def give_back(self, unused: int) -> None:
-        """Return room that was not used."""
+    def return_bytes(self, unused: int) -> None:
+        """Subtract reserved bytes that were not written."""
         self.bytes -= unused
 
     def _remove(self, path: Path, size: int) -> None:

@@ -1,15 +1,14 @@
-"""Keeps the channels of the tags as SigMF; detection and other recording go first.
+"""Record the tags' radio channels as SigMF; detection and other recording have priority.
 
-`put` only queues blocks. A thread writes each channel to files of its own, in pieces so that
-the oldest can be removed (`uavrt.recording.channel_budget`). Samples that a slow or full disk
-cannot take are dropped, counted and marked as a gap.
-
-Each piece has a scale by its own noise: at least 3 steps of 8 bits, which adds .02 to .04 dB
-and leaves 26 dB above it, 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a
-new piece of 16 bits, with 20 to 40 steps for the noise (.001 dB) and 58 dB above it, or with a
-wider scale: nothing is ever clipped, and rounding adds less than .05 dB while the amplitude is
-less than 73 dB above the noise's. A new piece of 8 bits also begins before falling noise
-reaches 2 steps.
+`put` only queues blocks. A thread writes each channel to files of its own, one after the other,
+so that the oldest can be removed (`uavrt.recording.channel_budget`). Samples that a slow or
+full disk cannot take are dropped, counted and marked as a gap.
+Each file's scale depends on its noise. With 8 bits, the noise has at least 3 steps, which adds
+.02 to .04 dB and leaves 26 dB above it, 48 dB in the energy of a pulse of 20 ms. A stronger
+signal begins a new file of 16 bits, with 20 to 40 steps for the noise (.001 dB) and 58 dB above
+it, or with a wider scale. So nothing is ever clipped, and rounding adds less than .05 dB while
+the amplitude is less than 73 dB above the noise's. A new file of 8 bits also begins before
+falling noise reaches 2 steps.
 """
 
 import math
@@ -34,51 +33,52 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 log = get_logger()
 
 FLUSH_S = 2.0
-"""Time between two writes [s]; at most this is lost by a kill or a power cut."""
+"""Time between two writes [s]; a kill or a power cut loses at most this."""
 MOST_WAITING_BYTES = 16 * 1024 * 1024
-"""Most samples waiting for the disk: 280 s of one channel, 2.8 s of a hundred."""
+"""Largest size of samples waiting for the disk: 280 s of one channel, 2.8 s of a hundred."""
 SLOW_S, REST_S = 1.0, 10.0
-"""Duration of a write above which the disk is left to other processes for a while [s]."""
+"""Duration of a write above which writing pauses, and length of the pause [s]."""
 PIECE_S, SHORTEST_PIECE_S = 300.0, 5.0
 PIECES_OF_BUDGET = 8
-"""Least number of pieces of each channel in the budget."""
+"""Least number of files into which each channel's share of the budget is divided."""
 FREE_SPACE_FACTOR = 1.2
-"""Free space needed, relative to other samples: these stop first and never remove flights."""
+"""Free space that channels need, over that of other recordings [ratio]: channels stop first, so
+that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
-"""Least rms of the noise's I and Q at the start of a piece [steps], by its bits."""
+"""Least rms of the noise's I and Q at the start of a file [steps], by bits per value."""
 FINER = math.sqrt(0.5)
-"""Drop of the noise, relative to that, at which a piece of 8 bits ends."""
+"""Noise relative to that at the start, below which a file of 8 bits ends [amplitude ratio]."""
 WINDOW = 128
 HEADROOM = 1.25
-"""Margin of a scale that was widened for a strong signal."""
+"""Factor by which a scale is wider than the strong signal that required it."""
 WIDER_S = 20.0
-"""Least duration of a piece whose scale was widened for a strong signal [s]."""
+"""Least duration of a file whose scale was widened for a strong signal [s]."""
 TIME_STEP_NS = 500_000
-"""Step of the time above which a new stretch begins [ns]."""
+"""Clock step above which a new stretch of samples begins in the metadata [ns]."""
 GAP_S = 0.05
-"""Length of zeros in place of lost samples above which they are left out [s]."""
+"""Duration of zeros above which they are stored as a gap [s]; they replace lost samples."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Batch:
-    """The channels of one radio block: their samples begin at one time."""
+    """Channel samples of one radio block, with a common start time."""
 
     channels: tuple[tuple[int, float], ...]
-    """Number and centre [Hz] of each."""
+    """Number and centre frequency [Hz] of each channel."""
     samples: NDArray[np.complex64]
-    """(channels, n)."""
+    """(channels, n) complex samples."""
     sample_index: int
     time_ns: int
     sample_rate_hz: float
 
     @property
     def end_ns(self) -> int:
-        """Time of the sample after the last [ns]."""
+        """Time just after the last sample [ns]."""
         lasts_s: float = self.samples.shape[1] / self.sample_rate_hz
         return self.time_ns + round(lasts_s * NANOSECONDS_PER_SECOND)
 
     def continued_by(self, later: "_Batch") -> bool:
-        """Whether another batch follows without missing samples or a step of the clock."""
+        """True if another batch follows without missing samples or a clock step."""
         return (
             later.channels == self.channels
             and later.sample_index == self.sample_index + self.samples.shape[1]
@@ -88,22 +88,22 @@ class _Batch:
 
 @dataclass(slots=True)
 class _Channel:
-    """A channel, and the piece of it that is being written."""
+    """A radio channel and the state of the file that it is written to."""
 
     center_frequency_hz: float
     sample_rate_hz: float
     number: int = 0
     file: SampleFile | None = None
     widened: bool = False
-    """Whether the piece's scale is wider than its noise requires."""
+    """True if the file's scale is wider than its noise requires."""
 
 
 class ChannelRecorder:
-    """Writes each channel as pieces ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
+    """Writes channels to files ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
 
-    `budget_mb`: for the channels of all flights. `minimum_free_mb`: nothing is written while
-    the disk has less than `FREE_SPACE_FACTOR` times as much. `hardware`: the radio, for the
-    metadata.
+    `budget_mb` is for the channels of all flights. Nothing is written while the disk's free
+    space is below `FREE_SPACE_FACTOR` times `minimum_free_mb`. `hardware` is the radio named in
+    the metadata.
     """
 
     def __init__(
@@ -124,36 +124,36 @@ class ChannelRecorder:
         self._waiting_bytes = 0
         self._piece_s = PIECE_S
         self._last: _Batch | None = None
-        """The last batch written."""
+        """Last batch that was written."""
         self._rest_until_s = float("-inf")
         self._overflowing = False
         self._condition = threading.Condition()
         self._closing = False
         self.written_samples = 0
         self.dropped_samples = 0
-        """Samples dropped because the disk was slow, full or failing."""
+        """Number of samples dropped because the disk was slow, full or failing."""
         self.invalid_values = 0
-        """Non-finite values, stored as zeros."""
+        """Number of non-finite values, stored as zeros."""
         self.trouble: str | None = None
-        """Why nothing is kept at present; None when all is well."""
+        """Reason why nothing is recorded at present; None if all is well."""
         self._thread = threading.Thread(target=self._run, name="channel-recorder", daemon=True)
         self._thread.start()
 
     @property
     def removed_pieces(self) -> int:
-        """Number of old pieces removed to keep within the budget."""
+        """Number of old files removed to stay within the budget."""
         return self._budget.removed_pieces
 
     @property
     def kept_mb(self) -> float:
-        """Size of the kept channels of all flights [MB]."""
+        """Size of the recorded channels of all flights [MB]."""
         return self._budget.bytes / 1e6
 
     def put(self, blocks: list[ChannelBlock]) -> None:
-        """Queue a copy of a radio block's channels and return at once.
+        """Queue a copy of a radio block's channels, and return at once.
 
-        After an overflow it takes nothing until half of the queue is written: few long gaps
-        instead of many short ones.
+        After an overflow, blocks are dropped until half of the queue is written. This causes
+        few long gaps instead of many short ones.
         """
         first = blocks[0]
         batch = _Batch(
@@ -179,7 +179,7 @@ class ChannelRecorder:
                 self._condition.notify()
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Write what waits, for at most `timeout_s`, and end; can be repeated."""
+        """Write the queue, for at most `timeout_s`, and stop; may be called again."""
         with self._condition:
             self._closing = True
             self._condition.notify()
@@ -189,7 +189,7 @@ class ChannelRecorder:
 
     def _run(self) -> None:
         try:
-            self._budget.look()
+            self._budget.find_files()
             last = False
             while not last:
                 with self._condition:
@@ -215,7 +215,6 @@ class ChannelRecorder:
         return self._closing or self._waiting_bytes > MOST_WAITING_BYTES // 4
 
     def _flush(self) -> None:
-        """Write the waiting batches."""
         with self._condition:
             batches, self._batches = self._batches, []
         for run in _runs(batches):
@@ -226,7 +225,7 @@ class ChannelRecorder:
                 self._waiting_bytes -= samples.nbytes
 
     def _write(self, first: _Batch, samples: NDArray[np.complex64]) -> None:
-        """Write the channels of consecutive batches."""
+        """Write each channel's samples of consecutive batches."""
         if not self._space.enough():
             self._drop(samples.size, "the disk is nearly full")
             return
@@ -247,7 +246,7 @@ class ChannelRecorder:
         # Samples are lost in all channels at once.
         stretches = _without_gaps(samples[0], round(GAP_S * first.sample_rate_hz))
         if not stretches:
-            self._budget.give_back(size)
+            self._budget.return_bytes(size)
             return
         moved = self._last is None or not self._last.continued_by(first)
         written = written_bytes = 0
@@ -265,7 +264,7 @@ class ChannelRecorder:
                 written_bytes += appended * file.bytes_per_sample
             except OSError as error:
                 fault = error.strerror or str(error)
-        self._budget.give_back(size - written_bytes)
+        self._budget.return_bytes(size - written_bytes)
         self.written_samples += written
         if fault is None:
             self.trouble = None
@@ -274,7 +273,7 @@ class ChannelRecorder:
             self._drop(left - written, fault)
 
     def _bytes(self, number: int) -> int:
-        """Bytes per sample of a channel in its piece; 1 + 1 in a new one."""
+        """Bytes per complex sample in the channel's file; 2 in a new file."""
         channel = self._channels.get(number)
         if channel is None or channel.file is None:
             return BYTES_PER_SAMPLE // 2
@@ -293,7 +292,7 @@ class ChannelRecorder:
     def _file_for(
         self, channel: _Channel, samples: NDArray[np.complex64], peak: float
     ) -> SampleFile:
-        """Get the piece to write to: a new one if its time is over or its scale unfit."""
+        """File to write to; a new one if it is too old or its scale does not fit."""
         if channel.file is not None and self._is_over(channel, channel.file, samples, peak):
             self._end_piece(channel)
         if channel.file is None:
@@ -313,7 +312,7 @@ class ChannelRecorder:
     def _is_over(
         self, channel: _Channel, file: SampleFile, samples: NDArray[np.complex64], peak: float
     ) -> bool:
-        """Whether the next samples need a new piece."""
+        """True if the next samples need a new file."""
         length_s = file.written_samples / channel.sample_rate_hz
         if _needed(peak, file.bits) > file.full_scale or length_s >= self._piece_s:
             return True
@@ -326,12 +325,12 @@ class ChannelRecorder:
         return bits == 8 or (channel.widened and file.full_scale > 4.0 * scale)
 
     def _length_of_pieces(self, rate_hz: float) -> float:
-        """Length at which several pieces of each channel fit into the budget [s]."""
+        """Duration at which several files of each channel fit into the budget [s]."""
         share_s = self._budget_bytes / (rate_hz * BYTES_PER_SAMPLE) / PIECES_OF_BUDGET
         return min(PIECE_S, max(SHORTEST_PIECE_S, share_s))
 
     def _next_name(self, channel: _Channel) -> Path:
-        """Get a name after all existing ones, so that a restarted receiver continues."""
+        """File name after all existing ones, so that a restarted receiver continues."""
         name = f"channel_{channel.center_frequency_hz:.0f}_Hz_"
         if channel.number == 0:
             there = self._directory.glob(f"{name}*.sigmf-data")
@@ -354,7 +353,7 @@ def _append(
     first: _Batch,
     stretches: list[tuple[int, int]],
 ) -> int:
-    """Write a channel's stretches; return the number of samples."""
+    """Write consecutive stretches of a channel; returns the number of samples."""
     scaled = samples.view(np.float32) * np.float32(FULL_SCALE[file.bits] / file.full_scale)
     np.rint(scaled, out=scaled)
     # The scale fits all runs.
@@ -372,7 +371,7 @@ def _append(
 
 
 def _runs(batches: list[_Batch]) -> list[list[_Batch]]:
-    """Split batches where samples are missing or the time steps."""
+    """Split batches where samples are missing or the clock steps."""
     runs = [[batch] for batch in batches[:1]]
     for before, batch in pairwise(batches):
         if before.continued_by(batch):
@@ -383,7 +382,7 @@ def _runs(batches: list[_Batch]) -> list[list[_Batch]]:
 
 
 def _without_gaps(samples: NDArray[np.complex64], shortest: int) -> list[tuple[int, int]]:
-    """Stretches between runs of at least `shortest` zeros, which stand for lost samples."""
+    """Split samples at runs of at least `shortest` zeros, which replace lost samples."""
     stretches, begin = [], 0
     for low, high in zero_runs(samples, shortest):
         stretches.append((begin, low))
@@ -393,12 +392,11 @@ def _without_gaps(samples: NDArray[np.complex64], shortest: int) -> list[tuple[i
 
 
 def _needed(peak: float, bits: int) -> float:
-    """Smallest full scale that holds the largest I or Q."""
     return peak * FULL_SCALE[bits] / (FULL_SCALE[bits] - 1.0)
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits and full scale of a new piece; whether it is wider than its noise requires."""
+    """Bits and full scale of a new file, and whether it is wider than its noise requires."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False
@@ -410,10 +408,10 @@ def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, f
 
 
 def _scale_by_noise(samples: NDArray[np.complex64], bits: int) -> float:
-    """Full scale at which the noise has its wanted steps; 0 without noise.
+    """Full scale at which the noise has the wanted number of steps; 0 without noise.
 
     The noise is the median over the middle of the channel's spectrum, which excludes pulses,
-    carriers and the zeros in place of lost samples.
+    carriers and zeros in place of lost samples.
     """
     rows = samples[: len(samples) // WINDOW * WINDOW].reshape(-1, WINDOW)
     rows = rows[rows.all(axis=1)]

@@ -1,4 +1,4 @@
-"""Skip and report log lines that are not pulses, unless the file is not a log at all."""
+"""Skip and report damaged lines of a pulse log, unless the file is no log at all."""
 
 from collections.abc import Callable
 
@@ -12,8 +12,8 @@ log = get_logger()
 class DamagedLines:
     """Collects the unreadable lines of one file.
 
-    `remedy`: of the error for a file of another kind. `warn`: called with a sentence about the
-    lines skipped; by default the program's log names them.
+    `remedy` is the advice in the error for a file of another kind. `warn` receives a sentence
+    about the skipped lines; by default they are logged.
     """
 
     def __init__(
@@ -23,15 +23,15 @@ class DamagedLines:
         self._faults: list[tuple[int, Exception]] = []
 
     def add(self, number: int, reason: Exception) -> None:
-        """Add a line that is no pulse."""
+        """Add a line that is not a pulse, with the reason."""
         self._faults.append((number, reason))
 
-    def judge(self, good: int) -> None:
+    def report(self, good: int) -> None:
         """Report the skipped lines; raises `FormatError` if they outnumber the good ones."""
         if not self._faults:
             return
         number, error = self._faults[0]
-        reason, remedy = words_of(error)
+        reason, remedy = reason_of(error)
         if len(self._faults) > good:
             raise FormatError(
                 f"{self._name} line {number} is not a pulse: {reason}",
@@ -50,8 +50,8 @@ class DamagedLines:
 
 
 def passed_over(name: str, lines: int, first: int, error: object) -> str:
-    """Warning that damaged lines were skipped, with what is wrong with the first."""
-    reason, remedy = words_of(error)
+    """Warning about skipped lines, with the reason for the first."""
+    reason, remedy = reason_of(error)
     count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
     which = f"line {first}" if lines == 1 else f"the first is line {first}"
     return f"{name}: {count} passed over ({which}: {reason})." + (
@@ -59,8 +59,8 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
     )
 
 
-def words_of(error: object) -> tuple[str, str | None]:
-    """What is wrong with a line, with the error's own remedy if it has one."""
+def reason_of(error: object) -> tuple[str, str | None]:
+    """Reason why a line is wrong, with the error's own advice if it has one."""
     if isinstance(error, OffEarthError):
         return str(error), error.remedy
     return str(error), None

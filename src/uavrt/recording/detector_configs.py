@@ -1,8 +1,8 @@
-"""``detectorConfig.txt``: a tag as the original detector reads it.
+"""Read and write ``detectorConfig.txt``, the original detector's description of a tag.
 
-A ``##`` line, then ``key:<TAB>value`` lines without a blank one between them (the original
-crashes on that); the last record of a file counts; unknown keys are ignored. With it the
-original's detectors can use the UDP channels that uavrt gives on request.
+The file has a ``##`` line, then ``key:<TAB>value`` lines without a blank line, which would
+crash the original. The last record of a file counts, and unknown keys are ignored. With it, the
+original's detectors can use the UDP channels that uavrt optionally sends.
 """
 
 import math
@@ -43,12 +43,12 @@ _BOUNDS = {
     "K": (1, MAX_K, "pulses"),
     "portData": (0, 65_535, "a port"),
 }
-"""Limits of each key's number, and its quantity; tags as in other tag files."""
+"""Smallest and largest value of each key, and its quantity; as in other tag files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorConfig:
-    """The values of the file that we use."""
+    """Values of a detectorConfig.txt that uavrt uses."""
 
     tag: Tag
     channel_center_frequency_hz: float
@@ -56,9 +56,9 @@ class DetectorConfig:
     data_port: int
     log_path: str = ""
     operating_mode: str = "freqSearchHardLock"
-    """One of the original's four modes (`uavrt.detection.modes.OperatingMode`)."""
+    """One of the original's four search modes (`uavrt.detection.modes.OperatingMode`)."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
-    """Frequencies not to search, from and to, relative to the channel's centre [Hz]."""
+    """Frequency ranges that are not searched, relative to the channel's centre [Hz]."""
 
 
 def detector_config(
@@ -69,9 +69,9 @@ def detector_config(
     ports: Literal["current", "thesis"] = "thesis",
     operating_mode: str = "freqSearchSoftLock",
 ) -> DetectorConfig:
-    """Describe a tag by its channel of the original's 100 around the radio frequency.
+    """Describe a tag in the original's plan of 100 channels around the radio frequency.
 
-    A tag beyond them (another radio, no channelizer) has a channel of its own and port 0.
+    A tag outside the plan (another radio, no channelizer) gets its own channel and port 0.
     """
     steps = round((tag.frequency_hz - center_frequency_hz) / CHANNEL_RATE_HZ)
     inside = -CHANNELS // 2 <= steps < CHANNELS // 2
@@ -88,7 +88,7 @@ def detector_config(
 
 
 def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> None:
-    """Write the file, with time stamp `time_ns`; raises `RecordingError` on a disk fault."""
+    """Write a detectorConfig.txt with the time `time_ns`; raises `RecordingError`."""
     tag = config.tag
     second = tag.pulse_intervals_s[1:2]
     pairs: list[tuple[str, object]] = [
@@ -126,7 +126,7 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
 
 
 def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
-    """Read the last record of a file, ours or an original's; raises `FormatError`."""
+    """Read the last record of a detectorConfig.txt; raises `FormatError`."""
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         text = read_file(path, SETTINGS).decode("utf-8", "replace")
@@ -176,7 +176,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
 
 
 def _check(values: dict[str, str]) -> None:
-    """Raise `ValueError`, naming the key, on numbers that a detector cannot use."""
+    """Reject values that a detector cannot use; raises `ValueError` that names the key."""
     for key, (low, high, unit) in _BOUNDS.items():
         if key in values and not low <= float(values[key]) <= high:
             raise ValueError(
@@ -200,7 +200,7 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Read MATLAB's ``[lo, hi; …]``; ``[Inf, -Inf]`` is none. Raises `ValueError`."""
+    """Parse MATLAB's ``[lo, hi; …]``; ``[Inf, -Inf]`` is empty. Raises `ValueError`."""
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()

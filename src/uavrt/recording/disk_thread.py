@@ -1,8 +1,8 @@
-"""A thread for disk work, so that a stalled disk does not block a link.
+"""A thread for disk work, so that a stalled disk does not block the radio link.
 
-Used by the drone's connection process and by the ground station. One thread runs one job after
-the other, so records are written in order and no file is closed while it is read. Results
-arrive in the loop.
+It serves the drone's connection process and the ground station. Jobs run one after the other,
+so records are written in order, and no file is closed while it is read. Results are delivered
+in the event loop.
 """
 
 import asyncio
@@ -19,30 +19,30 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MOST_JOBS = 32
-"""Jobs that may wait; a download has one or two."""
+"""Largest number of waiting jobs; a download has one or two."""
 SLOW_S = 2.0
 FINISH_S, FINISH_TURN_S = 0.5, 0.01
 
 
 class Disk(Protocol):
-    """Runs `job` and then, with its result, `then`; False when too many wait."""
+    """Interface for disk jobs, with or without a thread."""
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Queue or run a job."""
+        """Run `job`, then `then` with its result; false if too many jobs wait."""
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """Run a job inline, for programs without a link to keep alive."""
+    """Run a job in the calling thread, for programs without a link to keep alive."""
     then(job())
     return True
 
 
 class DiskThread:
-    """Runs jobs for an asyncio loop; start it in the loop.
+    """Runs disk jobs for an asyncio loop; must be started in the loop.
 
-    A daemon thread: a disk that hangs does not keep the process from ending.
-
-    `most`: jobs that may wait. `early`: run jobs inline until the thread is started.
+    It is a daemon thread, so that a stalled disk does not prevent the process from ending.
+    `most` limits the waiting jobs. With `early`, jobs run in the caller until the thread is
+    started.
     """
 
     def __init__(self, most: int = MOST_JOBS, *, early: bool = False) -> None:
@@ -52,17 +52,17 @@ class DiskThread:
         self._there = threading.Semaphore(0)
         self._since_s: float | None = None
         self.failure: BaseException | None = None
-        """The internal error that ended the thread."""
+        """Internal error that ended the thread; None if there is none."""
 
     def start(self) -> None:
-        """Begin to work for the running loop, once."""
+        """Start the thread for the running loop; later calls have no effect."""
         if self._loop is not None:
             return
         self._loop = asyncio.get_running_loop()
         threading.Thread(target=self._work, name="disk", daemon=True).start()
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Do `job` in the thread, then `then` with its result in the loop; False if full."""
+        """Run `job` in the thread, then `then` with its result in the loop; false if full."""
         if self._early and self._loop is None:
             return at_once(job, then)
         if len(self._jobs) >= self._most:
@@ -90,7 +90,7 @@ class DiskThread:
         return await result
 
     async def finish(self, within_s: float = FINISH_S) -> None:
-        """Let it finish the waiting jobs, unless the disk stalls."""
+        """Wait for the queued jobs to finish, unless the disk stalls."""
         for _ in range(round(within_s / FINISH_TURN_S)):
             if not self._jobs and self._since_s is None:
                 return
@@ -98,11 +98,11 @@ class DiskThread:
 
     @property
     def waiting(self) -> int:
-        """Jobs that have not begun."""
+        """Number of jobs that have not begun."""
         return len(self._jobs)
 
     def stalled_s(self, now_s: float) -> float:
-        """How long the present job has taken [s, monotonic]; 0 when it is quick."""
+        """Duration of the present job so far [s]; 0 if it is not slow."""
         since_s = self._since_s
         return 0.0 if since_s is None or now_s - since_s < SLOW_S else now_s - since_s
 
@@ -125,9 +125,9 @@ class DiskThread:
 
 
 class DiskBatches(Generic[T, R]):
-    """Collects items in the loop and writes them in the disk thread, one batch at a time.
+    """Collects items in the loop, and writes them in the disk thread batch by batch.
 
-    `write`: writes a batch, in the thread. `then`: gets each batch and what `write` returned,
+    `write` writes a batch in the thread. `then` receives each batch and the result of `write`,
     in the loop.
     """
 
@@ -139,20 +139,20 @@ class DiskBatches(Generic[T, R]):
     ) -> None:
         self._disk, self._write, self._done = disk, write, then
         self.waiting: list[T] = []
-        """Items not handed over yet."""
+        """Items that are not yet in a batch."""
         self.handed_s: float | None = None
-        """When the batch being written was handed over [s, monotonic]."""
+        """Time when the batch being written was submitted [s, monotonic]; else None."""
         self.took_s = 0.0
-        """Duration of the previous batch [s]."""
+        """Duration of the previous batch's write [s]."""
         self._again = False
 
     def add(self, item: T) -> None:
-        """Collect an item and write it as soon as the disk is free."""
+        """Add an item, and write it as soon as the disk is free."""
         self.waiting.append(item)
         self.write()
 
     def write(self) -> None:
-        """Hand over the waiting items, even none, after the batch that is being written."""
+        """Submit the waiting items, even none, after the batch that is being written."""
         self._again = self.handed_s is not None
         if self._again:
             return

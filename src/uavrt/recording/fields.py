@@ -1,4 +1,4 @@
-"""Fields of a record for tables and files, derived from the dataclass.
+"""Describe a record's fields for tables and files, from its dataclass.
 
 A new field of `uavrt.messages.Pulse` becomes a column of the flight's database, of the files of
 ``uavrt detect`` and of the page's records.
@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
 
 IN_NO_TABLE = "in no table"
-"""Metadata key of a field that is no plain value, and is left out of tables."""
+"""Metadata key that marks a field without a column, since it is no plain value."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",
@@ -28,21 +28,21 @@ SQL_TYPES: dict[Kind, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordField:
-    """One field of a record."""
+    """Name, type and limits of one field of a record."""
 
     name: str
     kind: Kind
     optional: bool
-    """Whether it may be None."""
+    """True if the value may be None."""
     defaulted: bool
-    """Whether it may be missing, as in older files."""
+    """True if the field may be missing, as in older files."""
     choices: tuple[str, ...] = ()
-    """Allowed words; empty: any."""
+    """Allowed texts; empty if any text is allowed."""
     length: int | None = None
-    """Number of reals; None: any number."""
+    """Required count of numbers in a tuple; None: any."""
 
     def from_record(self, value: Any) -> Any:
-        """Read a value of JSON or CSV; raises `ValueError` or `TypeError` on a wrong kind."""
+        """Convert a value from JSON or CSV; raises `ValueError` or `TypeError`."""
         if value is None and self.optional:
             return None
         match self.kind:
@@ -59,22 +59,22 @@ class RecordField:
             case "reals":
                 numbers = tuple(map(float, value or ()))
                 if self.length is not None and len(numbers) != self.length:
-                    raise ValueError(f"{self.name} has {self.length} numbers")
+                    raise ValueError(f"{self.name} must have {self.length} numbers")
                 return numbers
         if self.choices and value not in self.choices:
-            raise ValueError(f"{self.name} {value!r} is unknown")
+            raise ValueError(f"{self.name} has the unknown value {value!r}")
         return value
 
     @property
     def to_sql(self) -> Callable[[Any], Any] | None:
-        """Function from a value to a database cell; None if it is one already."""
+        """Function that converts a value for the database; None if none is needed."""
         return _joined if self.kind in ("wholes", "reals") else None
 
     @property
     def from_sql(self) -> Callable[[Any], Any] | None:
-        """Function from a database cell to a value; None if it is one already.
+        """Function that converts a database cell to a value; None if none is needed.
 
-        A real number that was NaN is NULL in the database; its table handles that.
+        NaN is stored as NULL, which each table's own reader converts.
         """
         match self.kind:
             case "switch":
@@ -87,7 +87,7 @@ class RecordField:
 
 
 def fields_of(record: type) -> tuple[RecordField, ...]:
-    """List the fields of a dataclass of plain values; raises `TypeError` on other types."""
+    """Describe a dataclass's fields; raises `TypeError` unless all are plain values."""
     hints = get_type_hints(record)
     return tuple(
         _field(item.name, hints[item.name], defaulted=item.default is not MISSING)

@@ -1,4 +1,4 @@
-"""The SQLite file of a flight being written, which may be damaged, removed or replaced."""
+"""The SQLite file of a flight in progress, which may be damaged, removed or replaced."""
 
 import sqlite3
 from collections.abc import Callable, Iterable
@@ -12,14 +12,14 @@ from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
 
 CHECKPOINT_S = 2.0
-"""Time between checkpoints without a sync at each commit [s]; the most a power cut loses."""
+"""Time between checkpoints if commits do not wait for the disk [s]; a power cut loses this."""
 
 WAL_BYTES = 4_000_000
-"""Size at which the write-ahead log is folded into the database, after some ten minutes. Pages
-rewritten meanwhile are copied once; reading the log takes 10 ms."""
+"""Size at which the write-ahead log is folded into the database, after about ten minutes. Pages
+rewritten meanwhile are copied once. Reading the log takes 10 ms."""
 
 PAGE_BYTES = 512
-"""Size of a page, below SQLite's 4096: each commit writes some ten partly filled ones."""
+"""Size of a database page, below SQLite's 4096: a commit writes some ten partly filled ones."""
 
 _POISON = (sqlite3.IntegrityError, sqlite3.DataError, sqlite3.InterfaceError, OverflowError)
 # Python 3.11 raises InterfaceError or ProgrammingError for a type SQLite does not know.
@@ -27,30 +27,30 @@ _UNWRITABLE = (*_POISON, sqlite3.ProgrammingError, UnicodeEncodeError)
 
 Statement = tuple[str, schema.Row]
 CACHE_KIB = 256
-"""SQLite's page cache; small, since rows are only appended."""
+"""Size of SQLite's page cache [KiB]; small, since rows are only appended."""
 
 
 class FlightDatabase:
-    """The flight's database. With `durable` each commit waits for the disk."""
+    """Database of a flight in progress; with `durable`, each commit waits for the disk."""
 
     def __init__(self, layout: FlightLayout, *, durable: bool) -> None:
         self._layout = layout
         self._durable = durable
         self._open: sqlite3.Connection | None = None
         self._file: tuple[int, int] | None = None
-        """Device and number of the open file."""
+        """Device and inode number of the open file; None if not open."""
         self._checkpoint_at_s = monotonic_s() + CHECKPOINT_S
         self.syncs = 0
-        """Calls of fsync: one for a commit, two for a checkpoint."""
+        """Number of fsync calls: one for a commit, two for a checkpoint."""
         self.committed_pulses = 0
-        """New pulses written since this object was made."""
+        """Number of new pulses written since this object was made."""
         self.repeated_pulses = 0
-        """Pulses recorded before, as when a sender repeats after a restart."""
+        """Number of pulses that were already recorded, such as after a sender's restart."""
         self.refused_records = 0
-        """Records that no database can hold, such as numbers beyond 64 bits."""
+        """Number of records that no database can hold, such as numbers beyond 64 bits."""
 
     def connected(self) -> sqlite3.Connection:
-        """The connection, opened if need be."""
+        """Database connection, opened if necessary."""
         if self._open is None:
             database = sqlite3.connect(
                 self._layout.database, isolation_level=None, timeout=2.0, cached_statements=16
@@ -71,13 +71,13 @@ class FlightDatabase:
         return self._open
 
     def disconnect(self) -> None:
-        """Close the file."""
+        """Close the database file."""
         if self._open is not None:
             self._open.close()
             self._open = None
 
-    def give_up(self) -> None:
-        """Roll back after a failure and close the file: it may be on another disk soon."""
+    def roll_back(self) -> None:
+        """Roll back after a failure and close the file, which may return on another disk."""
         if self._open is not None:
             try:
                 if self._open.in_transaction:
@@ -88,11 +88,11 @@ class FlightDatabase:
                 self._open = None
 
     def is_gone(self) -> bool:
-        """Whether the open database's file was removed or replaced, so readers miss it."""
+        """True if the open file was removed or replaced, so that readers do not see it."""
         return self._open is not None and _identity(self._layout.database) != self._file
 
     def write_again(self) -> None:
-        """Copy the open database, whose file was removed or replaced, to its place."""
+        """Copy the open database to its path, after its file was removed or replaced."""
         root, old = self._layout.root, self._open
         assert old is not None
         assert self._file is not None
@@ -105,11 +105,11 @@ class FlightDatabase:
         with closing(sqlite3.connect(copy)) as new:
             old.backup(new)
         self.disconnect()  # before the new one has a log, which this would remove
-        self.put_aside()
+        self.move_aside()
         copy.replace(self._layout.database)
 
-    def put_aside(self) -> str:
-        """Rename the file with the database's name; return the new name."""
+    def move_aside(self) -> str:
+        """Rename the file at the database's path, and return its new name."""
         database = self._layout.database
         number = 1
         while (aside := database.with_name(f"{database.name}.damaged-{number}")).exists():
@@ -123,7 +123,7 @@ class FlightDatabase:
     def insert(
         self, pulses: Iterable[Pulse | PulsePose], *others: Iterable[Statement]
     ) -> list[PulsePose]:
-        """Insert all rows in one transaction; return the pulses whose pose is new."""
+        """Insert all rows in one transaction; returns the pulses whose pose is new."""
         database = self.connected()
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
@@ -147,9 +147,9 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """Fold the write-ahead log into the file when it is time; False if that failed.
+        """Fold the write-ahead log into the file if it is due; false if that failed.
 
-        `first`: called before that.
+        `first` is called before that.
         """
         if self._durable:
             with suppress(OSError):
@@ -173,13 +173,13 @@ class FlightDatabase:
         return True
 
     def fold_all(self) -> None:
-        """Fold all of the write-ahead log into the file, and remove it."""
+        """Fold the whole write-ahead log into the database, and delete the log."""
         if self._open is not None:
             self._open.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             self.syncs += 1
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Get up to `most` recorded pulses whose pose is open, the oldest first.
+        """Up to `most` recorded pulses whose pose is not yet known, the oldest first.
 
         None while the disk fails.
         """
@@ -189,7 +189,7 @@ class FlightDatabase:
         return []
 
     def poses_around(self, time_ns: int, reach_ns: int) -> list[Pose]:
-        """Get the committed poses of the vehicle around a time; none while the disk fails."""
+        """Committed vehicle poses around a time; empty while the disk fails."""
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             span = (time_ns - reach_ns, time_ns + reach_ns)
             rows = self.connected().execute(schema.SELECT_POSES, span)
@@ -198,13 +198,13 @@ class FlightDatabase:
 
 
 def is_damage(error: Exception) -> bool:
-    """Whether an error means that the file is damaged."""
+    """True if an error means that the database file is damaged."""
     code = getattr(error, "sqlite_errorcode", None)
     return code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """Device and number of a file; None where there is none."""
+    """Device and inode number of a file; None if it does not exist."""
     try:
         stat = path.stat()
     except OSError:

@@ -1,10 +1,9 @@
-"""The order in which flights were flown, also where the clock was wrong.
+"""Record the order of flights, which is also right when the clock was wrong.
 
-A flight is named after the clock, which may be in 1970 without a battery: then the newest
-flight would count as the oldest and be removed first. So a file in their folder lists each
-flight as it begins, one name a line. Flights not listed are older than the file; among them the
-names decide.
-
+A flight is named after the clock, which may be in 1970 without a battery. Then the newest
+flight would count as the oldest and be removed first. So a file in the flights' folder lists
+each flight as it begins, one name per line. Unlisted flights are older than the file, and are
+sorted by name.
 Copies of a flight lie next to it: NAME_ground as received by the page on the drone's own
 computer, NAME_drone as downloaded. They are as old as the flight.
 """
@@ -26,7 +25,7 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 
 
 def note_flight(flight: Path) -> None:
-    """List a flight that begins now; raises `OSError` if the disk fails: try again later."""
+    """Append a new flight to the list; raises `OSError` if the disk fails: try again."""
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)
     if names and names[-1] == flight.name:
@@ -39,7 +38,7 @@ def note_flight(flight: Path) -> None:
 
 
 def flown_name(name: str) -> str:
-    """Get the name of the flight of which this one is a copy, else this name itself.
+    """Name of the flight that a directory is a copy of, else its own name.
 
     >>> flown_name("flight_log_2026-05-01_08-15-00_ground_2")
     'flight_log_2026-05-01_08-15-00'
@@ -48,8 +47,8 @@ def flown_name(name: str) -> str:
     return copy[1] if copy else name
 
 
-def copy_beside(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
-    """Get an unused directory for the page's copy of a flight."""
+def new_copy_directory(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
+    """Unused directory name for the web page's copy of a flight, next to it."""
     path, number = flight.with_name(f"{flight.name}{GROUND_COPY}"), 2
     while is_taken(path):
         path = flight.with_name(f"{flight.name}{GROUND_COPY}_{number}")
@@ -58,7 +57,7 @@ def copy_beside(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) ->
 
 
 def with_copies(flights: Iterable[Path]) -> list[list[Path]]:
-    """Group flights with their copies, each time the flight first; the order stays."""
+    """Group flights with their copies; each group begins with the flight."""
     together: dict[str, list[Path]] = {}
     for flight in flights:
         together.setdefault(flown_name(flight.name), []).append(flight)
@@ -66,20 +65,20 @@ def with_copies(flights: Iterable[Path]) -> list[list[Path]]:
 
 
 def flights_in_order(directory: Path) -> list[Path]:
-    """List the flights below a directory, the oldest first."""
+    """Directories of all flights below a directory, the oldest first."""
     found = {path.name: path for path in directory.glob(f"{FLIGHT_PREFIX}*") if path.is_dir()}
     return [found[name] for name in names_in_order(found, _noted(directory / FLIGHT_ORDER))]
 
 
 def order_noted(directory: Path) -> dict[str, int]:
-    """Get each listed flight's place in the order, as rising numbers."""
+    """Rising number of each listed flight, by name."""
     return {name: number for number, name in enumerate(_noted(directory / FLIGHT_ORDER))}
 
 
 def flown_before(flight: Path) -> list[Path] | None:
-    """List the flights in the same folder flown before one, the oldest first; None if unknown.
+    """Flights of the same folder that were flown before one, the oldest first.
 
-    It is unknown if the flight is not listed; then only its clock is left.
+    None if the flight is not listed, so that only its clock gives the order.
     """
     name = flown_name(flight.name)
     if name not in order_noted(flight.parent):
@@ -91,7 +90,7 @@ def flown_before(flight: Path) -> list[Path] | None:
 
 
 def names_in_order(names: Iterable[str], noted: Iterable[str]) -> list[str]:
-    """Sort the names of flights, the oldest first, by the list of their order."""
+    """Sort names of flights by the folder's list, the oldest first."""
     place = {name: number for number, name in enumerate(noted)}
 
     def key(name: str) -> tuple[int, str, str]:

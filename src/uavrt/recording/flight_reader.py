@@ -1,14 +1,15 @@
-"""Read a flight directory: complete, being written, or cut off by a dead battery."""
+"""Read a flight directory: complete, in progress, or cut off by an empty battery."""
 
 import math
 import os
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -31,28 +32,30 @@ from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES
 from uavrt.recording.tag_names import tags_with_names
 
+R = TypeVar("R")
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
+_LATER_TABLES = ("search_notes", "beeps")
 LATEST_NS = 2**62
-"""Latest time in a flight [ns since 1970]: sums and differences keep within 64 bits."""
+"""Latest time accepted in a flight [ns since 1970]; sums and differences fit in 64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A flight as recorded, each list in the order of time."""
+    """All records of a flight, each kind in order of time."""
 
     info: FlightInfo
-    """`info.directory` is where it was read, not where it was flown."""
+    """General data of the flight; `info.directory` is where it was read."""
     settings_json: str | None
     pulse_poses: tuple[PulsePose, ...]
-    """All pulses; the pose is None if unknown."""
+    """All pulses with the antenna's pose; the pose is None if unknown."""
     poses: tuple[Pose, ...]
-    """Raw vehicle poses (not the antenna's)."""
+    """Poses of the vehicle, not of the antenna."""
     status_texts: tuple[tuple[int, StatusText], ...]
-    """Texts, each with its time [ns, UTC]."""
+    """Status texts for the operator, each with its time [ns, UTC]."""
     notes: tuple[tuple[int, str], ...]
-    """Notes, each with its time [ns, UTC]."""
+    """Notes on the flight, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times on the ground [ns], by the autopilot; empty if not reported."""
+    """Pairs of first and last time on the ground by the autopilot [ns]; empty if unknown."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
@@ -90,7 +93,7 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
 
 
 def ground_states_in(database: sqlite3.Connection) -> GroundStates:
-    """The autopilot's arming and landing, as the drone or the ground station recorded them."""
+    """Arming and landing states of the autopilot, as recorded by drone or ground station."""
     rows = database.execute(
         "SELECT time_ns, process, status, ok, counters FROM health"
         " WHERE process IN ('connection', ?) ORDER BY time_ns",
@@ -104,73 +107,65 @@ def ground_states_in(database: sqlite3.Connection) -> GroundStates:
 
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
     """Read the health records of all processes; raises `FormatError`."""
-    with flight_database(Path(directory)) as database:
-        rows = database.execute(
-            "SELECT time_ns, process, status, ok, counters FROM health ORDER BY time_ns"
-        )
-        return tuple(map(schema.health_from_row, rows))
+    columns = "time_ns, process, status, ok, counters"
+    return _records(directory, "health", columns, schema.health_from_row)
 
 
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
     """Read searches without a detection; raises `FormatError`."""
-    with flight_database(Path(directory)) as database:
-        rows = database.execute(
-            f"SELECT {schema.SEARCH_REPORT_COLUMNS} FROM search_reports"
-            " ORDER BY time_ns, tag_id"
-        )
-        return tuple(map(schema.search_report_from_row, rows))
+    columns, of_row = schema.SEARCH_REPORT_COLUMNS, schema.search_report_from_row
+    return _records(directory, "search_reports", columns, of_row, order="time_ns, tag_id")
 
 
 def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ...]:
-    """Read search decisions and results, if recorded; raises `FormatError`."""
-    rows = _rows_if_any(directory, "search_notes", schema.SEARCH_NOTE_COLUMNS)
-    return tuple(map(schema.search_note_from_row, rows))
+    """Read the decisions and results of autonomous searches; raises `FormatError`."""
+    columns = schema.SEARCH_NOTE_COLUMNS
+    return _records(directory, "search_notes", columns, schema.search_note_from_row)
 
 
 def read_beeps(directory: str | os.PathLike[str]) -> tuple[Beep, ...]:
-    """Read the last measurement of each beeping sender; raises `FormatError`."""
+    """Read the last measurement of each unlisted beeping sender; raises `FormatError`."""
     found: list[Beep] = []
-    for row in _rows_if_any(directory, "beeps", schema.BEEP_COLUMNS):
+    for row in _records(directory, "beeps", schema.BEEP_COLUMNS, tuple):
         with suppress(ValueError):  # a kind of a newer version
             keep_beep(found, schema.beep_from_row(row))
     return tuple(found)
 
 
-def _rows_if_any(
-    directory: str | os.PathLike[str], table: str, columns: str
-) -> list[schema.Row]:
-    """Rows of a table that older flights do not have, in order of time."""
+def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
+    """Read the times when detection was stopped by command [ns, UTC]; raises `FormatError`."""
+    stops = "commands WHERE name = 'stop_detection' AND accepted"
+    return _records(directory, stops, "time_ns", lambda row: row[0])
+
+
+def _records(
+    directory: str | os.PathLike[str],
+    source: str,
+    columns: str,
+    of_row: Callable[[schema.Row], R],
+    order: str = "time_ns, rowid",
+) -> tuple[R, ...]:
+    """Records of a table in order of time; none if an older flight lacks the table."""
     with flight_database(Path(directory)) as database:
         tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?"
-        if database.execute(tables, (table,)).fetchone() is None:
-            return []
-        return database.execute(
-            f"SELECT {columns} FROM {table} ORDER BY time_ns, rowid"
-        ).fetchall()
-
-
-def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
-    """Read when detection was stopped by command [ns, UTC]; raises `FormatError`."""
-    with flight_database(Path(directory)) as database:
-        rows = database.execute(
-            "SELECT time_ns FROM commands WHERE name = 'stop_detection' AND accepted"
-            " ORDER BY time_ns"
-        )
-        return tuple(time_ns for (time_ns,) in rows)
+        if source in _LATER_TABLES and not database.execute(tables, (source,)).fetchone():
+            return ()
+        rows = database.execute(f"SELECT {columns} FROM {source} ORDER BY {order}")
+        return tuple(map(of_row, rows))
 
 
 DAMAGED = (
     *(sqlite3.Error, OSError, ValueError, TypeError, ArithmeticError, LookupError),
     RecursionError,
 )
-"""Errors of reading a damaged database, or of computing with its content."""
+"""Error types that mean that a database is damaged or has impossible values."""
 
 
 @contextmanager
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
-    """Open a flight's database for reading; columns it lacks read as NULL.
+    """Open a flight's database for reading; missing columns of older versions are NULL.
 
-    Raises `FormatError` if it is missing or damaged, also where that shows while it is read.
+    Raises `FormatError` if the database is missing or damaged, also while it is read.
     """
     path = FlightLayout(directory).database
     if not path.is_file():
@@ -191,7 +186,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
-    """Open for reading only; a copy if the medium allows no lock files."""
+    """Open a database for reading only; a copy if the medium allows no lock files."""
     try:
         return open_plain(path)
     except sqlite3.OperationalError:
@@ -204,7 +199,7 @@ def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
 
 
 def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
-    """Read the flight's record; raises `ValueError` if it never began."""
+    """Read the flight's general data; raises `ValueError` if it never began."""
     columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:

@@ -1,11 +1,11 @@
-"""Writes a flight so that nothing recorded is ever lost.
+"""Write a flight so that no recorded pulse is ever lost.
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
-committed record through ``kill -9``. In a flight that is received or flown each also reaches
-the disk (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the database
-when it has grown to `WAL_BYTES`; elsewhere a checkpoint every `CHECKPOINT_S` does both. The
-text log is a second copy. On a disk that is full or read-only the records wait in memory and
-every commit tries again.
+committed record through ``kill -9``. In a flight that is received or flown, each commit also
+reaches the disk (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the
+database at a size of `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does both. The
+text log is a second copy. On a full or read-only disk the records wait in memory, and every
+commit tries again.
 """
 
 import itertools
@@ -51,13 +51,13 @@ from uavrt.recording.pulse_pose_log import PulsePoseLog
 T = TypeVar("T")
 
 LEAST_FREE_BYTES = 1_000_000
-"""Free space below which a commit may be refused at any moment."""
+"""Free space below which a commit may be refused at any moment [bytes]."""
 
 MAX_WAITING_PULSES = 100_000
-"""Pulses kept in memory while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
+"""Most pulses kept in memory while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Poses and health kept in memory: half an hour; pulses carry their own poses."""
+"""Most poses and health records kept in memory: half an hour; pulses carry their own poses."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 _STATEMENTS: dict[type, tuple[str, Callable[[Any], schema.Row]]] = {
@@ -71,7 +71,7 @@ _STATEMENTS: dict[type, tuple[str, Callable[[Any], schema.Row]]] = {
 
 
 class FlightRecorder:
-    """One flight directory being written; made by `create`, `reopen` or `open`."""
+    """Writes one flight directory; made by `create`, `reopen` or `open`."""
 
     def __init__(self, directory: Path, *, durable: bool = False) -> None:
         self.layout = FlightLayout(directory)
@@ -79,23 +79,23 @@ class FlightRecorder:
         self._origin: tuple[FlightInfo, Settings | None] | None = None
         self._begun = True
         self._restoring = False
-        """Whether pulses of the text log are still missing in the new database."""
+        """True while pulses of the text log are missing in a new database."""
         self._pulses: deque[Pulse | PulsePose] = deque()
         self._urgent: deque[Statement] = deque()
-        """Deliveries and other records committed with the pulses."""
+        """Waiting deliveries and other records that are committed with the pulses."""
         self._others: deque[Statement] = deque()
         self._logs = PulseLogs(self.layout)
         self.failed_commits = 0
         self.dropped_records = 0
-        """Records dropped because too many waited for a disk that did not recover."""
+        """Number of records dropped because too many waited for a failing disk."""
         self.mended = ""
-        """The last database fault that was repaired, for the operator."""
+        """Last database fault that was repaired, as text for the operator."""
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
-        """Begin a flight in `info.directory`: its directories, configs and database.
+        """Begin a flight in `info.directory`, with its folders, configurations and database.
 
-        Raises `RecordingError` if it cannot be written, or contains a flight.
+        Raises `RecordingError` if it cannot be written, or already contains a flight.
         """
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
@@ -109,10 +109,10 @@ class FlightRecorder:
 
     @classmethod
     def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
-        """Continue a flight after a kill or a power cut, without lost or double records.
+        """Continue a flight after a kill or a power cut, without lost or duplicate records.
 
-        `durable` as in `open`. Raises `RecordingError` if there is no flight, or it cannot be
-        written.
+        With `durable` each commit waits for the disk. Raises `RecordingError` if there is no
+        flight, or it cannot be written.
         """
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
@@ -129,11 +129,11 @@ class FlightRecorder:
     def open(
         cls, info: FlightInfo, settings: Settings | None = None, *, durable: bool = False
     ) -> "FlightRecorder":
-        """Begin the flight, or continue it if it exists.
+        """Begin the flight, or continue it if it exists; never fails.
 
-        Never fails: on a full disk records wait in memory, and every commit reports it and
-        tries again. A damaged database is put aside, and a new one starts with the pulses of
-        the text log. With `durable` each commit waits for the disk.
+        On a full disk records wait in memory, and every commit reports this and tries again. A
+        damaged database is renamed, and a new one starts with the pulses of the text log. With
+        `durable` each commit waits for the disk.
         """
         recorder = cls(Path(info.directory), durable=durable)
         recorder._origin, recorder._begun = (info, settings), False
@@ -143,57 +143,54 @@ class FlightRecorder:
 
     @property
     def waiting_records(self) -> int:
-        """Number of records not committed yet."""
+        """Number of records that are not committed yet."""
         return self.waiting_pulses + len(self._others)
 
     @property
     def waiting_pulses(self) -> int:
-        """Number of pulses, and records that belong to them, not committed yet."""
+        """Number of pulses, and records that belong to them, that are not committed yet."""
         return len(self._pulses) + len(self._urgent)
 
     def write_pulses(self, pulses: Iterable[Pulse | PulsePose]) -> None:
-        """Add pulses as detected, or with their poses; recorded with the next commit.
-
-        One with its pose may have been written before.
-        """
+        """Add pulses as detected, or later with their poses; recorded with the next commit."""
         self._add(self._pulses, pulses, MAX_WAITING_PULSES)
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Add the content of a recorded burst; committed with the pulses."""
+        """Add the single pulses of a recorded burst; committed with the pulses."""
         self._add(self._urgent, [(schema.UPDATE_INSIDE, schema.inside_row(burst))])
 
     def write(self, *records: Writable) -> None:
-        """Add other records; a tag replaces the one with its number."""
+        """Add other records; a tag replaces the one with the same number."""
         for record in records:
             sql, row_of = _STATEMENTS[type(record)]
             self._add(self._others, [(sql, row_of(record))])
 
     def write_status_text(self, text: StatusText, time_ns: int) -> None:
-        """Add a text for the operator, shown at `time_ns`."""
+        """Add a status text that the operator received at `time_ns`."""
         row = (time_ns, text.severity, text.text)
         self._add(self._others, [(schema.INSERT_STATUS_TEXT, row)])
 
     def write_delivered(self, delivered: Delivered) -> None:
-        """Record which pulses have reached the ground."""
+        """Record which pulses a ground station has received."""
         head = (delivered.store, delivered.time_ns)
         rows = [(schema.INSERT_DELIVERY, (*head, *key)) for key in delivered.pulses]
         self._add(self._urgent, rows)
 
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
-        """Add a command and its answer."""
+        """Record a command and its answer."""
         row = schema.command_row(command, reply, time_ns)
         self._add(self._others, [(schema.INSERT_COMMAND, row)])
 
     def write_note(self, text: str, time_ns: int) -> None:
-        """Add a remark on the flight: a corrected clock, a restart."""
+        """Add a note on the flight, such as a clock correction or a restart."""
         self._add(self._others, [(schema.INSERT_NOTE, (time_ns, text))])
 
     def commit(self, *, pulses_only: bool = False) -> None:
-        """Commit the written records; a kill afterwards loses none of them.
+        """Commit all waiting records; a kill afterwards loses none of them.
 
-        `pulses_only`: only pulses with their poses and deliveries; later commits then write
-        fewer half-full pages. Raises `RecordingError` if the disk is full or cannot be written;
-        the records then wait in memory for the next commit.
+        With `pulses_only` these are only pulses with their poses and deliveries, so that later
+        commits write fewer half-full pages. Raises `RecordingError` if the disk is full or
+        cannot be written; the records then wait in memory for the next commit.
         """
         try:
             if not self._begun:
@@ -211,7 +208,7 @@ class FlightRecorder:
                 self._pulses.clear()
                 for written in others:
                     written.clear()
-                self._logs.take(new)
+                self._logs.add(new)
         except (sqlite3.Error, OSError, RecordingError) as error:
             self.failed_commits += 1
             raise self._failure(error) from error
@@ -219,7 +216,7 @@ class FlightRecorder:
         self.failed_commits += not self.database.checkpoint(self._logs.sync)
 
     def is_suspect(self) -> bool:
-        """Whether the disk may refuse the next commit, as far as can be seen without trying."""
+        """True if the disk may refuse the next commit, by its state and free space."""
         root = self.layout.root
         try:
             full = shutil.disk_usage(root).free < LEAST_FREE_BYTES
@@ -229,7 +226,7 @@ class FlightRecorder:
         return full or gone or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, fold the log into the database file and close, even if the commit fails.
+        """Commit, fold the log into the database and close, even if the commit fails.
 
         Raises `RecordingError` if it failed.
         """
@@ -242,7 +239,7 @@ class FlightRecorder:
             self.database.disconnect()
 
     def _begin(self) -> None:
-        """Make what a flight has from its first moment; can be repeated."""
+        """Create the files of a new flight; may be repeated."""
         if self._origin is None:
             return
         info, settings = self._origin
@@ -268,7 +265,7 @@ class FlightRecorder:
             if not is_damage(error):
                 raise
             self.database.disconnect()
-            aside = self.database.put_aside()
+            aside = self.database.move_aside()
             self._logs.compare_first()
             self._restoring = True
             self.mended = f"database damaged ({error}), put aside as {aside}"
@@ -279,30 +276,29 @@ class FlightRecorder:
         self._begun = True
 
     def _restore(self) -> None:
-        """Copy the pulses of the text log into a new database."""
         logged = PulsePoseLog(self.layout.pulse_pose_log).pulse_poses()
         while some := list(itertools.islice(logged, AT_ONCE)):
             new = self.database.insert(some, self._urgent)
             self._urgent.clear()
-            self._logs.take(new)
+            self._logs.add(new)
         self._restoring = False
 
     def _add(
         self, waiting: deque[T], records: Iterable[T], most: int = MAX_WAITING_OTHERS
     ) -> None:
-        """Add waiting records; drop the oldest if they are too many."""
+        """Add waiting records; drop the oldest if there are too many."""
         waiting.extend(records)
         while len(waiting) > most:
             waiting.popleft()
             self.dropped_records += 1
 
     def _failure(self, error: Exception) -> RecordingError:
-        """Roll back, close the file (it may be on another disk soon), and return the error."""
+        """Roll back, close the file (it may be on another disk soon), and make the error."""
         if isinstance(error, RecordingError):
             return error
         if is_damage(error):
             self._begun = False
-        self.database.give_up()
+        self.database.roll_back()
         waiting = f"{self.waiting_records} records wait in memory"
         return RecordingError(
             f"cannot write the flight {self.layout.root}: {error}",

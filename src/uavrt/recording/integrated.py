@@ -1,8 +1,8 @@
-"""Results of ``uavrt integrate``, in the folder ``integrated/`` of the flight.
+"""Store results of ``uavrt integrate`` in the folder ``integrated/`` of the flight.
 
-The flight's own log is never changed. ``integrated/pulses.jsonl`` holds pulses as ``uavrt
-detect`` writes them, with the status *integrated*; ``integrated/tags.json`` the verdict on each
-tag, ``integrated/folds.json`` the flight folded at its interval. A new verdict on a tag
+The flight's own log is never changed. ``integrated/pulses.jsonl`` has pulses as written by
+``uavrt detect``, with the status *integrated*. ``integrated/tags.json`` has the verdict on each
+tag, and ``integrated/folds.json`` the flight folded at its interval. A new verdict on a tag
 replaces the old one.
 """
 
@@ -27,7 +27,7 @@ from uavrt.recording.pulse_files import pulse_record, read_pulse_file
 
 _NO_COLUMN = {IN_NO_TABLE: True}
 Ring = tuple[tuple[float, float], ...]
-"""Latitudes and longitudes around a part of a region; the last place is the first."""
+"""Latitudes and longitudes of a closed outline; the last place is the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,10 +43,10 @@ class IntegratedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """The tag that was searched for: silence excludes only such a tag."""
+    """Tag and settings of a search; if nothing is found, only such a tag is excluded."""
 
     frequency_hz: float
-    """Frequency from the tag list [Hz], as the values below."""
+    """Frequency from the tag list [Hz]; the next values are also from there."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
     interval_uncertainty_s: float
@@ -58,37 +58,37 @@ class SearchedFor:
     most_drift: float
     """Largest relative change of the interval over the flight."""
     antenna: str
-    """Name of the pattern."""
+    """Name of the antenna pattern used."""
     antenna_assumed: bool
-    """Whether the antenna was not specified."""
+    """True if the antenna was not specified, so that one was assumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilentAround:
-    """Area that silence excludes around a flight; the map lies next to it."""
+    """Area around a flight in which a tag that was not found cannot be."""
 
     tag_power_dbm: float
     """Assumed radiated power of the tag [dBm]."""
     probability: float
-    """Probability with which it would have been found."""
+    """Probability with which the tag would have been found in the area."""
     within_m: float | None
-    """Distance from the flight up to which this holds everywhere; None: nowhere."""
+    """Distance from the flight up to which the tag would have been found [m]; None: nowhere."""
     whole_flight: bool
-    """Whether the whole flight was judged, rather than groups of pulses."""
+    """True if the whole flight was analysed, false for groups of pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedVerdict:
-    """Verdict of a whole flight on one tag."""
+    """Whole-flight result for one tag."""
 
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """Probability that noise alone shows as much."""
+    """Probability that noise alone gives such a result."""
     interval_s: float
     frequency_hz: float
     level_db: float | None = None
-    """Energy over noise of the strongest pulse; this and the place are None if not found."""
+    """Strongest pulse's energy over noise density [dB]; None, like the place, if not found."""
     bearing_deg: float | None = None
     """Bearing from the middle of the flight [deg]."""
     arc50_deg: float | None = None
@@ -98,46 +98,46 @@ class IntegratedVerdict:
     radius50_m: float | None = None
     radius95_m: float | None = None
     places: int = 1
-    """Places that fit equally well: mirror images across a straight path."""
+    """Number of places that fit equally well: mirror images across a straight path."""
     pulses: int = 0
-    """Number of pulses found in hindsight only, in ``pulses.jsonl``."""
+    """Number of pulses in ``pulses.jsonl``, found only by whole-flight analysis."""
     flights: int = 1
-    """Flights judged together; the place is then from the middle of all."""
+    """Number of flights analysed together; the place is then from the middle of all."""
     heard_live: int = 0
-    """Number of the train's pulses in the flight's own log; not written again."""
+    """Number of the train's pulses that the flight's own log has."""
     remarks: str = ""
-    """Limits of the figures: another datum, ground without heights."""
+    """Limitations of the figures, such as missing terrain heights."""
     ambiguous: bool = False
-    """Whether a train on its frequency may be its own, at a small ratio of its interval."""
+    """True if another train on its frequency, at a small interval ratio, may be the tag's."""
     listened: str = ""
-    """ISO 8601 intervals with samples of its channel, separated by spaces; empty if unknown."""
+    """Time spans with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Those places, the likeliest first; `latitude_deg` of several is of their middle."""
+    """Possible places, most likely first; `latitude_deg` is that of their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Region that holds the tag with 50 %."""
+    """Smallest region that contains the tag with a probability of 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     searched: SearchedFor | None = field(default=None, metadata=_NO_COLUMN)
-    """The tag searched for; None in results of earlier versions."""
+    """Tag and settings of the search; None in results of earlier versions."""
     silent: SilentAround | None = field(default=None, metadata=_NO_COLUMN)
-    """Area excluded by silence; None if the tag was received, or no map was made."""
+    """Area in which the tag cannot be; None if it was received, or without a map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFold:
-    """A whole flight folded at a tag's interval, in standard deviations of noise."""
+    """Energies of a whole flight folded at a tag's interval [standard deviations of noise]."""
 
     tag_id: int
     interval_s: float
     length_s: float
-    """Length of the flight, over all rows [s]."""
+    """Duration of the flight, which all rows together cover [s]."""
     profile: tuple[float, ...]
     """(columns,) sum over the flight; the train's phase is in the middle."""
     raster: tuple[tuple[float, ...], ...]
-    """(rows, columns), the flight's beginning first."""
+    """(rows, columns) energies; the flight's beginning is the first row."""
 
 
 _MOST_TAGS, _MOST_CELLS = 5_000, 100_000
-"""Limits of a flight's tags, and of a fold's cells: some 30 rows of some hundred columns."""
+"""Largest number of tags in a flight, and of cells in a fold (usually 30 rows of 100)."""
 _LARGEST = sys.float_info.max
 _DAMAGED = (OSError, ValueError, TypeError, ArithmeticError, RecursionError)
 T = TypeVar("T")
@@ -149,10 +149,10 @@ def write_integrated(
     pulses: Iterable[PulsePose],
     folds: Sequence[FlightFold] = (),
 ) -> Path:
-    """Write the results of some tags into a flight; those of other tags stay.
+    """Write the results of some tags into a flight's folder; those of other tags stay.
 
-    Returns the directory of the results. Raises `RecordingError` if it cannot be written,
-    `FormatError` if existing results cannot be read.
+    Returns the folder. Raises `RecordingError` if it cannot be written, and `FormatError` if
+    existing results cannot be read.
     """
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
@@ -198,7 +198,7 @@ def read_integrated(
 
 
 def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
-    """Read the folds of the judged tags, if any; raises `FormatError` if damaged."""
+    """Read the folded flights of the analysed tags, if any; raises `FormatError` if damaged."""
     path = FlightLayout(Path(flight)).integrated_directory / "folds.json"
     if not path.is_file():
         return ()
@@ -220,7 +220,7 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
 
 
 def _records(path: Path, kind: type[T]) -> tuple[T, ...]:
-    """Make records of JSON; fields of later versions are ignored."""
+    """Make records from JSON; fields of later versions are ignored."""
     found = read_json(read_file(path, NOTES), NOTES)
     if len(found) > _MOST_TAGS:
         raise ValueError(f"it has more than {_MOST_TAGS:,} tags")

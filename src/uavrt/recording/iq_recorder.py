@@ -1,4 +1,4 @@
-"""Records samples as SigMF in a thread that never delays detection.
+"""Record samples as SigMF in a thread that never delays detection.
 
 `put` only queues blocks; the thread converts and writes them. While the disk is slow or full,
 blocks are dropped, counted and marked as a gap.
@@ -14,10 +14,10 @@ from uavrt.messages import IQBlock
 from uavrt.recording.sample_file import FreeSpace, SampleFile
 
 QUEUE_S = 2.0
-"""Most samples waiting for the disk [s]: 6 MB at 375 kS/s; an SD card pauses for 1 s."""
+"""Longest queue of samples for the disk [s]: 6 MB at 375 kS/s. An SD card pauses for 1 s."""
 
 WAKE_S = 0.2
-"""Samples for which the thread wakes [s]; each wake-up costs more than the writing."""
+"""Duration of samples written at a time [s]; waking the thread costs more than the writing."""
 
 SETTLED_AFTER_S = 12.0
 """Time in which the clock of a radio's samples is corrected fast [s] (`uavrt.radio.times`)."""
@@ -27,10 +27,9 @@ class IQRecorder:
     """Writes blocks as ``NAME.sigmf-data`` (cs16) and ``NAME.sigmf-meta``.
 
     The metadata describes all samples of the data file at any moment, also after a power cut.
-
-    `base`: directory and NAME, without a suffix; the directory is made. `minimum_free_mb`:
-    nothing is written while the disk has less free space [MB]. `description`, `hardware`: for
-    the metadata. Raises `RecordingError` if the files cannot be made, or exist already.
+    `base` is directory and NAME, without a suffix; the directory is made. Nothing is written
+    while the disk has less than `minimum_free_mb` free. Raises `RecordingError` if the files
+    cannot be made, or already exist.
     """
 
     def __init__(
@@ -51,11 +50,11 @@ class IQRecorder:
         self._condition = threading.Condition()
         self._closing = False
         self.dropped_samples = 0
-        """Samples dropped because the disk was slow, full or failing."""
+        """Number of samples dropped because the disk was slow, full or failing."""
         self.trouble: str | None = None
-        """Why nothing is being written now; None when all is well."""
+        """Reason why nothing is written at present; None if all is well."""
         try:
-            self._file = SampleFile(
+            self.file = SampleFile(
                 base,
                 sample_rate_hz=sample_rate_hz,
                 center_frequency_hz=center_frequency_hz,
@@ -77,40 +76,20 @@ class IQRecorder:
         self._thread.start()
 
     @property
-    def data_path(self) -> Path:
-        """The file of samples."""
-        return self._file.data_path
-
-    @property
-    def metadata_path(self) -> Path:
-        """The file that describes them."""
-        return self._file.metadata_path
-
-    @property
     def room_samples(self) -> int:
-        """Samples that fit on the disk now."""
-        return self._space.room_bytes() // self._file.bytes_per_sample
+        """Number of samples that fit on the disk now."""
+        return self._space.room_bytes() // self.file.bytes_per_sample
 
     @property
     def written_samples(self) -> int:
-        """Samples in the file."""
-        return self._file.written_samples
-
-    @property
-    def clipped_samples(self) -> int:
-        """Samples beyond full scale, stored at its edge."""
-        return self._file.clipped_samples
-
-    @property
-    def gaps(self) -> int:
-        """Places where samples are missing."""
-        return self._file.gaps
+        """Number of samples in the file."""
+        return self.file.written_samples
 
     def put(self, block: IQBlock) -> bool:
-        """Queue a copy of a block and return at once; False when it had to be dropped.
+        """Queue a copy of a block, and return at once; false if it was dropped.
 
-        After an overflow it takes nothing until the queue is half empty: few long gaps instead
-        of many short ones.
+        After an overflow, blocks are dropped until the queue is half empty. This causes few
+        long gaps instead of many short ones.
         """
         size = len(block.samples)
         with self._condition:
@@ -128,7 +107,7 @@ class IQRecorder:
             return True
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Write what waits, for at most `timeout_s`, and end; can be repeated."""
+        """Write the queue, for at most `timeout_s`, and stop; may be called again."""
         with self._condition:
             self._closing = True
             self._condition.notify()
@@ -142,10 +121,10 @@ class IQRecorder:
                     with self._condition:
                         self._waiting_samples -= len(block.samples)
         finally:
-            self._file.close()
+            self.file.close()
 
     def _next_blocks(self) -> list[IQBlock]:
-        """Wait for enough blocks to write; none at the end."""
+        """Wait for enough blocks to write; empty at the end."""
         with self._condition:
             while self._waiting_samples < self._worth_waking and not self._closing:
                 self._condition.wait()
@@ -154,12 +133,11 @@ class IQRecorder:
             return blocks
 
     def _write(self, block: IQBlock) -> None:
-        """Write a block as a whole or not at all."""
         if not self._space.enough():
             self._drop(block, "the disk is nearly full")
             return
         try:
-            self._file.append(block.samples, block.sample_index, block.time_ns)
+            self.file.append(block.samples, block.sample_index, block.time_ns)
         except OSError as error:
             self._drop(block, error.strerror or str(error))
             return
@@ -169,4 +147,4 @@ class IQRecorder:
         with self._condition:
             self.dropped_samples += len(block.samples)
         self.trouble = why
-        self._file.break_off()
+        self.file.break_off()

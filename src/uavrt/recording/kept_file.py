@@ -1,6 +1,6 @@
-"""One record in a file that survives every stop and restart.
+"""Store one record in a file, so that it survives every stop and restart.
 
-A disk fault loses the record, and never stops the flight.
+A disk fault loses the record, but never stops the flight.
 """
 
 from contextlib import suppress
@@ -20,10 +20,11 @@ R = TypeVar("R")
 
 
 class KeptFile(Generic[R]):
-    """A record kept as readable JSON.
+    """A record stored as readable JSON in one file.
 
-    `path`: its directory is made on demand. `kind`: type of the content. `name`: for the log.
-    `sync`: wait for the disk at each `keep`; else a power cut may lose half a minute.
+    The directory of `path` is made on demand. `kind` is the record's type, and `name` its name
+    in the log. With `sync` each `keep` waits for the disk; otherwise a power cut may lose half
+    a minute.
     """
 
     def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
@@ -34,7 +35,7 @@ class KeptFile(Generic[R]):
         self._fault = ""
 
     def read(self) -> R | None:
-        """Read the record; a damaged file is renamed with ``.damaged``."""
+        """Read the record, None if missing; a damaged file is renamed with ``.damaged``."""
         try:
             return read_record(self.path, self._kind)
         except FileNotFoundError:
@@ -48,7 +49,7 @@ class KeptFile(Generic[R]):
         return None
 
     def keep(self, record: R) -> None:
-        """Replace the file; after a power cut the old or the new one is there."""
+        """Replace the stored record; after a power cut the old or the new one is there."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             text = msgspec.json.format(msgspec.json.encode(record)).decode()
@@ -57,8 +58,8 @@ class KeptFile(Generic[R]):
         except OSError as error:
             self._complain(error)
 
-    def forget(self) -> None:
-        """Remove the file."""
+    def remove(self) -> None:
+        """Delete the file."""
         try:
             self.path.unlink(missing_ok=True)
             sync_to_disk(self.path.parent)

@@ -1,23 +1,21 @@
-"""Where things lie in a flight directory: the thesis's layout, and a database.
+"""Paths of all files in a flight directory: the thesis's layout (§4.5), and a database.
 
 ::
 
     flight_log_2026-05-01_08-15-00/           UTC
-    ├── flight.sqlite                         everything; the single source of truth
-    ├── starred                               if it is there, the flight is never removed
+    ├── flight.sqlite                         all records; the single source of truth
+    ├── starred                               if present, the flight is never removed
     ├── pulse_pose_log.txt                    all pulses with poses, the thesis's 23 columns
-    ├── airspy_csdr_netcat_log/               what the radio's program said
-    ├── channelizer_log/                      what the receiver said
+    ├── airspy_csdr_netcat_log/               output of the radio's program
+    ├── channelizer_log/                      output of the receiver
     ├── detector_log/
-    │   ├── detector_1.log                    what each detector process said
+    │   ├── detector_1.log                    output of each detector process
     │   └── tag_id_2/
     │       ├── config/detectorConfig.txt     the tag as the original detector reads it
     │       └── output/pulse_pose_log.txt     this tag's pulses
-    ├── process_log/                          what the other processes said
-    ├── integrated/                           what ``uavrt integrate`` found in hindsight
-    └── iq/                                   SigMF recordings, when asked for
-
-As in the thesis, §4.5.
+    ├── process_log/                          output of the other processes
+    ├── integrated/                           results of ``uavrt integrate``
+    └── iq/                                   SigMF recordings, if enabled
 """
 
 import os
@@ -32,19 +30,19 @@ from uavrt.config.radios import RADIOS
 from uavrt.errors import RecordingError, os_errors_as
 
 Stamp: TypeAlias = tuple[int, int]
-"""Size and last change [ns since 1970] of a flight's database and its log."""
+"""Size and modification time [ns since 1970] of a flight's database and its write-ahead log."""
 _RADIO_PROCESSES = {"radio", *(row.receive for row in RADIOS.values())}
 
 
 @dataclass(frozen=True, slots=True)
 class FlightLayout:
-    """Paths inside one flight directory."""
+    """Paths of the files inside one flight directory."""
 
     root: Path
 
     @property
     def database(self) -> Path:
-        """The flight's database."""
+        """SQLite database of the flight."""
         return self.root / "flight.sqlite"
 
     @property
@@ -54,43 +52,43 @@ class FlightLayout:
 
     @property
     def star(self) -> Path:
-        """A file that keeps the flight from being removed; may be empty."""
+        """File that protects the flight from removal; may be empty."""
         return self.root / "starred"
 
     @property
     def pulse_pose_log(self) -> Path:
-        """All pulses with poses as text."""
+        """Text log of all pulses with poses."""
         return self.root / "pulse_pose_log.txt"
 
     @property
     def iq_directory(self) -> Path:
-        """Directory of recorded samples."""
+        """Directory of recorded samples of the whole band."""
         return self.root / "iq"
 
     @property
     def channels_directory(self) -> Path:
-        """Directory of the samples of the tags' channels."""
+        """Directory of recorded samples of the tags' channels."""
         return self.iq_directory / "channels"
 
     @property
     def integrated_directory(self) -> Path:
-        """Results of ``uavrt integrate``."""
+        """Directory of the results of ``uavrt integrate``."""
         return self.root / "integrated"
 
     def tag_directory(self, tag_id: int) -> Path:
-        """Directory of one tag."""
+        """Directory of one tag's files."""
         return self.root / "detector_log" / f"tag_id_{tag_id}"
 
     def tag_config(self, tag_id: int) -> Path:
-        """The tag's ``detectorConfig.txt``."""
+        """File ``detectorConfig.txt`` of one tag."""
         return self.tag_directory(tag_id) / "config" / "detectorConfig.txt"
 
     def tag_pulse_pose_log(self, tag_id: int) -> Path:
-        """The tag's own ``pulse_pose_log.txt``."""
+        """File ``pulse_pose_log.txt`` of one tag."""
         return self.tag_directory(tag_id) / "output" / "pulse_pose_log.txt"
 
     def process_log(self, process: str) -> Path:
-        """Output of a process."""
+        """Log file of a process's output."""
         name = re.sub(r"[^\w.-]", "_", process).strip(".") or "unnamed"
         if process in _RADIO_PROCESSES:
             directory = "airspy_csdr_netcat_log"
@@ -103,7 +101,7 @@ class FlightLayout:
         return self.root / directory / f"{name}.log"
 
     def make(self, tag_ids: list[int]) -> None:
-        """Make the directories; raises `RecordingError` if the disk is full or not writable."""
+        """Make all directories; raises `RecordingError` if the disk is full or read-only."""
         directories = [self.root / "airspy_csdr_netcat_log", self.root / "channelizer_log"]
         directories.append(self.root / "process_log")
         for tag_id in tag_ids:
@@ -121,9 +119,9 @@ class FlightLayout:
 def new_flight_directory(
     directory: Path, start_time_ns: int, is_taken: Callable[[Path], bool] = Path.exists
 ) -> Path:
-    """Name a flight directory that does not exist yet: ``flight_log_<UTC>``.
+    """Path for a new flight directory, ``flight_log_<UTC>``.
 
-    Two flights of the same second (or after the clock was set back) get ``_2``, ``_3`` …
+    A second flight in the same second (or after the clock was set back) gets ``_2``, ``_3`` …
     """
     path = directory / f"flight_log_{flight_stamp(start_time_ns)}"
     number = 2
@@ -134,7 +132,7 @@ def new_flight_directory(
 
 
 def require_writable(directory: Path) -> None:
-    """Make a directory for flights, or raise `RecordingError` if it cannot be written."""
+    """Make a directory for flights; raises `RecordingError` if it cannot be written."""
     with os_errors_as(
         RecordingError,
         f"flights cannot be saved in {directory}",
@@ -147,7 +145,7 @@ def require_writable(directory: Path) -> None:
 
 
 def stamp_of(flight: str) -> Stamp:
-    """Size and last change of a flight's database and its log.
+    """Size and modification time of a flight's database and its write-ahead log.
 
     Paths are text because each display of the list checks thousands of flights.
     """

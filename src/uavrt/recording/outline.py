@@ -1,4 +1,4 @@
-"""Summary of a flight, for lists of many: no pulse is read as an object."""
+"""Read summaries of flights for long lists, without making an object of each pulse."""
 
 import os
 import re
@@ -18,7 +18,7 @@ _HEARD = (
     f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns), count(*)"
     " FROM pulses GROUP BY tag_id"
 )
-"""Of each tag its number of pulses, and the last end and the number of any status."""
+"""SQL query for each tag: confirmed pulses and their last end, and pulses of any status."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
@@ -26,7 +26,7 @@ _LEVELS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardTag:
-    """Confirmed pulses of one tag in a flight, without ghosts."""
+    """Number of confirmed pulses of one tag in a flight, without ghosts."""
 
     pulses: int
     first_ns: int
@@ -35,20 +35,20 @@ class HeardTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOutline:
-    """A flight's length, received tags and battery."""
+    """Summary of a flight: duration, received tags and battery."""
 
     info: FlightInfo
     end_time_ns: int
-    """Time of the last record [ns]."""
+    """Time of the flight's last record [ns]."""
     heard: dict[int, HeardTag]
     all_pulses: int
-    """Number of pulses of any status, also of ghosts."""
+    """Number of pulses of any status, ghosts included."""
     of_ground: bool
-    """Whether a ground station recorded it; else the drone did."""
+    """True if a ground station recorded the flight, false if the drone did."""
     vehicle: str | None
-    """Number and name, if a ground station wrote them."""
+    """Number and name of the vehicle, if a ground station recorded them."""
     battery_percent: tuple[int, ...]
-    """Battery as the ground station noted it, in order of time [%]."""
+    """Battery levels recorded by a ground station, in order of time [%]."""
 
     @property
     def pulses(self) -> int:
@@ -57,12 +57,12 @@ class FlightOutline:
 
     @property
     def directory(self) -> Path:
-        """Directory of the flight."""
+        """Directory of the flight, as a path."""
         return Path(self.info.directory)
 
 
 def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
-    """Read a flight's summary; raises `FormatError` if there is none or it is damaged."""
+    """Read a flight's summary; raises `FormatError` if it is missing or damaged."""
     with flight_database(Path(directory)) as database:
         database.execute("BEGIN")  # one lock for all that follows
         info = flight_info(database, Path(directory))
@@ -94,10 +94,11 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
-    """Level of each confirmed pulse [dB], by tag and start [ns].
+    """Level of each confirmed pulse [dB], by tag and start time [ns].
 
-    Copies of a flight agree to the last digit, two drones that receive the same pulse do not.
-    Over the link a start has no nanoseconds. Raises `FormatError` as `read_outline`.
+    Levels agree to the last digit in copies of a flight, but differ between two drones that
+    receive the same pulse. A start received over the link has lost its nanoseconds. Raises
+    `FormatError` as `read_outline`.
     """
     with flight_database(directory) as database:
         found = database.execute(_LEVELS)
@@ -108,11 +109,11 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
 
 
 def battery_note(percent: int) -> str:
-    """Format a note on the vehicle's battery."""
+    """Format a note with the vehicle's battery level [%]."""
     return f"battery {percent} %"
 
 
 def battery_levels(notes: Iterable[tuple[int, str]]) -> tuple[int, ...]:
-    """Read the battery [%] from such notes."""
+    """Read battery levels [%] from a flight's notes."""
     found = (_BATTERY.fullmatch(text) for _, text in notes)
     return tuple(int(one[1]) for one in found if one is not None)

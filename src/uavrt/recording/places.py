@@ -1,6 +1,6 @@
-"""Places in a flight's notes: where it took off, and the operator's marks. Pure.
+"""Write and read places in a flight's notes: take-off, and marks of the operator.
 
-They are notes like any other, so that every reader of a flight has them::
+They are ordinary notes, so that every reader of a flight has them::
 
     home at 35.1782410, -111.6565870
     mark at 35.1790000, -111.6560000: nest seen
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 _PLACE = re.compile(r"(home|mark) at (-?\d{1,2}\.\d+), (-?\d{1,3}\.\d+)(?:: (.*))?", re.DOTALL)
 
 GROUND_NOTE = "recorded by the ground station"
-"""The note that marks a ground station's own recording."""
+"""Note that marks a flight as recorded by a ground station."""
 _VEHICLE = re.compile(r"vehicle \d{1,3}(?:, .{1,60})?", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """A place with a remark."""
+    """Place that the operator marked, with a remark."""
 
     time_ns: int
     latitude_deg: float
@@ -29,38 +29,38 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
-    """Places found in a flight's notes."""
+    """Take-off and marks found in a flight's notes."""
 
     home: tuple[float, float] | None
-    """Latitude and longitude of the last one noted."""
+    """Latitude and longitude of the last noted take-off [deg]; None without one."""
     marks: tuple[Mark, ...]
 
 
 def home_note(latitude_deg: float, longitude_deg: float) -> str:
-    """Format a note on where the vehicle took off."""
+    """Format a note with the take-off place."""
     return f"home at {latitude_deg:.7f}, {longitude_deg:.7f}"
 
 
 def vehicle_note(system_id: int, name: str = "") -> str:
-    """Format a note on the vehicle of a ground station's flight."""
+    """Format a note with the vehicle's number and name."""
     said = f", {name.strip()[:60]}" if name.strip() else ""
     return f"vehicle {system_id}{said}"
 
 
 def vehicle_of(notes: Iterable[tuple[int, str]]) -> str | None:
-    """Read the vehicle from such notes; None without one."""
+    """Number and name of the vehicle from a flight's notes; None without one."""
     found = [text for _, text in notes if _VEHICLE.fullmatch(text)]
     return found[-1].removeprefix("vehicle ") if found else None
 
 
 def mark_note(latitude_deg: float, longitude_deg: float, text: str = "") -> str:
-    """Format a note with a mark and its remark."""
+    """Format a note with a marked place and its remark."""
     said = f": {text.strip()[:200]}" if text.strip() else ""
     return f"mark at {latitude_deg:.7f}, {longitude_deg:.7f}{said}"
 
 
 def places_of(notes: Iterable[tuple[int, str]]) -> Places:
-    """Read the places in notes of (time [ns], text)."""
+    """Find the places in notes of (time [ns], text)."""
     home, marks = None, []
     for time_ns, text in notes:
         found = _PLACE.fullmatch(text)

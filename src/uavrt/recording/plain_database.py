@@ -1,7 +1,7 @@
 """Open flight databases of unknown origin safely.
 
 A view in place of a table may never finish, SQLite waits for a pipe next to the database, and a
-running query ignores Ctrl-C. A bad flight directory must affect only that flight.
+running query ignores Ctrl-C. So a bad flight directory must affect only that flight.
 """
 
 import os
@@ -10,37 +10,36 @@ import sqlite3
 import stat
 import threading
 import time
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
 STEPS = 50_000
-"""Steps of SQLite's machine between two checks of the time: some milliseconds."""
+"""Steps of SQLite's virtual machine between two checks of the time: some milliseconds."""
 LONGEST_VALUE_BYTES = 16_000_000
-"""Limit of one value; the settings of a flight have some 10 kB."""
+"""Largest size of one value [bytes]; the settings of a flight have about 10 kB."""
 LONGEST_S = 120.0
-"""Limit of one use of a database [s]; 100 000 pulses are read in one second."""
+"""Longest use of a database [s]; 100 000 pulses are read in one second."""
 _SUFFIXES = ("", "-wal", "-shm", "-journal")
 LONGEST_DEFINITION = 20_000
-"""Characters of one table's definition: a default in it is the value of every row."""
+"""Most characters in a table's definition; a long default would be the value of every row."""
 _COMPUTED = re.compile(r"(?<![a-z_])as(?![a-z_])", re.IGNORECASE)
-"""Stands in the definition of each table with a generated column."""
+"""Pattern that every definition of a table with a generated column contains."""
 
-ended = threading.Event()
-"""Set when the program ends, which ends queries."""
+queries_ended = threading.Event()
+"""Set when the program ends, which interrupts all queries."""
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are allowed, and queries end in time.
+    """Open a database for reading; only tables are allowed, and queries have a time limit.
 
-    With ``"rw"`` as `mode` SQLite may fold in its log: for a copy. Raises `sqlite3.Error` if it
-    cannot be opened, is damaged, or is not one of ours.
+    With the `mode` ``"rw"`` SQLite may fold in its write-ahead log, as for a copy. Raises
+    `sqlite3.Error` if it cannot be opened, is damaged, or is not a flight's.
     """
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=5.0)
     try:
-        watch(database)
+        limit_queries(database)
         database.execute("PRAGMA trusted_schema=OFF")
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE_BYTES)
         odd = _odd_name(database)
@@ -54,9 +53,10 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
 
 def _odd_name(database: sqlite3.Connection) -> str | None:
-    """Find what makes more values than are in the file: a view, a generated column, a default.
+    """Name of a view, generated column or long default, which make values that are not in the
+    file.
 
-    Raises `sqlite3.Error`: it is damaged.
+    Raises `sqlite3.Error` if the database is damaged.
     """
     made = "SELECT name, type, sql FROM sqlite_master WHERE sql IS NOT NULL"
     hidden = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden > 1"
@@ -73,12 +73,12 @@ def _odd_name(database: sqlite3.Connection) -> str | None:
 
 @lru_cache(maxsize=64)
 def _may_compute(definition: str) -> bool:
-    """Whether a table's definition may have a generated column; most flights have the same."""
+    """True if a table's definition may have a generated column; cached over flights."""
     return _COMPUTED.search(definition) is not None
 
 
 def require_plain_files(path: Path) -> None:
-    """Raise `sqlite3.DatabaseError` if a pipe, socket or device is in the place of a file."""
+    """Raise `sqlite3.DatabaseError` if a database file is a pipe, socket or device."""
     for suffix in _SUFFIXES:
         try:
             mode = os.stat(f"{path}{suffix}").st_mode
@@ -88,11 +88,12 @@ def require_plain_files(path: Path) -> None:
             raise sqlite3.DatabaseError(f"{path.name}{suffix} is not a file")
 
 
-def watch(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
-    """End queries after a time limit, when the program ends, and on Ctrl-C."""
-    database.set_progress_handler(_watcher(time.thread_time() + longest_s), STEPS)
+def limit_queries(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
+    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C.
 
-
-def _watcher(until_s: float) -> Callable[[], int]:
-    """Use this thread's CPU time, so that a busy computer makes no query too long."""
-    return lambda: int(ended.is_set() or time.thread_time() > until_s)
+    CPU time of this thread is used, so that a busy computer makes no query too long.
+    """
+    until_s = time.thread_time() + longest_s
+    database.set_progress_handler(
+        lambda: int(queries_ended.is_set() or time.thread_time() > until_s), STEPS
+    )

@@ -1,19 +1,18 @@
-"""Log the output of a process line by line, in a file that cannot fill the disk."""
+"""Log the output of a process to a file that cannot fill the disk."""
 
 from pathlib import Path
 
 MAX_BYTES = 2_000_000
 KEPT_FILES = 3
-"""Number of older files, ``name.log.1`` the newest; with `MAX_BYTES`, 8 MB for each process."""
+"""Number of older log files, ``name.log.1`` the newest; with `MAX_BYTES`, 8 MB per process."""
 
 
 class ProcessLog:
     """A text log that is rotated by size.
 
-    A line that cannot be written (full disk) is counted and does not stop the process.
-
-    `path`: its directory is made. `max_bytes`: size at which the file is put aside.
-    `kept_files`: how many are kept aside.
+    A line that cannot be written (full disk) is counted and does not stop the process. At
+    `max_bytes` the file is renamed, and `kept_files` older ones are kept. The directory of
+    `path` is made.
     """
 
     def __init__(
@@ -23,10 +22,10 @@ class ProcessLog:
         self._max_bytes = max_bytes
         self._kept_files = kept_files
         self.lost_lines = 0
-        """Lines that could not be written."""
+        """Number of lines that could not be written."""
 
     def write(self, text: str) -> None:
-        """Append text; a newline is added where it is missing."""
+        """Append a text; a newline is added if it is missing."""
         content = text.encode("utf-8", "replace")
         if not content.endswith(b"\n"):
             content += b"\n"

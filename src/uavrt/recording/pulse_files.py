@@ -1,7 +1,7 @@
-"""Pulses as JSON lines or CSV, one record each, with the field names of `FIELDS`.
+"""Write and read pulses as JSON lines or CSV, with the field names of `FIELDS`.
 
 Unknown and non-finite values are ``null`` in JSON and empty cells in CSV. In CSV, a quaternion
-is one cell of four numbers with spaces, and so are the other tags that a pulse may be of.
+is one cell of four numbers with spaces, and the list of other possible tags is one cell.
 """
 
 import csv
@@ -29,18 +29,18 @@ _POSE = {
 PULSE_FIELDS = tuple(name for name, one in _PULSE.items() if not one.defaulted)
 POSE_FIELDS = tuple(_POSE)
 BURST_FIELDS = ("burst_starts_ns", "burst_snrs_db")
-"""Fields of coded tags' bursts; a file without such tags has none."""
+"""Fields of coded tags' bursts; a file without such tags has no such columns."""
 _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields added last, for programs that read columns by place; older files have none."""
+"""Fields that older files lack; they are last, for programs that read columns by place."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
 
 def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
-    """One record by field names, ready for JSON."""
+    """Fields of a pulse by name, ready for JSON."""
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
     record: dict[str, Any] = {name: _known(getattr(pulse, name)) for name in PULSE_FIELDS}
     for name in POSE_FIELDS:
@@ -54,7 +54,7 @@ def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
 
 
 def inside_record(burst: BurstInside) -> dict[str, Any]:
-    """The content of a burst by field names, ready for JSON: a line of its own."""
+    """Fields of a burst's single pulses by name, for a JSON line of their own."""
     return {one.name: getattr(burst, one.name) for one in _INSIDE}
 
 
@@ -94,15 +94,15 @@ def _finite_or_nan(value: Any) -> Any:
 
 
 def _has(record: dict[str, Any], one: RecordField) -> bool:
-    """Whether a record has a field; optional fields may be unknown."""
+    """True if a record has a field; an optional field may be null."""
     return not one.defaulted or record.get(one.name) is not None
 
 
 class PulseWriter:
     """Writes pulses to a text stream line by line, so that a reader can follow.
 
-    `stream`: opened and closed by the caller (files with ``newline=""``). `bursts`: CSV gets
-    columns for the pulses of coded tags' bursts.
+    The caller opens and closes `stream` (files with ``newline=""``). With `bursts` a CSV gets
+    columns for the single pulses of coded tags' bursts.
     """
 
     def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:
@@ -110,13 +110,13 @@ class PulseWriter:
         self._names = FIELDS + BURST_FIELDS if bursts else FIELDS
         self._csv = csv.writer(stream, lineterminator="\n") if form == "csv" else None
         self.written = 0
-        """Pulses written."""
+        """Number of pulses written."""
         if self._csv is not None:
             self._csv.writerow(self._names)
             stream.flush()
 
     def write(self, pulse: Pulse | PulsePose) -> None:
-        """Write a pulse."""
+        """Write one pulse as a line."""
         if isinstance(pulse, Pulse):
             pulse = PulsePose(pulse=pulse, pose=None)
         record = pulse_record(pulse)
@@ -128,23 +128,24 @@ class PulseWriter:
         self.written += 1
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Write the content of a burst written before; in JSON lines only."""
+        """Write the single pulses of a burst written before; only in JSON lines."""
         self._stream.write(json.dumps(inside_record(burst), allow_nan=False) + "\n")
         self._stream.flush()
 
 
 def pulse_format(name: str) -> PulseFormat:
-    """Format by a file's name: CSV if it ends so, else JSON lines (also ``-``)."""
+    """Format by a file's name: CSV for ``.csv``, else JSON lines (also for ``-``)."""
     return "csv" if name.lower().endswith(".csv") else "jsonl"
 
 
 def read_pulse_file(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read pulses of `PulseWriter`; damaged lines are skipped.
+    """Read pulses that `PulseWriter` wrote; damaged lines are skipped.
 
-    They are reported to `warn`, else logged; an unfinished last line and a byte order mark are
-    dropped. Raises `FormatError` if it is unreadable, or most lines are no pulses.
+    `warn` receives a sentence about skipped lines; by default they are logged. An unfinished
+    last line and a byte order mark are ignored. Raises `FormatError` if the file is unreadable,
+    or most lines are no pulses.
     """
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
@@ -168,7 +169,7 @@ def read_pulse_file(
                 found.append(pulse_from_record(record))
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             damaged.add(number, error)
-    damaged.judge(len(found))
+    damaged.report(len(found))
     return tuple(_with_inside(item, insides) for item in found) if insides else tuple(found)
 
 
@@ -195,7 +196,7 @@ def _from_line(heading: str, line: str) -> dict[str, Any]:
 
 def _from_cells(names: list[str], cells: list[str]) -> dict[str, Any]:
     if len(cells) != len(names):
-        raise ValueError(f"{len(cells)} columns where {len(names)} belong")
+        raise ValueError(f"{len(cells)} columns instead of {len(names)}")
     record: dict[str, Any] = {}
     for name, cell in zip(names, cells, strict=True):
         kind = _KINDS.get(name)

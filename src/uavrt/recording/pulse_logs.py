@@ -1,4 +1,4 @@
-"""The text logs of a flight, kept in step with its database."""
+"""Write the text logs of a flight, in step with its database."""
 
 import contextlib
 import sqlite3
@@ -33,9 +33,9 @@ _MISSING = SELECT_PULSE_POSES.format(join="").replace(
 
 
 class PulseLogs:
-    """``pulse_pose_log.txt`` of the flight and of each tag.
+    """Text logs ``pulse_pose_log.txt`` of the flight and of each tag.
 
-    A failure here loses nothing: the logs are completed from the database once the disk allows.
+    A failure loses nothing: the logs are completed from the database when the disk allows it.
     """
 
     def __init__(self, layout: FlightLayout) -> None:
@@ -44,17 +44,17 @@ class PulseLogs:
         self._behind = False
         self._retry_at_s = 0.0
 
-    def take(self, pulse_poses: list[PulsePose]) -> None:
-        """Add what was just committed, for the next `write`."""
+    def add(self, pulse_poses: list[PulsePose]) -> None:
+        """Add pulses that were just committed, for the next `write`."""
         self._new.extend(pulse_poses)
 
     def compare_first(self) -> None:
-        """Let the next `write` append only what a log lacks, by tag and time."""
+        """Make the next `write` append only pulses that a log lacks, by tag and time."""
         self._behind = True
         self._retry_at_s = 0.0
 
     def write(self, database: sqlite3.Connection) -> None:
-        """Append what is new; if that fails, note that the logs are behind."""
+        """Append new pulses; after a failure the logs are completed later."""
         if not self._new and not self._behind:
             return
         if self._behind:
@@ -71,15 +71,15 @@ class PulseLogs:
             self._retry_at_s = monotonic_s() + _RETRY_S
 
     def sync(self) -> None:
-        """Sync the flight's log to the disk; a tag's own can be made again from it."""
+        """Sync the flight's log to the disk; a tag's own log can be made again from it."""
         with contextlib.suppress(OSError):
             PulsePoseLog(self._layout.pulse_pose_log).sync()
 
     def complete_from(self, database: sqlite3.Connection) -> None:
-        """Cut off unfinished lines and append what the database has and a log lacks.
+        """Cut off unfinished lines, and append pulses of the database that a log lacks.
 
-        Raises `OSError` if a log cannot be written, `sqlite3.Error` if the database cannot be
-        read.
+        Raises `OSError` if a log cannot be written, and `sqlite3.Error` if the database cannot
+        be read.
         """
         self._retry_at_s = monotonic_s() + _RETRY_S
         self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)
@@ -101,7 +101,7 @@ class PulseLogs:
     def _complete(
         self, database: sqlite3.Connection, log: PulsePoseLog, tag_id: int | None
     ) -> None:
-        """Append what a log lacks; of one tag, or of all.
+        """Append pulses that a log lacks: of one tag, or of all tags.
 
         SQLite compares in a temporary file, so memory does not grow with the flight.
         """
@@ -119,7 +119,7 @@ class PulseLogs:
 
 @contextlib.contextmanager
 def _keys_of(log: PulsePoseLog, database: sqlite3.Connection) -> Iterator[None]:
-    """Put tag and start of all lines of a log into the table `logged`."""
+    """Insert tag and start time of all lines of a log into the table `logged`."""
     database.execute(f"PRAGMA temp.cache_size=-{_TEMPORARY_KIB}")
     try:
         _fill(log, database)

@@ -34,7 +34,7 @@ _MISSING = "nan"
 
 
 def format_line(pulse_pose: PulsePose) -> str:
-    """Write one line, with its newline."""
+    """Format one pulse as a line with its newline."""
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
     fields = [
         str(pulse.tag_id),
@@ -61,13 +61,13 @@ def format_line(pulse_pose: PulsePose) -> str:
 
 
 class _Groups:
-    """Numbers each tag's groups: a new one begins where the index within it does not rise."""
+    """Numbers each tag's groups: one begins when a pulse's index in the group does not rise."""
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, int]] = {}
 
     def numbered(self, found: PulsePose) -> PulsePose:
-        """Give the next pulse of a log the number of its group."""
+        """Copy of a log's next pulse with the number of its group."""
         pulse = found.pulse
         count, before = self._last.get(pulse.tag_id, (0, 1 << 30))
         count += pulse.group_index <= before
@@ -76,16 +76,16 @@ class _Groups:
 
 
 def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
-    """Read one line, ours or the thesis's; raises `ValueError` otherwise.
+    """Parse one line, ours or the thesis's; raises `ValueError` for others.
 
-    Missing in the 23 columns: `group_sequence` is the caller's, the rate is 1, noise and
-    relative altitude are NaN.
+    The 23 columns lack some fields: `group_sequence` is given by the caller, the rate is 1,
+    noise and relative altitude are NaN.
     """
     fields = [field.strip() for field in line.split(",")]
     while len(fields) > COLUMNS and not fields[-1]:
         fields.pop()  # what writes tables fills rows, or ends them, with separators
     if len(fields) != COLUMNS:
-        raise ValueError(f"{len(fields)} columns where {COLUMNS} belong")
+        raise ValueError(f"{len(fields)} columns instead of {COLUMNS}")
     start_ns, end_ns = _time_ns(fields[2], fields[3]), _time_ns(fields[4], fields[5])
     if start_ns is None or end_ns is None:
         raise ValueError("the pulse has no time")
@@ -120,8 +120,8 @@ def read_pulse_pose_log(
 ) -> tuple[PulsePose, ...]:
     """Read a whole log; damaged lines and an unfinished last line are skipped.
 
-    Damaged lines are reported to `warn`, else logged. Raises `FormatError` if it is unreadable,
-    or most lines are no pulses.
+    `warn` receives a sentence about skipped lines; by default they are logged. Raises
+    `FormatError` if the log is unreadable, or most lines are no pulses.
     """
     with os_errors_as(FormatError, f"cannot read {os.fspath(path)}", "Check the name"):
         text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
@@ -141,18 +141,18 @@ def read_pulse_pose_log(
             if number == len(finished) and not rest.strip("\0"):
                 break
             damaged.add(number, error)
-    damaged.judge(len(found))
+    damaged.report(len(found))
     return tuple(found)
 
 
 class PulsePoseLog:
-    """Appends lines to a log as a whole or not at all; `path` is made with the first line."""
+    """Appends lines to the log at `path`, which is made with the first line."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def append(self, lines: Iterable[str]) -> None:
-        """Append lines, or cut the file back to what it was; raises `OSError` if that fails."""
+        """Append lines, or restore the file's former length; raises `OSError` if that fails."""
         content = memoryview("".join(lines).encode())
         file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         try:
@@ -167,7 +167,7 @@ class PulsePoseLog:
             os.close(file)
 
     def sync(self) -> None:
-        """Sync the log to the disk; raises `OSError` if that fails."""
+        """Sync the log to the disk; raises `OSError` on failure."""
         if self._path.exists():
             file = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
             try:
@@ -176,7 +176,7 @@ class PulsePoseLog:
                 os.close(file)
 
     def repair(self) -> None:
-        """Cut off an unfinished last line; raises `OSError` if that fails."""
+        """Cut off an unfinished last line; raises `OSError` on failure."""
         if not self._path.exists():
             return
         size = whole = self._path.stat().st_size
@@ -204,14 +204,14 @@ class PulsePoseLog:
                 yield key
 
     def pulse_poses(self) -> Iterator[PulsePose]:
-        """Yield every pulse with its group numbered; raises `OSError`."""
+        """Yield every pulse, with its group numbered; raises `OSError`."""
         groups = _Groups()
         for line in self._lines():
             with contextlib.suppress(ValueError, OverflowError):
                 yield groups.numbered(parse_line(line.decode("utf-8", "replace")))
 
     def _lines(self) -> Iterator[bytes]:
-        """Yield the lines; one that is too long comes in pieces that do not parse."""
+        """Yield the lines; an overlong one comes in pieces that cannot be parsed."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:

@@ -1,7 +1,7 @@
-"""Noise of a receiver at rest in past flights, to compare today's noise with.
+"""Noise level of a receiver at rest in past flights, as a reference for the present noise.
 
-A receiver reports no watts, and normal levels differ between drones. So the reference is the
-noise before take-off, with the motors off, or else a flight's lowest tenth.
+A receiver does not measure watts, and normal levels differ between drones. So the reference is
+the noise before take-off, with the motors off, or else a flight's lowest tenth.
 """
 
 import os
@@ -15,10 +15,10 @@ from uavrt.errors import FormatError
 from uavrt.recording.flight_reader import flight_database
 
 MOST_FLIGHTS = 10
-"""Newest flights used, since receivers and gains change over the years."""
+"""Number of newest flights used, since receivers and gains change over the years."""
 _IN_THE_AIR_M = 2.0
 _LEAST = 3
-"""Least number of values for a median."""
+"""Least number of noise values for a median."""
 _NOISE = (
     "SELECT tag_id, time_ns, noise_psd FROM search_reports WHERE noise_psd > 0 UNION ALL"
     " SELECT tag_id, start_time_ns, noise_psd FROM pulses WHERE noise_psd > 0"
@@ -26,9 +26,9 @@ _NOISE = (
 
 
 def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
-    """Noise of a flight's receiver at rest, median over its tags [dB re receiver units/Hz].
+    """Median noise of a flight's receiver at rest over its tags [dB re receiver units/Hz].
 
-    None for one that never flew, such as a bench check. Raises `FormatError` if there is no
+    None if the drone never took off, as in a bench check. Raises `FormatError` if there is no
     flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
@@ -46,13 +46,13 @@ def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
 
 
 def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
-    """Median over flights, the newest first [dB]; None without any value."""
+    """Median of the noise of flights, the newest first [dB]; None without any value."""
     known = list(islice((one for one in levels_db if one is not None), MOST_FLIGHTS))
     return median(known) if known else None
 
 
 def read_usual_noise_db(directories: Iterable[Path]) -> float | None:
-    """Read the usual noise of flights, the newest first; damaged ones are skipped."""
+    """Read the median noise of past flights, the newest first; damaged ones are skipped."""
     return usual_noise_db(_levels_db(directories))
 
 

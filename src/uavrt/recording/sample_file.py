@@ -1,4 +1,4 @@
-"""A SigMF recording being written: samples, and metadata that is valid at any moment."""
+"""Write a SigMF recording whose metadata is valid at any moment."""
 
 import json
 import os
@@ -21,17 +21,16 @@ _LEAST_MOVE_NS = 1_000_000
 
 
 class SampleFile:
-    """``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``.
+    """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``.
 
     The metadata describes all samples of the data file at any moment, also after a kill and,
-    with `sync`, after a power cut.
-
-    `base`: directory and NAME, without a suffix; the directory is made. `description`,
-    `hardware`: for the metadata. `full_scale`: input that is stored as 32 768, of 8 bits as
-    128. `sync`: wait for the disk with each change of the metadata. `bits`: of I and of Q: 16,
-    or 8 with `append_stored` alone. `settled_after_s`: time in which a new radio's clock is
-    corrected; then, or where its stretch ends before, the stretch is dated again. Raises
-    `FileExistsError` for another recording's file, `OSError` if the files cannot be made.
+    with `sync`, after a power cut. `base` is directory and NAME, without a suffix; the
+    directory is made. `description` and `hardware` are texts of the metadata.
+    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which
+    need `append_stored`. For `settled_after_s` a new radio's clock is corrected; then, or at
+    the end of its stretch, the stretch is dated again.
+    Raises `FileExistsError` for another recording's file, and `OSError` if the files cannot be
+    made.
     """
 
     def __init__(
@@ -54,7 +53,7 @@ class SampleFile:
         self.bytes_per_sample = BYTES_PER_SAMPLE * bits // 16
         self.written_samples = 0
         self.clipped_samples = 0
-        """Samples beyond full scale, stored at its edge."""
+        """Number of samples beyond full scale, stored at its limit."""
         self._sample_rate_hz = sample_rate_hz
         self._center_frequency_hz = center_frequency_hz
         self._description = description
@@ -62,7 +61,7 @@ class SampleFile:
         self._sync = sync
         self._settled_after_s = settled_after_s
         self._moved_ns: int | None = None
-        """Clock correction since the stretch began [ns]; None once it has settled."""
+        """Clock correction since the stretch began [ns]; None when the clock has settled."""
         self._stretches: list[Stretch] = []
         self._next_index: int | None = None
         if self.data_path.is_file():
@@ -74,21 +73,21 @@ class SampleFile:
 
     @property
     def gaps(self) -> int:
-        """Number of stretches after the first."""
+        """Number of gaps: stretches of samples after the first."""
         return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
-        """Write samples as a whole, or none; see `append_stored`."""
+        """Scale and write samples, completely or not at all; see `append_stored`."""
         self.append_stored(self._as_int16(samples), sample_index, time_ns)
 
     def append_stored(
         self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
     ) -> None:
-        """Write scaled and rounded samples as a whole, or none.
+        """Write scaled and rounded samples completely or not at all.
 
-        `values`: I and Q interleaved, contiguous. `sample_index`: of the first in the radio's
-        stream; a jump begins a stretch. `time_ns`: of the first [ns, UTC]. Raises `OSError` if
-        nothing was written; then the next samples begin a stretch.
+        `values` are I and Q interleaved, contiguous. `sample_index` and `time_ns` are the first
+        sample's number in the radio's stream and its time [ns, UTC]; a jump begins a new
+        stretch. Raises `OSError` if nothing was written; then the next samples begin a stretch.
         """
         count = values.size // 2
         try:
@@ -104,7 +103,7 @@ class SampleFile:
         self._next_index = sample_index + count
 
     def break_off(self) -> None:
-        """Let the next samples begin a stretch."""
+        """Make the next samples begin a new stretch."""
         self._next_index = None
 
     def close(self) -> None:
@@ -115,7 +114,7 @@ class SampleFile:
         os.close(self._file)
 
     def _follow_clock(self, sample_index: int, time_ns: int) -> None:
-        """Track the clock's correction, and date the stretch again once it has settled."""
+        """Track the clock's correction, and date the stretch again when it has settled."""
         last = self._stretches[-1]
         lasts_s = (sample_index - last.global_index) / self._sample_rate_hz
         self._moved_ns = time_ns - last.time_ns - ns_from_s(lasts_s)
@@ -123,7 +122,7 @@ class SampleFile:
             self._write_metadata()
 
     def _place_stretch(self) -> bool:
-        """Date the last stretch by its newest samples; whether it moved."""
+        """Date the last stretch by its newest samples; true if its start moved."""
         moved_ns, self._moved_ns = self._moved_ns, None
         if moved_ns is None or abs(moved_ns) < _LEAST_MOVE_NS:
             return False
@@ -132,7 +131,7 @@ class SampleFile:
         return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
-        """Note a stretch in the metadata before its samples are written.
+        """Write a stretch to the metadata before its samples are written.
 
         So a power cut leaves at worst a capture without samples, never samples at a wrong time.
         """
@@ -160,7 +159,7 @@ class SampleFile:
         write_atomically(self.metadata_path, text, sync=self._sync)
 
     def _as_int16(self, samples: NDArray[np.complex64]) -> NDArray[np.int16]:
-        """Interleaved I and Q, rounded; values beyond full scale are limited and counted."""
+        """Round I and Q to interleaved integers; values beyond full scale are clipped."""
         factor = np.float32(FULL_SCALE[16] / self.full_scale)
         scaled = np.ascontiguousarray(samples).view(np.float32) * factor
         np.rint(scaled, out=scaled)
@@ -183,7 +182,7 @@ class SampleFile:
 
 
 class FreeSpace:
-    """Whether a disk has more than its required free space [MB]; measured once a second."""
+    """Checks once a second that a disk has more than a required free space [MB]."""
 
     def __init__(self, directory: Path, minimum_free_mb: float) -> None:
         self._directory = directory
@@ -192,7 +191,7 @@ class FreeSpace:
         self._free = True
 
     def enough(self) -> bool:
-        """Whether there is room; False if it cannot be measured."""
+        """True if there is enough free space; false if it cannot be measured."""
         now_s = monotonic_s()
         if now_s - self._checked_s >= _FREE_SPACE_PERIOD_S:
             self._checked_s = now_s
@@ -200,7 +199,7 @@ class FreeSpace:
         return self._free
 
     def room_bytes(self) -> int:
-        """Bytes that may still be written; 0 if it cannot be measured."""
+        """Number of bytes that may still be written; 0 if it cannot be measured."""
         try:
             status = os.statvfs(self._directory)
         except OSError:

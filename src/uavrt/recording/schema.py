@@ -1,7 +1,7 @@
-"""Tables of ``flight.sqlite``, and records to rows and back.
+"""Define the tables of ``flight.sqlite``, and convert records to rows and back.
 
-Times are nanoseconds UTC, units stand in the names, absence is NULL. Columns that may be NaN
-allow NULL, as which SQLite stores it: one odd record must not block the others.
+Times are nanoseconds UTC, units are in the names, and missing values are NULL. Columns that may
+be NaN allow NULL, since SQLite stores NaN so, and one odd record must not block the others.
 """
 
 import json
@@ -31,9 +31,8 @@ from uavrt.messages import (
 from uavrt.recording.fields import SQL_TYPES, fields_of
 
 VERSION = 6
-"""Version of the tables. 2: pulses say what is in doubt about them; 3: searches are noted; 4:
-coded tags; 5: search reports hold the usable share of the time and the weakest tag; 6: beeping
-senders."""
+"""Version of the tables. 2: doubts about pulses; 3: searches; 4: coded tags; 5: usable share of
+time and weakest tag in search reports; 6: beeping senders."""
 SEARCH_REPORT_COLUMNS = (
     "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
 )
@@ -45,9 +44,9 @@ _COLUMNS = {
     "tags": {"gaps_s": "TEXT"},
     "search_reports": {"usable_share": "REAL", "weakest_enr_db": "REAL"},
 }
-"""Columns that older versions may lack, with their types."""
+"""SQL types of columns that flights of older versions may lack, by table."""
 PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
-"""The fields of a pulse; older flights read those they lack as NULL."""
+"""Column names of a pulse; in older flights, missing ones are read as NULL."""
 _BEEP_FIELDS = fields_of(Beep)
 BEEP_COLUMNS = ", ".join(one.name for one in _BEEP_FIELDS)
 _BEEP_TYPES = {one.name: SQL_TYPES[one.kind] for one in _BEEP_FIELDS}
@@ -61,7 +60,7 @@ PULSE_POSE_COLUMNS = ", ".join(
         *(f"pulse_poses.{name}" for name in POSE_COLUMNS.split(", ")),
     ]
 )
-"""Columns of pulses joined with their poses."""
+"""Column names of pulses joined with their poses."""
 _POSE_FIELDS = POSE_COLUMNS.split(", ")[:5]
 POSE_DECLARED = ", ".join(
     f"{name} {'INTEGER' if name in ('time_ns', 'extrapolated') else 'REAL'}"
@@ -124,7 +123,7 @@ Row = tuple[Any, ...]
 
 
 def insertion(table: str, columns: str) -> str:
-    """SQL that adds a row, or leaves the table alone when the row is there already."""
+    """SQL statement that adds a row, unless the row exists already."""
     marks = ", ".join("?" * len(columns.split(",")))
     return f"INSERT OR IGNORE INTO {table} ({columns}) VALUES ({marks})"
 
@@ -142,7 +141,7 @@ INSERT_COMMAND = insertion(
 INSERT_SEARCH_REPORT = insertion("search_reports", SEARCH_REPORT_COLUMNS)
 INSERT_BEEP = insertion("beeps", BEEP_COLUMNS)
 SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
-"""Columns for queries; the whole record is in ``detail``."""
+"""Column names for queries on search notes; the whole record is in ``detail``."""
 INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
 INSERT_DELIVERY = (
     "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
@@ -174,7 +173,7 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
 
 
 def read_older(database: sqlite3.Connection) -> None:
-    """Let a read-only connection read missing columns as NULL; raises `sqlite3.Error`."""
+    """Read columns that an older flight lacks as NULL; raises `sqlite3.Error`."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     for table, columns in _lacking(database).items() if version < VERSION else ():
         nulls = ", ".join(f"NULL AS {column}" for column in columns)
@@ -184,7 +183,7 @@ def read_older(database: sqlite3.Connection) -> None:
 
 
 def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
-    """Columns missing in its tables; none for a missing table."""
+    """Columns that a database's tables lack; empty for a missing table."""
     names = " UNION ALL ".join(
         f"SELECT '{table}', name FROM pragma_table_info('{table}', 'main')"
         for table in _COLUMNS
@@ -206,7 +205,7 @@ _REALS = [i for i, one in enumerate(_PULSE_FIELDS) if one.kind == "real" and not
 
 
 def pulse_row(pulse: Pulse) -> Row:
-    """Row of a pulse, in the order of `PULSE_COLUMNS`."""
+    """Values of a pulse in the order of `PULSE_COLUMNS`."""
     row = list(_pulse_values(pulse))
     for place, converted in _TO_SQL:
         row[place] = converted(row[place])
@@ -214,13 +213,13 @@ def pulse_row(pulse: Pulse) -> Row:
 
 
 def inside_row(burst: BurstInside) -> Row:
-    """Values for `UPDATE_INSIDE`."""
+    """Values of a burst's single pulses, for `UPDATE_INSIDE`."""
     to_sql = {one.name: one.to_sql for one in _PULSE_FIELDS if one.to_sql}
     return (*(to_sql[name](getattr(burst, name)) for name in _INSIDE), *burst.key)
 
 
 def pulse_from_row(row: Row) -> Pulse:
-    """Pulse of a row; raises `ValueError` or `TypeError` if it is none.
+    """Make a pulse from a row; raises `ValueError` or `TypeError` for wrong values.
 
     NULL in a real column is NaN; a status of a newer version is kept.
     """
@@ -240,7 +239,7 @@ def pulse_from_row(row: Row) -> Pulse:
 
 
 def pose_row(pose: Pose | None) -> Row:
-    """Row of a pose, in the order of `POSE_COLUMNS`; all NULL when there is none."""
+    """Values of a pose in the order of `POSE_COLUMNS`; all NULL without a pose."""
     if pose is None:
         return (None,) * 10
     return (
@@ -255,7 +254,7 @@ def pose_row(pose: Pose | None) -> Row:
 
 
 def pose_from_row(row: Row) -> Pose | None:
-    """Pose of a row, None for a row of NULL; raises `ValueError` where it is none."""
+    """Make a pose from a row, None if all are NULL; raises `ValueError` for wrong values."""
     if row[0] is None:
         return None
     time_ns, *numbers, extrapolated = row
@@ -266,13 +265,13 @@ def pose_from_row(row: Row) -> Pose | None:
 
 
 def pulse_pose_from_row(row: Row) -> PulsePose:
-    """Pulse with pose of a row of `PULSE_POSE_COLUMNS`."""
+    """Make a pulse with pose from a row of `PULSE_POSE_COLUMNS`."""
     width = len(_PULSE_TYPES)
     return PulsePose(pulse=pulse_from_row(row[:width]), pose=pose_from_row(row[width:]))
 
 
 def tag_row(tag: Tag) -> Row:
-    """Row of a tag, in the order of `TAG_COLUMNS`."""
+    """Values of a tag in the order of `TAG_COLUMNS`."""
     return (
         tag.tag_id,
         tag.name,
@@ -288,11 +287,11 @@ def tag_row(tag: Tag) -> Row:
 
 
 _numbers = lru_cache(maxsize=256)(json.loads)
-"""Parse numbers, cached: tags of thousands of flights have the same few intervals."""
+"""Parse a JSON list of numbers, cached: tags of thousands of flights share few intervals."""
 
 
 def tag_from_row(row: Row) -> Tag:
-    """Tag of a row; raises `ValueError` or `TypeError` where it is none."""
+    """Make a tag from a row; raises `ValueError` or `TypeError` for wrong values."""
     record = dict(zip(TAG_COLUMNS.split(", "), row, strict=True))
     record["pulse_intervals_s"] = _numbers(record["pulse_intervals_s"])
     record["gaps_s"] = _numbers(record["gaps_s"] or "[]")
@@ -307,11 +306,11 @@ def tag_from_row(row: Row) -> Tag:
 
 
 search_report_row = attrgetter(*SEARCH_REPORT_COLUMNS.split(", "))
-"""Row of a search without a detection, in the order of `SEARCH_REPORT_COLUMNS`."""
+"""Values of a search report in the order of `SEARCH_REPORT_COLUMNS`."""
 
 
 def search_report_from_row(row: Row) -> SearchReport:
-    """Report of a row, NULL as NaN; raises `ValueError` if it is none."""
+    """Make a search report from a row, NULL as NaN; raises `ValueError`."""
     record = dict(zip(SEARCH_REPORT_COLUMNS.split(", "), row, strict=True))
     for name in ("frequency_hz", "noise_psd", "best_score"):
         record[name] = _number(record[name])
@@ -319,13 +318,13 @@ def search_report_from_row(row: Row) -> SearchReport:
 
 
 def beep_row(beep: Beep) -> Row:
-    """Row of a beeping sender, in the order of `BEEP_COLUMNS`."""
+    """Values of a beeping sender in the order of `BEEP_COLUMNS`."""
     values = ((one, getattr(beep, one.name)) for one in _BEEP_FIELDS)
     return tuple(one.to_sql(value) if one.to_sql else value for one, value in values)
 
 
 def beep_from_row(row: Row) -> Beep:
-    """Beeping sender of a row; raises `ValueError` if it is none."""
+    """Make a beeping sender's record from a row; raises `ValueError` for wrong values."""
     values = {
         one.name: one.from_sql(cell) if one.from_sql else cell
         for one, cell in zip(_BEEP_FIELDS, row, strict=True)
@@ -334,31 +333,31 @@ def beep_from_row(row: Row) -> Beep:
 
 
 def search_note_row(note: SearchNote) -> Row:
-    """Row of a note of a search."""
+    """Values of a search note in the order of its columns."""
     detail = msgspec.json.encode(note).decode()
     return (note.time_ns, note.order_id, note.event, note.text, note.reason, detail)
 
 
 def search_note_from_row(row: Row) -> SearchNote:
-    """Note of a row."""
+    """Make a search note from a row."""
     return msgspec.json.decode(row[5], type=SearchNote)
 
 
 def health_row(health: Health) -> Row:
-    """Row of a health record."""
+    """Values of a health record in the order of its columns."""
     counters = json.dumps(health.counters)
     return (health.time_ns, health.process, health.status, int(health.ok), counters)
 
 
 def health_from_row(row: Row) -> Health:
-    """Health record of a row; raises `ValueError` or `TypeError` if it is none."""
+    """Make a health record from a row; raises `ValueError` or `TypeError`."""
     time_ns, process, status, ok, counters = row
     fields = {"process": process, "time_ns": time_ns, "status": status, "ok": bool(ok)}
     return msgspec.convert(fields | {"counters": json.loads(counters)}, Health)
 
 
 def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> Row:
-    """Row of a command and its answer."""
+    """Values of a command and its answer, in the order of the columns."""
     detail = {
         "tag_id": None if command.tag is None else command.tag.tag_id,
         "center_frequency_hz": command.center_frequency_hz,

@@ -1,8 +1,8 @@
-"""SigMF metadata of a recording with gaps.
+"""Make SigMF metadata for a recording with gaps.
 
-Each stretch without a gap is one entry of ``captures`` with its time and, in
-``core:global_index``, its place in the radio's stream; each gap also is an annotation, so that
-a person sees it in a viewer (SigMF 1.2, https://sigmf.org).
+Each stretch of samples without a gap is one entry of ``captures`` with its time and, in
+``core:global_index``, its place in the radio's stream. Each gap is also an annotation, which
+viewers display (SigMF 1.2, https://sigmf.org).
 """
 
 import itertools
@@ -14,18 +14,18 @@ from uavrt.clock import iso_utc
 from uavrt.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 
 FULL_SCALE = {8: 128.0, 16: 32_768.0}
-"""Full scale by bits: an input of 1.0 is stored as one less; readers divide by this."""
+"""Stored value of an input of 1.0, by bits per value; readers divide by it."""
 _DATATYPES = {8: "ci8", 16: "ci16_le"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """Samples without a gap."""
+    """Position and time of a stretch of samples without a gap."""
 
     sample_start: int
-    """Index of the first sample in the file."""
+    """Index of the stretch's first sample in the file."""
     global_index: int
-    """Index of that sample in the radio's stream, lost ones counted."""
+    """Index of the stretch's first sample in the radio's stream, lost ones counted."""
     time_ns: int
 
 
@@ -39,7 +39,7 @@ def sigmf_metadata(
     full_scale: float = 1.0,
     bits: int = 16,
 ) -> dict[str, Any]:
-    """Make the metadata of a ``ci16_le`` recording, or of a ``ci8`` one of 8 bits."""
+    """Make the metadata of a ``ci16_le`` recording, or with 8 bits of a ``ci8`` one."""
     annotations = []
     for before, after in itertools.pairwise(stretches):
         recorded = after.sample_start - before.sample_start
@@ -80,7 +80,7 @@ def sigmf_metadata(
 
 
 def _own_scale(full_scale: float) -> dict[str, Any]:
-    """Entries of the global part for another scale than the usual one."""
+    """Metadata entries for a full scale other than the usual one."""
     if full_scale == 1.0:
         return {}
     extension = {"name": "uavrt", "version": "1.0.0", "optional": True}

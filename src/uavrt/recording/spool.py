@@ -1,12 +1,11 @@
-"""Recorded pulses that have not reached the ground; the flight's database is the spool.
+"""Query the flight in progress: received tags, and pulses that have not reached the ground.
 
-A delivery is a row linked to its pulse, and a pulse without one is read from the recorded
-pulses.
+A delivery is a row linked to its pulse.
 """
 
 import sqlite3
-from collections.abc import Collection
-from contextlib import closing
+from collections.abc import Collection, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from uavrt.errors import RecordingError
@@ -14,6 +13,8 @@ from uavrt.messages import Delivered, PulsePose
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
 
+_MADE = "SELECT COUNT(*) FROM sqlite_master WHERE name = 'pulses'"
+_HEARD = "SELECT tag_id, COUNT(*), MAX(end_time_ns) FROM pulses WHERE confirmed GROUP BY tag_id"
 _UNDELIVERED = (
     f"SELECT {schema.PULSE_POSE_COLUMNS} FROM pulses JOIN pulse_poses USING (pulse_id) "
     "WHERE NOT EXISTS (SELECT 1 FROM deliveries"
@@ -22,39 +23,53 @@ _UNDELIVERED = (
 )
 
 
+def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
+    """Number of confirmed pulses of each tag in the flight, and the end of the newest [ns].
+
+    Tags without pulses are left out. Raises `RecordingError` if the database cannot be read.
+    """
+    with _opened(directory) as database:
+        # The recorder makes the tables after the file: there are no pulses yet.
+        made = database.execute(_MADE).fetchone()[0]
+        rows = database.execute(_HEARD).fetchall() if made else []
+        return {int(tag_id): (int(count), int(end_ns)) for tag_id, count, end_ns in rows}
+
+
 def undelivered(
     directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
 ) -> tuple[list[PulsePose], bool]:
-    """Get recorded pulses that a store lacks, the newest first.
+    """Recorded pulses that a ground station lacks, the newest first, and whether there are
+    more.
 
-    `directory`: the flight. `store`: number of the store; 0: pulses no station was sent or has:
-    after a restart, plain stations get no old pulses. `limit`: how many at most. `without`: tag
-    id and start time of pulses to leave out. Returns the pulses, and whether there are more.
-    Raises `RecordingError` if the database cannot be read.
+    `store` is the station's number. With 0, only pulses sent to no station at all are returned:
+    plain stations get no old pulses after a restart. Pulses in `without` (tag id, start time)
+    are excluded. Raises `RecordingError` if the database cannot be read.
     """
-    path = FlightLayout(Path(directory)).database
-    try:
-        uri = f"{path.absolute().as_uri()}?mode=ro"
-        with closing(sqlite3.connect(uri, uri=True, timeout=0.05)) as database:
-            schema.read_older(database)
-            rows = database.execute(_UNDELIVERED, (store, limit + len(without) + 1)).fetchall()
+    with _opened(directory) as database:
+        schema.read_older(database)
+        rows = database.execute(_UNDELIVERED, (store, limit + len(without) + 1)).fetchall()
         wanted = (row for row in rows if (row[0], row[2]) not in without)
         found = list(map(schema.pulse_pose_from_row, wanted))
-    except (sqlite3.Error, ValueError, TypeError) as error:
-        raise RecordingError(f"{path} cannot be read: {error}") from error
     return found[:limit], len(found) > limit
 
 
 def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
-    """Note deliveries in a closed flight; raises `RecordingError` if it cannot be written."""
-    path = FlightLayout(Path(directory)).database
+    """Record deliveries in a closed flight; raises `RecordingError` if not writable."""
     rows = [
         (delivered.store, delivered.time_ns, tag_id, start_time_ns)
         for tag_id, start_time_ns in delivered.pulses
     ]
+    with _opened(directory, writable=True) as database, database:
+        database.executemany(schema.INSERT_DELIVERY, rows)
+
+
+@contextmanager
+def _opened(directory: str | Path, *, writable: bool = False) -> Iterator[sqlite3.Connection]:
+    path = FlightLayout(Path(directory)).database
+    mode, timeout_s, done = ("rw", 0.5, "written") if writable else ("ro", 0.05, "read")
     try:
-        uri = f"{path.absolute().as_uri()}?mode=rw"
-        with closing(sqlite3.connect(uri, uri=True, timeout=0.5)) as database, database:
-            database.executemany(schema.INSERT_DELIVERY, rows)
-    except sqlite3.Error as error:
-        raise RecordingError(f"{path} cannot be written: {error}") from error
+        uri = f"{path.absolute().as_uri()}?mode={mode}"
+        with closing(sqlite3.connect(uri, uri=True, timeout=timeout_s)) as database:
+            yield database
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise RecordingError(f"{path} cannot be {done}: {error}") from error

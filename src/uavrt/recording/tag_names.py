@@ -1,7 +1,7 @@
-"""Names of a flight's tags, from the ground station's list.
+"""Names of a flight's tags, taken from the ground station's tag list.
 
-The thesis's tag message has no name, so a drone's flight knows tags by id and frequency. The
-ground station keeps the operator's list in its directory, ``tags.toml``.
+The thesis's tag message has no name, so a drone's flight records tags by id and frequency. The
+ground station keeps the operator's list, ``tags.toml``, in its directory.
 """
 
 import os
@@ -14,11 +14,12 @@ from uavrt.errors import UavrtError
 from uavrt.messages import Tag
 
 _SAME_HZ = 500.0
-"""Largest difference of frequencies [Hz]; beyond it the id now belongs to another tag."""
+"""Largest difference of recorded and listed frequency [Hz]; the id is another tag's beyond
+it."""
 
 
 def tags_with_names(tags: Iterable[Tag], directory: Path) -> tuple[Tag, ...]:
-    """Name unnamed tags by the ground station's list in the flight's folder, or ``ground``."""
+    """Name unnamed tags by the tag list in the flight's folder, or in ``ground``."""
     listed = tuple(tags)
     if all(tag.name for tag in listed):
         return listed
@@ -34,7 +35,7 @@ def _named(tag: Tag, known: dict[int, Tag]) -> Tag:
 
 
 def _near(directory: Path) -> tuple[Tag, ...]:
-    """The ground station's list; empty without a readable one."""
+    """Tag list of the ground station; empty if missing or unreadable."""
     above = os.path.dirname(os.path.abspath(directory))
     for path in (f"{above}/tags.toml", f"{above}/ground/tags.toml"):
         if os.path.isfile(path):

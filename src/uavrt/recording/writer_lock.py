@@ -1,4 +1,4 @@
-"""One writer per flight: a lock that the kernel releases however the writer ends."""
+"""Allow one writer per flight, by a lock that the kernel releases when a process ends."""
 
 import contextlib
 import fcntl
@@ -10,17 +10,16 @@ POLL_S = 0.05
 
 
 class WriterLock:
-    """A lock on a flight's directory; it leaves no file.
+    """Lock on a flight's directory, without a lock file.
 
-    The recorder of a killed supervisor may still be writing its last pulses when the next one
-    begins, which then waits here.
+    A new supervisor waits here while the recorder of a killed one still writes its last pulses.
     """
 
     def __init__(self) -> None:
         self._descriptor: int | None = None
 
     def take(self, directory: Path, wait_s: float) -> bool:
-        """Take the lock, waiting if necessary; False if another process still has it."""
+        """Take the lock, waiting if necessary; false if another process keeps it."""
         self.release()
         deadline_s = time.monotonic() + wait_s
         with contextlib.suppress(OSError):
@@ -38,7 +37,7 @@ class WriterLock:
         return False
 
     def release(self) -> None:
-        """Release it for another process."""
+        """Release the lock for another process."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None

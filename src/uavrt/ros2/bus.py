@@ -9,7 +9,7 @@ from uavrt.ros2.parameter_messages import ServiceMessage
 
 
 class Bus(Protocol):
-    """Sends messages and holds those that have arrived."""
+    """Sends ROS 2 messages and keeps received ones for the gateway."""
 
     inbox: Inbox
 
@@ -17,7 +17,7 @@ class Bus(Protocol):
         """Send a message."""
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Keep one publishing node for each of these detectors, and no others."""
+        """Keep one publishing node for each of these tags' detectors, and no others."""
 
     def reply(self, message: ServiceMessage) -> None:
         """Send the reply of a service."""

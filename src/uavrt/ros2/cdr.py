@@ -58,7 +58,7 @@ def _encoder(message: type[RosMessage]) -> Encoder:
 
 
 def _make_encoder(message: type[RosMessage]) -> Encoder:
-    """Compile a message: neighbouring numbers become one `struct`, nested ones included.
+    """Compile the encoder of a message: neighbouring numbers become one `struct`, nested too.
 
     Ten times faster than field by field; at 100 tags that is 1 % of a core.
     """
@@ -85,7 +85,7 @@ def _make_encoder(message: type[RosMessage]) -> Encoder:
 
 
 def _flat_fields(message: type[RosMessage], prefix: str = "") -> Iterator[tuple[str, Field]]:
-    """Yield the path and the field of everything that is not itself a nested message."""
+    """Yield path and field of every field that is no nested message, at any depth."""
     for entry in fields_of(message):
         path = prefix + entry.name
         if entry.message is not None and not entry.sequence:
@@ -95,7 +95,7 @@ def _flat_fields(message: type[RosMessage], prefix: str = "") -> Iterator[tuple[
 
 
 def _numbers_encoder(codes: Sequence[str], paths: Sequence[str]) -> Encoder:
-    """Write a run of numbers, whose places depend on where the run begins."""
+    """Make the encoder of neighbouring numbers, whose padding depends on the first offset."""
     packs = [struct.Struct("<" + _aligned(codes, phase)).pack for phase in range(8)]
     get = attrgetter(*paths)
     if len(paths) == 1:
@@ -104,7 +104,7 @@ def _numbers_encoder(codes: Sequence[str], paths: Sequence[str]) -> Encoder:
 
 
 def _aligned(codes: Sequence[str], phase: int) -> str:
-    """Put padding between numbers, for a run that begins at `phase` of eight bytes."""
+    """Format of neighbouring numbers with padding, for an offset of `phase` modulo 8 bytes."""
     text, at = "", phase
     for code in codes:
         size = struct.calcsize(code)
@@ -134,7 +134,7 @@ def _field_encoder(path: str, entry: Field) -> Encoder:
 
 
 def _plain_sequence_encoder(get: Callable[[Any], Any], primitive: str) -> Encoder:
-    """Write numbers or strings behind their count."""
+    """Make the encoder of a sequence of numbers or strings, with its count."""
 
     def write(data: bytearray, value: Any) -> None:
         items = get(value)
@@ -183,7 +183,7 @@ def decode(message: type[M], data: bytes) -> M:
 
 
 class _Reader:
-    """Reads from one buffer, from front to back."""
+    """Reads numbers and strings from a buffer, from front to back."""
 
     def __init__(self, data: bytes, order: str) -> None:
         self._data = data
@@ -218,7 +218,7 @@ class _Reader:
         return value
 
     def _count(self) -> int:
-        """A length; every element takes a byte at least, so it cannot exceed what is left."""
+        """Read a length; elements take a byte or more, so the remaining bytes bound it."""
         count = int(self._number("I"))
         if count > len(self._data) - self._at:
             raise struct.error(f"a length of {count} with {len(self._data) - self._at} left")

@@ -1,4 +1,4 @@
-"""Our records to ROS 2 messages and back, each conversion in one place.
+"""Convert uavrt's records to ROS 2 messages and back, each in one place.
 
 Units differ only here: ROS 2 pulses are in megahertz, tags in hertz and milliseconds.
 """
@@ -34,7 +34,7 @@ UNKNOWN_POSE = RosPose(
 
 
 def time_to_ros(time_ns: int | None) -> Time:
-    """Write a time; None becomes zero.
+    """Convert a time [ns, UTC]; None becomes zero.
 
     >>> time_to_ros(1_700_205_419_019_828_320)
     Time(sec=1700205419, nanosec=19828320)
@@ -44,12 +44,12 @@ def time_to_ros(time_ns: int | None) -> Time:
 
 
 def time_from_ros(time: Time) -> int | None:
-    """Read a time [ns, UTC]; zero becomes None."""
+    """Convert a time to ns, UTC; zero becomes None."""
     return time.sec * NANOSECONDS_PER_SECOND + time.nanosec or None
 
 
 def pose_to_ros(pose: Pose | None) -> RosPose:
-    """Write a pose: x latitude, y longitude, z above mean sea level; all NaN for None."""
+    """Convert a pose: x latitude, y longitude, z above mean sea level; all NaN for None."""
     if pose is None:
         return UNKNOWN_POSE
     w, x, y, z = pose.quaternion_wxyz
@@ -60,13 +60,13 @@ def pose_to_ros(pose: Pose | None) -> RosPose:
 
 
 def pose_stamped(pose: Pose) -> PoseStamped:
-    """Write an antenna pose with its own time, not that of sending."""
+    """Convert an antenna pose, with its own time, not that of sending."""
     header = Header(stamp=time_to_ros(pose.time_ns), frame_id="antenna_pose")
     return PoseStamped(header=header, pose=pose_to_ros(pose))
 
 
 def pulse_to_ros(pulse: Pulse, detector_dir: str) -> RosPulse:
-    """Write a pulse; `detector_dir` is the tag's directory in the flight."""
+    """Convert a pulse; `detector_dir` is the tag's directory in the flight."""
     return RosPulse(
         detector_dir=detector_dir,
         tag_id=pulse.tag_id,
@@ -85,7 +85,7 @@ def pulse_to_ros(pulse: Pulse, detector_dir: str) -> RosPulse:
 
 
 def burst_to_ros(pulse: Pulse, detector_dir: str) -> RosBurst:
-    """Write a coded tag's burst with the pulses inside."""
+    """Convert a coded tag's burst, with its pulses."""
     return RosBurst(
         pulse=pulse_to_ros(pulse, detector_dir),
         starts=tuple(map(time_to_ros, pulse.burst_starts_ns)),
@@ -95,7 +95,7 @@ def burst_to_ros(pulse: Pulse, detector_dir: str) -> RosBurst:
 
 
 def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
-    """Read a pulse that a detector on another computer has published.
+    """Convert a pulse that a detector on another computer has published.
 
     Fields missing in the message: a noise power of 0 (unknown, so bearings do without it), the
     first rate, and `sequence` as the number of the group. Raises `FormatError` for an
@@ -141,13 +141,13 @@ def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
 
 
 def heartbeat(tag_id: int, time_ns: int, detector_dir: str) -> RosPulse:
-    """Write a detector's sign of life: a pulse with frequency 0."""
+    """Make the heartbeat of a tag's detector: a pulse with frequency 0."""
     stamp = time_to_ros(time_ns)
     return RosPulse(detector_dir=detector_dir, tag_id=tag_id, start_time=stamp, end_time=stamp)
 
 
 def pulse_pose_to_ros(pulse_pose: PulsePose, detector_dir: str) -> RosPulsePose:
-    """Write a pulse with its pose."""
+    """Convert a pulse with its pose."""
     return RosPulsePose(
         pulse=pulse_to_ros(pulse_pose.pulse, detector_dir),
         antenna_pose=pose_to_ros(pulse_pose.pose),
@@ -155,7 +155,7 @@ def pulse_pose_to_ros(pulse_pose: PulsePose, detector_dir: str) -> RosPulsePose:
 
 
 def tag_to_ros(tag: Tag) -> RosTag:
-    """Write a tag; a single rate has 0 as its second interval."""
+    """Convert a tag; a single rate has 0 as its second interval."""
     intervals_s = (*tag.pulse_intervals_s, 0.0)
     return RosTag(
         tag_id=tag.tag_id,
@@ -171,12 +171,12 @@ def tag_to_ros(tag: Tag) -> RosTag:
 
 
 def coded_tag_to_ros(tag: Tag) -> RosCodedTag:
-    """Write a coded tag."""
+    """Convert a coded tag."""
     return RosCodedTag(tag=tag_to_ros(tag), gaps=tuple(map(_ms, tag.gaps_s)))
 
 
 def _ms(seconds: float) -> float:
-    """Milliseconds, exact to a nanosecond: 0.0201 s is 20.1 ms."""
+    """Convert seconds to milliseconds, exact to a nanosecond: 0.0201 s is 20.1 ms."""
     return ns_from_s(seconds) / 1e6
 
 
@@ -194,7 +194,7 @@ _QUANTITIES: dict[str, Quantity] = {
 
 
 def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
-    """Read a tag by the rules of a tag file; raises `FormatError`, naming the field."""
+    """Convert a tag by the rules of a tag file; raises `FormatError`, naming the field."""
     gaps = None
     if isinstance(message, RosCodedTag):
         gaps = tuple(Entry(number=gap, label="gaps", line=0) for gap in message.gaps)
@@ -220,5 +220,5 @@ def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
 
 
 def key_values(values: Mapping[str, object]) -> tuple[KeyValue, ...]:
-    """Write named values as text, as diagnostics have them."""
+    """Convert named values to text, as diagnostics have them."""
     return tuple(KeyValue(key=key, value=str(value)) for key, value in values.items())

@@ -75,12 +75,12 @@ SAMPLE_MB = 4
 """Longest message that DDS assembles [MB], a multiple of any topic's. It drops each part of a
 longer one as it comes and writes a warning."""
 READER_DEPTH = 4000
-"""Most messages of a topic that wait in its reader: 0.4 s at 10 000 a second. Further ones
+"""Most messages of a topic that wait in its reader: 0.4 s at 10 000 a second. Newer ones
 replace the oldest."""
 PASSES = 3
 """Most passes over all readers in one round, while messages wait for the next pass."""
 ANNOUNCED_LIMIT = 2000
-"""Most participants and publishers taken in at once."""
+"""Most announced participants and publishers read at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
 """Pause of the reading thread after each round [s]; a flood is read in large portions."""
@@ -89,16 +89,16 @@ ORDER_OF_USE = {
     "store_coded_tag_information": 0,
     "release_tag_information": 1,
 }
-"""Order of messages of the same nanosecond: tags first, and their release before a start."""
+"""Order of messages with the same time stamp: tags first, then their release, then a start."""
 GOODBYE_S = 0.2
-"""Wait for the acknowledgement of the empty list of nodes [s]; then they vanish at once."""
+"""Wait for the acknowledgement of the empty list of nodes [s]; other nodes then drop them."""
 
 
 Reach = Literal["interfaces", "computer", "off"]
 
 
 class Sample:
-    """The bytes of a message, as the binding hands them over."""
+    """The bytes of a message, as the DDS binding returns them."""
 
     sample_info: Any
 
@@ -110,7 +110,7 @@ _DDS_TYPES: dict[type, Any] = {}
 
 
 def dds_type(message: type[RosMessage]) -> Any:
-    """Get the DDS type of a message; its instances carry bytes that are ready to be sent."""
+    """DDS type of a message; its instances have bytes ready to be sent."""
     if message not in _DDS_TYPES:
         _DDS_TYPES[message] = _make_dds_type(message)
     return _DDS_TYPES[message]
@@ -169,7 +169,7 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 
 
 def reach_of(environment: Mapping[str, str]) -> Reach:
-    """Reach that ROS 2's own variables allow, at most that of `interfaces`.
+    """Network reach that ROS 2's variables allow, at most that of `interfaces`.
 
     ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
     `ConfigError` if the latter is invalid.
@@ -195,7 +195,7 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
 def cyclone_config(
     interfaces: tuple[str, ...], reach: Reach = "interfaces", warnings_path: str = ""
 ) -> str:
-    """Write Cyclone DDS's configuration: the loopback, and these interfaces.
+    """Make Cyclone DDS's configuration: the loopback, and these interfaces.
 
     The loopback is always in it, and named as a peer, so that ROS 2 bound to it is found. Only
     participants with the same tag find each other.
@@ -221,14 +221,14 @@ def cyclone_config(
 
 
 def _reply_name(message: type[RosMessage]) -> str:
-    """Name of the writer of a service's replies among ours."""
+    """Key of the writer of a service's replies among this participant's writers."""
     return f"reply {message.ros_name}"
 
 
 def _qos(
     *, depth: int, message: type[RosMessage], keep: bool = False, mark: str = ""
 ) -> list[Any]:
-    """Get the quality of service of ROS 2: reliable, the last `depth` messages."""
+    """ROS 2's quality of service: reliable, the last `depth` messages."""
     policies = [
         Policy.Reliability.Reliable(duration(milliseconds=WRITE_TIMEOUT_MS)),
         Policy.Durability.TransientLocal if keep else Policy.Durability.Volatile,
@@ -258,20 +258,20 @@ def _writer_qos(
 
 
 def _user_data(qos: Any) -> bytes:
-    """User data of a participant; empty without any."""
+    """User data that a participant announces; empty without any."""
     if qos is None or Policy.Userdata not in qos:
         return b""
     return bytes(qos[Policy.Userdata].data)
 
 
 class Participant:
-    """Our nodes and their endpoints on the network.
+    """The drone's ROS 2 nodes and their endpoints on the network.
 
     `settings`: interfaces, domain, namespace, size of identifiers. `environment`:
-    ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI, which
-    replaces our configuration of the network. `nodes`: of `uavrt.ros2.graph.NODES`; one of them
-    for a detector on another computer. `names`: replace the table's names of nodes. Raises
-    `ConfigError` for an invalid variable, `LinkError` if the network cannot be used so.
+    ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI replaces
+    `cyclone_config`. `nodes`: of `uavrt.ros2.graph.NODES`; one of them for a detector on
+    another computer. `names`: replacements of the table's node names. Raises `ConfigError` for
+    an invalid variable, `LinkError` if the network cannot be used so.
     """
 
     def __init__(
@@ -285,16 +285,16 @@ class Participant:
         self._names = names or {}
         self.domain_id = domain_id_of(settings, environment)
         self.overruns = 0
-        """Times that a reader was full; messages may then be missing from the counts."""
+        """Number of times that a reader was full; messages may be missing from the counts."""
         self.faults = 0
-        """Messages and announcements of others that could not be read."""
+        """Number of messages and announcements of others that could not be read."""
         self.unsent = 0
-        """Messages that could not be written."""
+        """Number of messages that could not be written."""
         self._gid_bytes = settings.gid_bytes
         self.inbox = Inbox(
             time.monotonic_ns, closed=() if settings.accept_pulses else ("pulse",)
         )
-        """Messages that have arrived."""
+        """Received messages that wait for the gateway."""
         self._in_order: SendingOrder[tuple[RosTopic, Sample]] = SendingOrder(
             lambda one: (one[1].sample_info.source_timestamp, ORDER_OF_USE.get(one[0].name, 2))
         )
@@ -333,7 +333,7 @@ class Participant:
         self._writers: dict[tuple[str, str], Any] = {}
         self._readers: list[tuple[str, RosTopic, Any]] = []
         self._read_topics: dict[str, RosTopic] = {}
-        """By their DDS names."""
+        """Topics that are read, by their DDS names."""
         self._waitset = WaitSet(self._participant)
         self._participants = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
@@ -362,7 +362,7 @@ class Participant:
     # ------------------------------------------------------------------ sending
 
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
-        """Send a message; `node` where several publish the topic (``rosout``, ``pulse``)."""
+        """Send a message; `node`: its node, if several publish (``rosout``, ``pulse``)."""
         writer = self._writers.get((node or "", topic))
         self._write(writer or self._writers[TOPICS[topic].publisher, topic], message)
 
@@ -382,7 +382,7 @@ class Participant:
     # ---------------------------------------------------------------- receiving
 
     def _read(self) -> None:
-        """Read samples until the end; the only reader (a thread of its own)."""
+        """Read messages until the end, in the only thread that reads."""
         while not self._closing.is_set():
             try:
                 if self._in_order or self._waitset.wait(duration(milliseconds=200)):
@@ -394,7 +394,7 @@ class Participant:
                 time.sleep(READ_PAUSE_S)
 
     def _read_once(self) -> None:
-        """Take the messages of all readers, also those arriving meanwhile, in sending order.
+        """Take the messages of all readers, with those arriving meanwhile, in sending order.
 
         Otherwise the release of a hundred tags could overtake some of the tags, and a start
         command the release.
@@ -416,7 +416,7 @@ class Participant:
                 break
 
     def _count_too_long(self) -> None:
-        """Count what DDS itself has dropped."""
+        """Count messages that DDS itself has dropped as too long."""
         for name in self._warnings.too_long() if self._warnings is not None else ():
             if name in self._read_topics:
                 self.inbox.drop(self._read_topics[name])
@@ -434,7 +434,7 @@ class Participant:
         return found
 
     def _learn_senders(self) -> None:
-        """Take in publishers; DDS reports one before its messages."""
+        """Register announced publishers; DDS reports one before its messages."""
         for participant in self._announced(self._participants):
             data = _user_data(participant.qos)
             self._senders.add_participant(str(participant.key), data)
@@ -443,7 +443,7 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield the announcements of others one by one: the binding fails on some.
+        """Yield announcements of others one by one, since the binding fails on some.
 
         A name that is not UTF-8 raises, and everything taken together with it is lost.
         """
@@ -459,12 +459,12 @@ class Participant:
                 yield samples[0]
 
     def _note_fault(self, error: Exception) -> None:
-        """Count a fault that must not end the reading; log it rarely."""
+        """Count and rarely log a fault that must not end the reading."""
         self.faults += 1
         log.seldom(self.faults, "ROS 2 network: cannot be read", error=repr(error)[:200])
 
     def _wake_for(self, reader: Any) -> None:
-        """Wake the reading thread when a reader has something."""
+        """Let a reader's messages wake the reading thread."""
         self._waitset.attach(
             ReadCondition(reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
         )
@@ -491,7 +491,7 @@ class Participant:
         self._read_topics[shared.name] = topic
 
     def _add_services(self) -> None:
-        """Offer the parameters: topics of requests and replies with a common identifier."""
+        """Add the parameter services: request and reply topics with a common identifier."""
         for number, (service, (request, answer)) in enumerate(SERVICES.items()):
             bare = self._participant.guid.bytes[:15] + bytes([number])
             mark = f"serviceid={'.'.join(f'{byte:02x}' for byte in bare)};"
@@ -524,7 +524,7 @@ class Participant:
         return messages.graph_messages(self._gid_bytes)[2]
 
     def _introduce(self, nodes: Collection[str]) -> None:
-        """Announce our nodes and their endpoints to ROS 2."""
+        """Announce the nodes and their endpoints to ROS 2."""
         gid, node_info, _ = messages.graph_messages(self._gid_bytes)
 
         def gid_of(entity: Any) -> Any:
@@ -551,7 +551,7 @@ class Participant:
         )
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Keep one publishing node for each of these detectors; raises `LinkError`."""
+        """Keep one publishing node for each of these tags' detectors; raises `LinkError`."""
         topic = TOPICS["pulse"]
         own = {n for n, name in self._writers if name == topic.name and n not in self._nodes}
         for node in own.difference(nodes):
@@ -567,7 +567,7 @@ class Participant:
         self._introduce((*self._nodes, *nodes))
 
     def close(self) -> None:
-        """Say goodbye and leave; otherwise the nodes would linger for ten seconds."""
+        """Announce the end and leave; else the nodes would be listed for ten more seconds."""
         self._closing.set()
         self._thread.join(2.0)
         self._introduce(())

@@ -1,7 +1,7 @@
-"""Warnings of the DDS library: its only report of messages that it drops.
+"""Read the warnings of the DDS library, its only report of dropped messages.
 
-It can write them into a file as well as to stderr. The file's name is removed once the library
-has opened it, so it disappears with the process.
+The library can write them into a file as well as to stderr. The file's name is removed once the
+library has opened it, so it disappears with the process.
 """
 
 import os
@@ -10,24 +10,24 @@ import tempfile
 from contextlib import suppress
 
 FILE_BYTES = 1_000_000
-"""Length above which the file is emptied."""
+"""Length above which the file of warnings is emptied [bytes]."""
 _TOO_LONG = re.compile(rb"dropping oversize .* ([^ ]+)/[^/ ]+$")
 
 
 class DdsWarnings:
-    """The file, and how far it has been read."""
+    """The file of warnings, and the position up to which it was read."""
 
     def __init__(self) -> None:
         self._descriptor, self.path = tempfile.mkstemp(prefix="uavrt-dds-")
         self._at = 0
 
     def opened(self) -> None:
-        """Remove the file's name: the library has opened it."""
+        """Remove the file's name, once the library has opened it."""
         with suppress(OSError):  # not where open files cannot be removed
             os.unlink(self.path)
 
     def too_long(self) -> list[str]:
-        """Get the DDS name of the topic of each message dropped since the last call."""
+        """DDS topic name of each message dropped as too long since the last call."""
         data = os.pread(self._descriptor, 1 << 16, self._at)
         whole = data[: data.rfind(b"\n") + 1]
         self._at += len(whole)
@@ -38,5 +38,5 @@ class DdsWarnings:
         return [match[1].decode("utf-8", "replace") for match in found if match is not None]
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file of warnings."""
         os.close(self._descriptor)

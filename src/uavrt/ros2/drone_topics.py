@@ -1,4 +1,4 @@
-"""Publishes on ROS 2 what the drone does."""
+"""Publish the drone's pulses, poses, states and commands on ROS 2."""
 
 from collections.abc import Callable, Mapping
 
@@ -20,7 +20,7 @@ HEARTBEAT_PERIOD_S = 1.0
 
 
 class DroneTopics:
-    """The topics of the drone."""
+    """Publishes the drone's topics."""
 
     def __init__(
         self, bus: Bus, drone: DroneState, log: RosLog, now_ns: Callable[[], int]
@@ -33,13 +33,13 @@ class DroneTopics:
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns: dict[int, int] = {}
         self._detectors: frozenset[int] = frozenset()
-        """Tags that have a node of their own."""
+        """Tags whose detectors have their own ROS 2 node."""
         self.published = 0
-        """Pulses published."""
+        """Number of published pulses."""
         self._show_detectors()
 
     def pulse(self, pulse: Pulse) -> None:
-        """Publish a pulse, and what is in it if it is a burst."""
+        """Publish a pulse; for a coded tag's burst also its pulses."""
         self.published += 1
         directory = self._drone.tag_directory(pulse.tag_id)
         self._publish_pulse(pulse.tag_id, convert.pulse_to_ros(pulse, directory))
@@ -52,15 +52,15 @@ class DroneTopics:
         self._bus.publish("pulse_pose", convert.pulse_pose_to_ros(record, directory))
 
     def pose(self, pose: Pose) -> None:
-        """Publish a pose when it is time for one."""
+        """Set the pose that `tick` publishes next."""
         self._pose = pose
 
     def status_changed(self) -> None:
-        """Publish the new state of all components when it is time."""
+        """Discard the component states; `tick` publishes those of the new status."""
         self._parts.clear()
 
     def flight_changed(self, *, started: bool) -> None:
-        """Publish that a flight has started or ended; it may bring another clock."""
+        """Publish that a flight has started or ended; the flight's clock may change."""
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns.clear()
         self._show_detectors()
@@ -72,7 +72,7 @@ class DroneTopics:
                 self._control(component, self._order("stop", "stop all"))
 
     def tick(self, now_ns: int) -> None:
-        """Publish what is due."""
+        """Publish poses, states and heartbeats that are due."""
         if now_ns >= self._next_status_ns:
             self._next_status_ns = _next_due(self._next_status_ns, now_ns, STATUS_PERIOD_S)
             self._show_status(now_ns)
@@ -99,7 +99,7 @@ class DroneTopics:
         self._detectors = frozenset(tag_ids)
 
     def command(self, command: Command) -> None:
-        """Publish a command of the ground station, as the original passed it on."""
+        """Publish a command of the ground station, as the original did."""
         match command.name:
             case "add_tag" if command.tag is not None and command.tag.coded:
                 coded = convert.coded_tag_to_ros(command.tag)
@@ -116,7 +116,7 @@ class DroneTopics:
                 self._bus.publish("control_stop_subprocess", order)
 
     def _show_start(self, flight: FlightInfo) -> None:
-        """Send each component its start: one message for each tag's detector."""
+        """Publish the start to each component: one message for each tag's detector."""
         center = {"center_frequency": f"{flight.center_frequency_hz / 1e6:.6f}"}
         radio = self._order("start", self._drone.settings.radio.kind, center)
         self._control("channelizer", self._order("start", "receiver", center))
@@ -162,7 +162,7 @@ class DroneTopics:
             self._bus.publish(f"status_{component}_subprocess", array)
 
     def _show_heartbeats(self, now_ns: int) -> None:
-        """Report that detectors live, each tag in its turn within the second."""
+        """Publish the heartbeats of running detectors, spread over the second."""
         status = self._drone.status
         if status is None or status.state is not SystemState.DETECTING:
             self._next_heartbeat_ns.clear()
@@ -186,6 +186,6 @@ class DroneTopics:
 
 
 def _next_due(due_ns: int, now_ns: int, period_s: float) -> int:
-    """Time of the next beat; skip beats that are too late."""
+    """Time of the next heartbeat [ns]; late ones are skipped."""
     period_ns = ns_from_s(period_s)
     return due_ns + period_ns if now_ns - due_ns < period_ns else now_ns + period_ns

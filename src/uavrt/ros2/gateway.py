@@ -1,4 +1,4 @@
-"""The gateway's translation: the drone's records to ROS 2 messages, and commands back.
+"""Translate the drone's records to ROS 2 messages, and commands back.
 
 It has no sockets: it is given records, messages and the time, and returns records.
 """
@@ -34,13 +34,13 @@ from uavrt.units import ns_from_s
 DROPS_PERIOD_S = 10.0
 """Time between two log lines about dropped messages of one topic [s]."""
 CLOCK_ERROR_S = 2.0
-"""Difference of two computers' clocks that counts as none [s]."""
+"""Largest accepted difference of two computers' clocks [s]."""
 REMEMBERED_PULSES = 1000
-"""Pulses from other computers that must not be sent back."""
+"""Most pulses from other computers remembered, so that they are not sent back."""
 
 
 class Gateway:
-    """Both directions of the translation, between a `bus` of ROS 2 and the supervisor."""
+    """Translates between a `bus` of ROS 2 and the supervisor, in both directions."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class Gateway:
         }
 
     def take(self, record: Any) -> None:
-        """Publish a record of the drone side."""
+        """Publish a record of the drone side on ROS 2."""
         match record:
             case Pulse():
                 if (record.tag_id, record.start_time_ns) not in self._foreign:
@@ -95,24 +95,24 @@ class Gateway:
                 self._log.write(record.severity, record.text)
 
     def take_flight(self, flight: FlightInfo | None) -> None:
-        """Publish that a flight has started, or (None) ended; it may bring another clock."""
+        """Publish that a flight has started, or (None) ended; the flight's clock may change."""
         self._drone.status_heard_ns = self._now_ns()
         started, self._drone.flight = flight is not None and self._drone.flight is None, flight
         self._topics.flight_changed(started=started)
 
     def tick(self) -> None:
-        """Handle what has arrived and send what is due; call it 20 times a second."""
+        """Handle received messages and send due ones; call it 20 times a second."""
         now_ns = self._now_ns()
         self._commands.resume()
         arrivals = self._bus.inbox.take()
         if not arrivals:
             self._commands.nothing_came()
         for arrival in arrivals:
-            self._hear(arrival)
+            self._receive(arrival)
         self._show_drops(now_ns)
         self._topics.tick(now_ns)
 
-    def _hear(self, arrival: Arrival) -> None:
+    def _receive(self, arrival: Arrival) -> None:
         """Handle one message from the network; invalid ones are refused and counted."""
         try:
             message = decode(arrival.topic.message, arrival.cdr)
@@ -130,7 +130,7 @@ class Gateway:
             self._log.refuse(str(error))
 
     def _show_drops(self, now_ns: int) -> None:
-        """Log dropped messages rarely, and other gateways."""
+        """Log dropped messages and other gateways, rarely."""
         inbox = self._bus.inbox
         for topic, count in inbox.dropped.items():
             new = count - self._drops_said.get(topic, 0)
@@ -148,7 +148,7 @@ class Gateway:
             )
 
     def _limits_of(self, topic: str) -> str:
-        """Describe the limits of a topic."""
+        """Text on the limits of a topic."""
         if topic in self._bus.inbox.closed:
             return "Pulses of other computers are not read: [ros2] accept_pulses = false"
         row = TOPICS.get(topic)
@@ -161,7 +161,7 @@ class Gateway:
         )
 
     def _take_pulse(self, message: RosPulse) -> None:
-        """Pass on a pulse of another computer's detector, if enabled."""
+        """Pass on a pulse of another computer's detector, if enabled in the settings."""
         if message.frequency == 0.0:
             return
         pulse = convert.pulse_from_ros(message, self._pulses_taken)
@@ -175,7 +175,7 @@ class Gateway:
             self._send("pulse", pulse)
 
     def _check_pulse(self, pulse: Pulse) -> None:
-        """Refuse a pulse that is not of this flight."""
+        """Raise `FormatError` for a pulse that is not of this flight."""
         flight = self._drone.flight
         if flight is None:
             raise FormatError(f"pulse of tag {pulse.tag_id} refused: no flight")

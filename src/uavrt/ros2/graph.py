@@ -1,7 +1,7 @@
 """The ROS 2 graph as two tables: the nodes, and the topics between them.
 
-It is the original system's graph (thesis Fig. 2.1), so that its tools go on working. The
-endpoints, the type hashes and the documentation derive from it. `OWN_TOPICS` are additional.
+It is the original system's graph (thesis Fig. 2.1), so that its tools can be used. Endpoints,
+type hashes and documentation derive from it. `OWN_TOPICS` are additional.
 """
 
 from dataclasses import KW_ONLY, dataclass
@@ -34,20 +34,20 @@ NODES: dict[str, str] = {
     CHANNELIZER: "the receiver",
     DETECTOR: "the detectors",
 }
-"""Name and meaning, in the order of the data's path."""
+"""Names and meanings of the nodes, in the order of the data flow."""
 
 PARAMETER_NODE = START_STOP
 """Node with the drone's parameters, if services are enabled."""
 
 
 def detector_node(tag_id: int) -> str:
-    """Name the node of one tag's detector."""
+    """Name of the node of one tag's detector."""
     return f"Detector_tag_{tag_id}"
 
 
 @dataclass(frozen=True, slots=True)
 class RosTopic:
-    """One row of the table."""
+    """A topic of the ROS 2 graph: message, publisher, subscribers and limits."""
 
     name: str
     message: type[RosMessage]
@@ -56,19 +56,19 @@ class RosTopic:
     _: KW_ONLY
     subscribers: tuple[str, ...] = ()
     depth: int = 10
-    """Messages kept for a subscriber that missed some."""
+    """Number of messages kept for a late subscriber."""
     burst: int = 20
-    """Messages accepted at once (`uavrt.ros2.inbox`); 0: none."""
+    """Most messages accepted at once (`uavrt.ros2.inbox`); 0: none."""
     per_s: float = 2.0
-    """Messages accepted each second after that."""
+    """Messages accepted per second after a burst."""
     commands: bool = True
-    """Whether its messages come before those of topics that only carry data."""
+    """True if its messages are handled before those of topics with data only."""
 
 
 UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
-"""A hundred tags sent three times, as a careful operator sends them."""
+"""Tag messages accepted at once and per second; for a hundred tags sent three times."""
 SERVICE_BURST, SERVICE_PER_S = 100, 10.0
-"""Requests of a client that lists, describes and gets all parameters, several times."""
+"""Parameter requests accepted at once and per second; a client reads all several times."""
 
 TOPICS: dict[str, RosTopic] = {
     topic.name: topic
@@ -199,9 +199,9 @@ OWN_TOPICS = ("burst", "store_coded_tag_information")
 """Topics of coded tags, which the original does not have."""
 
 COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
-"""Components with topics ``control_<name>_subprocess`` and ``status_<name>_subprocess``."""
+"""Node of each component, which has topics ``control_…`` and ``status_<name>_subprocess``."""
 
 LOG_TOPIC = "rosout"
-"""Every node publishes its log here; the newest `LOG_DEPTH` reach late subscribers."""
+"""Topic to which every node writes its log; late subscribers get the newest `LOG_DEPTH`."""
 LOG_MESSAGE = Log
 LOG_DEPTH = 1000

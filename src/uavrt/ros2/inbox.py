@@ -1,4 +1,4 @@
-"""Messages that wait for the gateway, within the limits of each topic. Pure.
+"""Keep received messages for the gateway, within the limits of each topic. Pure.
 
 One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
 on one topic delays no message of another. Excess messages are dropped and counted.
@@ -17,11 +17,11 @@ BYTES_OF_ONE = 256
 bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its topic's
 `burst` is never decoded."""
 GATEWAYS_NAMED = 20
-"""Other gateways that are counted separately; more count as messages only."""
+"""Most other gateways that are counted separately."""
 
 
 class Inbox:
-    """Messages in order of arrival, commands before pulses, those of closed topics dropped."""
+    """Received messages in order of arrival, commands before pulses; none of closed topics."""
 
     def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
         self._now_ns = now_ns
@@ -31,9 +31,9 @@ class Inbox:
         self._allowed: dict[str, Allowance] = {}
         self._dropped: dict[str, int] = {}
         self.of_gateways = 0
-        """Messages of other gateways, which are not for this one."""
+        """Number of messages of other gateways, which are not for this one."""
         self.gateways: set[str] = set()
-        """Participants that sent them."""
+        """Keys of the participants that sent messages as other gateways."""
 
     def put(self, arrival: Arrival) -> None:
         """Queue a message, or drop and count it."""
@@ -61,11 +61,11 @@ class Inbox:
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Count the dropped messages of each topic that has any."""
+        """Number of dropped messages of each topic that has any."""
         return self._dropped.copy()
 
     def take(self) -> list[Arrival]:
-        """Get the waiting messages; the limits of all topics bound their number."""
+        """Return the waiting messages; the limits of all topics bound their number."""
         return [
             waiting.popleft()
             for waiting in (self._commands, self._data)
@@ -82,7 +82,7 @@ class SendingOrder(Generic[T]):
     Readers are emptied one after the other, pass by pass. A message that was sent earlier also
     arrived earlier, so it comes in the next pass at the latest; later messages wait for that.
 
-    `sent`: gets the sorting key of a message, such as its sending time.
+    `sent`: returns the sorting key of a message, such as its sending time.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:
@@ -90,11 +90,11 @@ class SendingOrder(Generic[T]):
         self._waiting: list[T] = []
 
     def __bool__(self) -> bool:
-        """Whether a message waits for the next pass."""
+        """True if a message waits for the next pass."""
         return bool(self._waiting)
 
     def add_pass(self, found: list[T]) -> list[T]:
-        """Add the messages of one pass; get those that no later message can precede."""
+        """Add the messages of one pass; return those that no later message can precede."""
         last = max(map(self._sent, self._waiting), default=())
         both = sorted(self._waiting + found, key=self._sent)
         ready = [one for one in both if self._sent(one) <= last]

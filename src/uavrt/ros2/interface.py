@@ -25,23 +25,23 @@ _TYPE_IDS = {
     "string": 17,
     "string<=256": 21,
 }
-"""Numbers of type_description_interfaces/FieldType; a bounded string has its own."""
+"""Type numbers of type_description_interfaces/FieldType; bounded strings have another."""
 _NESTED = 1
 _ARRAY, _SEQUENCE = 48, 144
-"""Added to the number of the element's type."""
+"""Offsets added to an element's type number for an array and a sequence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """One field of a message."""
+    """One field of a message: name, type, and array or sequence."""
 
     name: str
     primitive: str = ""
-    """``float64`` …; empty for a nested message."""
+    """Primitive type such as ``float64``; empty for a nested message."""
     message: type[RosMessage] | None = None
-    """Type of a nested message."""
+    """Type of a nested message; None for a primitive."""
     length: int | None = None
-    """Elements of a fixed array (of bytes); None for none."""
+    """Number of elements of a fixed array (of bytes); None if it is none."""
     sequence: bool = False
 
 
@@ -50,7 +50,7 @@ _HASHES: dict[type, str] = {}
 
 
 def fields_of(message: type[RosMessage]) -> tuple[Field, ...]:
-    """Get the fields of a message in order."""
+    """Fields of a message, in order."""
     if message not in _FIELDS:
         hints = typing.get_type_hints(message, include_extras=True)
         kind: Any = message
@@ -70,17 +70,17 @@ def _field(name: str, hint: Any) -> Field:
 
 
 def full_name(message: type[RosMessage]) -> str:
-    """Get the name as ROS 2 writes it: ``uavrt_interfaces/msg/Pulse``."""
+    """Name of a message type in ROS 2: ``uavrt_interfaces/msg/Pulse``."""
     return message.ros_name.replace("/", f"/{message.interface}/")
 
 
 def dds_name(message: type[RosMessage]) -> str:
-    """Get the name that the type has on the wire: ``uavrt_interfaces::msg::dds_::Pulse_``."""
+    """Name of a message type on the wire: ``uavrt_interfaces::msg::dds_::Pulse_``."""
     return message.ros_name.replace("/", f"::{message.interface}::dds_::") + "_"
 
 
 def definition(message: type[RosMessage]) -> str:
-    """Write the message as the lines of its ``.msg`` file."""
+    """Lines of a message's ``.msg`` file."""
     return "".join(f"{_type_text(entry)} {entry.name}\n" for entry in fields_of(message))
 
 
@@ -92,7 +92,7 @@ def _type_text(entry: Field) -> str:
 
 
 def full_definition(message: type[RosMessage]) -> str:
-    """Write the message and all it contains, as MCAP's schema encoding ``ros2msg`` wants it."""
+    """Definition of a message and all nested ones, in MCAP's schema encoding ``ros2msg``."""
     return definition(message) + "".join(
         f"{'=' * 80}\nMSG: {nested.ros_name}\n{definition(nested)}"
         for nested in nested_messages(message)
@@ -100,7 +100,7 @@ def full_definition(message: type[RosMessage]) -> str:
 
 
 def nested_messages(message: type[RosMessage]) -> tuple[type[RosMessage], ...]:
-    """Get all message types inside a message, each once, in the order of their names."""
+    """All message types inside a message, each once, sorted by name."""
     found: dict[str, type[RosMessage]] = {}
     waiting = [message]
     while waiting:
@@ -112,7 +112,7 @@ def nested_messages(message: type[RosMessage]) -> tuple[type[RosMessage], ...]:
 
 
 def type_hash(message: type[RosMessage]) -> str:
-    """Compute the type hash: ``RIHS01_`` and 64 hexadecimal digits."""
+    """Type hash of a message: ``RIHS01_`` and 64 hexadecimal digits."""
     if message not in _HASHES:
         text = json.dumps(_all_descriptions(message), separators=(", ", ": "))
         _HASHES[message] = "RIHS01_" + hashlib.sha256(text.encode()).hexdigest()

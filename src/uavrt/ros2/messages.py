@@ -22,12 +22,12 @@ String = Annotated[str, "string"]
 
 
 class RosMessage:
-    """Base of all messages; `ros_name` is the package and the type."""
+    """Base of all messages; `ros_name` is package and type."""
 
     __slots__: ClassVar[tuple[str, ...]] = ()
     ros_name: ClassVar[str]
     interface: ClassVar[str] = "msg"
-    """``srv`` for requests and replies of services."""
+    """Kind of interface: ``msg``, or ``srv`` for requests and replies of services."""
 
 
 M = TypeVar("M", bound=RosMessage)
@@ -35,7 +35,7 @@ M = TypeVar("M", bound=RosMessage)
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def ros_message(ros_name: str) -> Callable[[type[M]], type[M]]:
-    """Make a frozen dataclass of a message with this package and type."""
+    """Decorator that makes a frozen dataclass a message of this package and type."""
 
     def made(kind: type[M]) -> type[M]:
         kind.ros_name = ros_name
@@ -46,7 +46,7 @@ def ros_message(ros_name: str) -> Callable[[type[M]], type[M]]:
 
 @ros_message("builtin_interfaces/Time")
 class Time(RosMessage):
-    """A moment: seconds UTC since 1970 and nanoseconds."""
+    """A time: seconds UTC since 1970, and nanoseconds."""
 
     sec: Int32 = 0
     nanosec: UInt32 = 0
@@ -54,7 +54,7 @@ class Time(RosMessage):
 
 @ros_message("std_msgs/Header")
 class Header(RosMessage):
-    """Time and frame (here: kind) of a message."""
+    """Time and frame of a message; the frame holds its kind."""
 
     stamp: Time = Time()
     frame_id: String = ""
@@ -62,14 +62,14 @@ class Header(RosMessage):
 
 @ros_message("std_msgs/Bool")
 class Flag(RosMessage):
-    """One truth value."""
+    """A message with one truth value."""
 
     data: Bool = False
 
 
 @ros_message("geometry_msgs/Point")
 class Point(RosMessage):
-    """Here: latitude [deg], longitude [deg], altitude above mean sea level [m]."""
+    """A position: latitude [deg], longitude [deg], altitude above mean sea level [m]."""
 
     x: Float64 = 0.0
     y: Float64 = 0.0
@@ -78,7 +78,7 @@ class Point(RosMessage):
 
 @ros_message("geometry_msgs/Quaternion")
 class Quaternion(RosMessage):
-    """Antenna frame (forward, right, down) to north-east-down."""
+    """Rotation from the antenna frame (forward, right, down) to north-east-down."""
 
     x: Float64 = 0.0
     y: Float64 = 0.0
@@ -104,7 +104,7 @@ class PoseStamped(RosMessage):
 
 @ros_message("diagnostic_msgs/KeyValue")
 class KeyValue(RosMessage):
-    """A named value as text."""
+    """A named value, both as text."""
 
     key: String = ""
     value: String = ""
@@ -112,7 +112,7 @@ class KeyValue(RosMessage):
 
 @ros_message("diagnostic_msgs/DiagnosticStatus")
 class DiagnosticStatus(RosMessage):
-    """State of one thing; the levels are numbers, not the characters '0' and '2'."""
+    """State of one component; the levels are numbers, not the characters '0' and '2'."""
 
     level: Byte = 0
     name: String = ""
@@ -127,7 +127,7 @@ OK, WARN, ERROR, STALE = 0, 1, 2, 3
 
 @ros_message("diagnostic_msgs/DiagnosticArray")
 class DiagnosticArray(RosMessage):
-    """States of several things, or an order to a component (``start``, ``stop``)."""
+    """States of several components, or an order to one (``start``, ``stop``)."""
 
     header: Header = Header()
     status: tuple[DiagnosticStatus, ...] = ()
@@ -148,22 +148,22 @@ class Log(RosMessage):
 
 @ros_message("uavrt_interfaces/Pulse")
 class RosPulse(RosMessage):
-    """A pulse of a tag; with a frequency of 0 the detector's sign of life."""
+    """A pulse of a tag; with a frequency of 0 the heartbeat of its detector."""
 
     detector_dir: String = ""
     tag_id: UInt32 = 0
     frequency: Float64 = 0.0
-    """[MHz]"""
+    """Frequency of the pulse [MHz]; 0 in a heartbeat."""
     start_time: Time = Time()
     end_time: Time = Time()
     predict_next_start: Time = Time()
     predict_next_end: Time = Time()
     snr: Float64 = 0.0
-    """[dB]"""
+    """SNR of the pulse [dB]."""
     stft_score: Float64 = 0.0
     group_ind: UInt16 = 0
     group_snr: Float64 = 0.0
-    """[dB]"""
+    """SNR of the pulse's group [dB]."""
     detection_status: Bool = False
     confirmed_status: Bool = False
 
@@ -178,7 +178,7 @@ class RosPulsePose(RosMessage):
 
 @ros_message("uavrt_interfaces/Tag")
 class RosTag(RosMessage):
-    """A tag to look for: frequency in Hz, times in ms."""
+    """A tag to search for: frequency in Hz, times in ms."""
 
     tag_id: UInt32 = 0
     frequency: Float64 = 0.0
@@ -193,27 +193,27 @@ class RosTag(RosMessage):
 
 @ros_message("uavrt_interfaces/Burst")
 class RosBurst(RosMessage):
-    """A coded tag's burst: its pulse message, and the pulses inside."""
+    """A coded tag's burst: its pulse message, and the pulses in it."""
 
     pulse: RosPulse = RosPulse()
     starts: tuple[Time, ...] = ()
     snrs: tuple[Float64, ...] = ()
-    """[dB]"""
+    """SNR of each pulse in the burst [dB]."""
     also_possible_tag_ids: tuple[UInt32, ...] = ()
 
 
 @ros_message("uavrt_interfaces/CodedTag")
 class RosCodedTag(RosMessage):
-    """A coded tag to look for; its one interval is that from burst to burst."""
+    """A coded tag to search for; its one interval is that from burst to burst."""
 
     tag: RosTag = RosTag()
     gaps: tuple[Float64, ...] = ()
-    """[ms]"""
+    """Times between the pulses of a burst [ms]."""
 
 
 @lru_cache
 def graph_messages(gid_bytes: int) -> tuple[type[Any], type[Any], type[Any]]:
-    """Identifier of a participant or endpoint, a node's endpoints, a participant's nodes.
+    """Message types that announce nodes and their endpoints, for one size of identifiers.
 
     ROS 2 gets the names of nodes from these. Identifiers have 16 bytes since Iron, 24 from Foxy
     to Humble.

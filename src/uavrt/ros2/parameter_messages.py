@@ -1,4 +1,4 @@
-"""Messages of ROS 2's parameter services (package rcl_interfaces), as Cyclone's RMW sends them.
+"""Messages of ROS 2's parameter services (rcl_interfaces), as Cyclone's RMW sends them.
 
 There requests and replies begin with the client and the number of the request, which other RMWs
 carry outside of the data (rmw_cyclonedds_cpp, ``cdds_request_header``).
@@ -15,7 +15,7 @@ UInt64 = Annotated[int, "uint64"]
 
 @ros_message("rcl_interfaces/ParameterValue")
 class ParameterValue(RosMessage):
-    """A value of one of nine types."""
+    """Value of a parameter, of one of nine types."""
 
     type: UInt8 = 0
     bool_value: Bool = False
@@ -31,7 +31,7 @@ class ParameterValue(RosMessage):
 
 @ros_message("rcl_interfaces/Parameter")
 class RosParameter(RosMessage):
-    """A name and a value."""
+    """Name and value of a parameter."""
 
     name: String = ""
     value: ParameterValue = ParameterValue()
@@ -39,7 +39,7 @@ class RosParameter(RosMessage):
 
 @ros_message("rcl_interfaces/FloatingPointRange")
 class FloatingPointRange(RosMessage):
-    """Range of a real number."""
+    """Range of a parameter that is a real number."""
 
     from_value: Float64 = 0.0
     to_value: Float64 = 0.0
@@ -48,7 +48,7 @@ class FloatingPointRange(RosMessage):
 
 @ros_message("rcl_interfaces/IntegerRange")
 class IntegerRange(RosMessage):
-    """Range of a whole number."""
+    """Range of a parameter that is an integer."""
 
     from_value: Int64 = 0
     to_value: Int64 = 0
@@ -57,7 +57,7 @@ class IntegerRange(RosMessage):
 
 @ros_message("rcl_interfaces/ParameterDescriptor")
 class ParameterDescriptor(RosMessage):
-    """Meaning and range of a parameter."""
+    """Description and range of a parameter."""
 
     name: String = ""
     type: UInt8 = 0
@@ -71,7 +71,7 @@ class ParameterDescriptor(RosMessage):
 
 @ros_message("rcl_interfaces/ListParametersResult")
 class ListParametersResult(RosMessage):
-    """Names, and the prefixes before their dots."""
+    """Names of parameters, and the prefixes before their dots."""
 
     names: tuple[String, ...] = ()
     prefixes: tuple[String, ...] = ()
@@ -79,7 +79,7 @@ class ListParametersResult(RosMessage):
 
 @ros_message("rcl_interfaces/SetParametersResult")
 class SetParametersResult(RosMessage):
-    """Whether a parameter was set."""
+    """Result of setting a parameter: success, or the reason of a failure."""
 
     successful: Bool = False
     reason: String = ""
@@ -87,18 +87,18 @@ class SetParametersResult(RosMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceMessage(RosMessage):
-    """Beginning of requests and replies on Cyclone's RMW."""
+    """Base of requests and replies on Cyclone's RMW."""
 
     interface: ClassVar[str] = "srv"
     guid: UInt64 = 0
-    """The client."""
+    """Identifier of the client."""
     sequence: Int64 = 0
-    """Number of its request."""
+    """Number of the client's request."""
 
 
 @ros_message("rcl_interfaces/ListParameters_Request")
 class ListRequest(ServiceMessage):
-    """Requests all names, or those with these prefixes."""
+    """Request for the names of all parameters, or those with given prefixes."""
 
     prefixes: tuple[String, ...] = ()
     depth: UInt64 = 0
@@ -106,78 +106,78 @@ class ListRequest(ServiceMessage):
 
 @ros_message("rcl_interfaces/ListParameters_Response")
 class ListReply(ServiceMessage):
-    """The names."""
+    """Reply with the names of parameters."""
 
     result: ListParametersResult = ListParametersResult()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamesRequest(ServiceMessage):
-    """Names of parameters."""
+    """Base of requests with names of parameters."""
 
     names: tuple[String, ...] = ()
 
 
 @ros_message("rcl_interfaces/GetParameters_Request")
 class GetRequest(NamesRequest):
-    """Requests values."""
+    """Request for the values of parameters."""
 
 
 @ros_message("rcl_interfaces/GetParameters_Response")
 class GetReply(ServiceMessage):
-    """A value for each name; of type 0 for an unknown parameter."""
+    """Reply with a value for each name; of type 0 for an unknown parameter."""
 
     values: tuple[ParameterValue, ...] = ()
 
 
 @ros_message("rcl_interfaces/GetParameterTypes_Request")
 class TypesRequest(NamesRequest):
-    """Requests types."""
+    """Request for the types of parameters."""
 
 
 @ros_message("rcl_interfaces/GetParameterTypes_Response")
 class TypesReply(ServiceMessage):
-    """A type for each name."""
+    """Reply with a type for each name."""
 
     types: tuple[UInt8, ...] = ()
 
 
 @ros_message("rcl_interfaces/DescribeParameters_Request")
 class DescribeRequest(NamesRequest):
-    """Requests descriptions."""
+    """Request for the descriptions of parameters."""
 
 
 @ros_message("rcl_interfaces/DescribeParameters_Response")
 class DescribeReply(ServiceMessage):
-    """A description for each name."""
+    """Reply with a description for each name."""
 
     descriptors: tuple[ParameterDescriptor, ...] = ()
 
 
 @ros_message("rcl_interfaces/SetParameters_Request")
 class SetRequest(ServiceMessage):
-    """Parameters to set, each for itself."""
+    """Request to set parameters, each independently."""
 
     parameters: tuple[RosParameter, ...] = ()
 
 
 @ros_message("rcl_interfaces/SetParameters_Response")
 class SetReply(ServiceMessage):
-    """A result for each."""
+    """Reply with a result for each parameter."""
 
     results: tuple[SetParametersResult, ...] = ()
 
 
 @ros_message("rcl_interfaces/SetParametersAtomically_Request")
 class SetTogetherRequest(ServiceMessage):
-    """Parameters to set, all or nothing."""
+    """Request to set all parameters or none."""
 
     parameters: tuple[RosParameter, ...] = ()
 
 
 @ros_message("rcl_interfaces/SetParametersAtomically_Response")
 class SetTogetherReply(ServiceMessage):
-    """One result for all."""
+    """Reply with one result for all parameters."""
 
     result: SetParametersResult = SetParametersResult()
 
@@ -190,4 +190,4 @@ SERVICES: dict[str, tuple[type[ServiceMessage], type[ServiceMessage]]] = {
     "set_parameters": (SetRequest, SetReply),
     "set_parameters_atomically": (SetTogetherRequest, SetTogetherReply),
 }
-"""Request and reply of each service."""
+"""Request and reply types of each parameter service."""

@@ -1,4 +1,4 @@
-"""The drone's parameters as ROS 2's parameter services have them.
+"""Serve the drone's parameters by ROS 2's parameter services.
 
 The table, values and rules are those of MAVLink (`uavrt.config.parameters`): changes go to the
 supervisor as commands, and the reply waits for its answer.
@@ -36,20 +36,20 @@ from uavrt.ros2.parameter_messages import (
 )
 
 BOOL, INTEGER, DOUBLE = 1, 2, 3
-"""rcl_interfaces/ParameterType; 0 is "not set"."""
+"""Numbers of rcl_interfaces/ParameterType; 0 is "not set"."""
 PENDING = 16
-"""Most requests to set that wait for the supervisor."""
+"""Most requests to set parameters that wait for the supervisor."""
 MOST_AT_ONCE = 32
-"""Most parameters of one request to set."""
+"""Most parameters in one request to set."""
 DONE = SetParametersResult(successful=True)
 
 Ask = Callable[[str, float], int | None]
-"""Sends a change to the supervisor; returns the request's number, None if it cannot."""
+"""Sends a parameter change to the supervisor; returns its number, None if that fails."""
 
 
 @dataclass(slots=True)
 class _Setting:
-    """A request to set, one parameter after the other."""
+    """A request to set parameters in progress, one parameter after the other."""
 
     request: SetRequest | SetTogetherRequest
     left: deque[RosParameter]
@@ -71,8 +71,8 @@ class ParameterServices:
         self._ask, self._reply = ask, reply
         self._pending: OrderedDict[int, _Setting] = OrderedDict()
 
-    def hear(self, request: ServiceMessage, refusal: str | None = None) -> None:
-        """Handle a request; `refusal` is why its sender may not set anything."""
+    def receive(self, request: ServiceMessage, refusal: str | None = None) -> None:
+        """Handle a request; `refusal`: reason why its sender may not set parameters."""
         asker = {"guid": request.guid, "sequence": request.sequence}
         match request:
             case ListRequest():
@@ -92,7 +92,7 @@ class ParameterServices:
                 self._begin(request, refusal)
 
     def answered(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer."""
+        """Handle the supervisor's answer to a change."""
         setting = self._pending.pop(reply.request_id, None)
         if setting is None:
             return
@@ -113,7 +113,7 @@ class ParameterServices:
         self._go_on(setting)
 
     def _fault_of_all(self, parameters: Iterable[RosParameter]) -> str | None:
-        """Describe what is wrong with any of the values, before the first is set."""
+        """Text on the first invalid value of a request; None if all are valid."""
         settings = self._settings()
         try:
             for parameter in parameters:
@@ -125,7 +125,7 @@ class ParameterServices:
         return None
 
     def _go_on(self, setting: _Setting) -> None:
-        """Set the next one; answer when all are done."""
+        """Set the next parameter of a request; reply when all are done."""
         together = isinstance(setting.request, SetTogetherRequest)
         while setting.left:
             if together and any(not result.successful for result in setting.results):
@@ -154,7 +154,7 @@ class ParameterServices:
         self._reply(SetTogetherReply(**asker, result=bad))
 
     def _value(self, name: str) -> ParameterValue:
-        """Value in force; of type 0 without such a parameter."""
+        """Value of a parameter in force; of type 0 if it does not exist."""
         parameter = OFFERED.get(name)
         if parameter is None:
             return ParameterValue()
@@ -174,12 +174,12 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """Whether a name matches: there are no dots in ours, so a prefix is a whole name."""
+    """True if one of the prefixes is the name itself, since uavrt's names have no dots."""
     return not prefixes or name in prefixes
 
 
 def _number(wanted: RosParameter) -> float:
-    """Number of a value, also a whole one for a real; raises `ConfigError` for a wrong type."""
+    """Number in a value, also an integer for a real; raises `ConfigError` for a wrong type."""
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
         raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")

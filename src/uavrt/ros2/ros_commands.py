@@ -1,4 +1,4 @@
-"""Commands from ROS 2: tags, starts and stops, and parameters, sent to the supervisor."""
+"""Send commands from ROS 2 to the supervisor: tags, starts, stops and parameters."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -30,11 +30,11 @@ from uavrt.units import number_in
 
 TAG_TOPICS = ("store_tag_information", "store_coded_tag_information")
 ASKED_KEPT = 1000
-"""Commands whose reply may still come."""
+"""Most sent commands remembered until the supervisor's reply."""
 
 
 class RosCommands:
-    """The commands of ROS 2. `send`: takes a topic and a record for the supervisor."""
+    """Converts ROS 2 messages to commands; `send` passes topic and record to the supervisor."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class RosCommands:
         self._request_id = now_ns() // 1_000_000
         self._asked: OrderedDict[int, Command] = OrderedDict()
         self._begun = False
-        """Whether an upload was begun with the supervisor."""
+        """True once this gateway has begun an upload with the supervisor."""
         self._upload = Upload()
         self._resumed = False
         self._parameters = ParameterServices(
@@ -63,10 +63,10 @@ class RosCommands:
         # Each request may set many, and every command is recorded: none may fill the disk.
         self._parameters_allowed = Allowance(burst=100, per_s=10)
         self.sent = 0
-        """Commands sent to the supervisor."""
+        """Number of commands sent to the supervisor."""
 
     def of_others(self, command: Command) -> None:
-        """Note a command from another wire."""
+        """Handle a command from outside of ROS 2; a new upload replaces the present one."""
         if command.name == "start_tags":
             self._upload.forget()
 
@@ -75,7 +75,7 @@ class RosCommands:
         topic = arrival.topic.name
         match message:
             case ServiceMessage():
-                self._parameters.hear(message, self._refusal_of(arrival))
+                self._parameters.receive(message, self._refusal_of(arrival))
             case _ if not self._drone.settings.ros2.accept_commands:
                 self._log.refuse("commands from ROS 2 are off (accept_commands = false)")
             case _ if arrival.sender == UNKNOWN:
@@ -96,13 +96,13 @@ class RosCommands:
                 self._refuse_part(topic, message)
 
     def _refusal_of(self, arrival: Arrival) -> str | None:
-        """Explain why the sender of this may not change anything."""
+        """Reason why a message's sender may not change anything; None if it may."""
         if not self._drone.settings.ros2.accept_commands:
             return "commands from ROS 2 are off (accept_commands = false)"
         return "its sender is not known to DDS" if arrival.sender == UNKNOWN else None
 
     def resume(self) -> None:
-        """Take over the upload that was open when an earlier gateway process ended."""
+        """Continue the upload that was open when an earlier gateway process ended."""
         status = self._drone.status
         if self._resumed or status is None:
             return
@@ -116,11 +116,11 @@ class RosCommands:
             self._log.write(4, "the gateway restarted while tags came: send all tags again")
 
     def nothing_came(self) -> None:
-        """Note which tags were lost before the next upload."""
+        """Record the number of lost tags while no upload is open."""
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:
-        """Note a tag that could not be read."""
+        """Count a tag of the upload that could not be read."""
         self._upload.add(None, self._lost_tags())
 
     def _lost_tags(self) -> int:
@@ -128,7 +128,7 @@ class RosCommands:
         return sum(dropped.get(name, 0) for name in TAG_TOPICS)
 
     def _take_tag(self, message: RosTag | RosCodedTag, arrival: Arrival) -> None:
-        """Begin an upload with the first tag; the original has no message for that."""
+        """Send a tag; the first begins an upload, for which the original has no message."""
         tag_id = message.tag_id if isinstance(message, RosTag) else message.tag.tag_id
         if self._upload.is_late(arrival.sender, arrival.sent_ns):
             self._upload.add_late(tag_id)
@@ -180,14 +180,14 @@ class RosCommands:
         self._log.refuse(f"{topic}: {reason}", node=COMPONENTS.get(component, AIRSPY))
 
     def _ask_parameter(self, name: str, value: float) -> int | None:
-        """Ask the supervisor to set a parameter; None when there are too many."""
+        """Request the supervisor to set a parameter; None if there are too many requests."""
         if not self._parameters_allowed.take(self._now_ns()):
             self._log.refuse("set_parameter: commands come too fast")
             return None
         return self._ask("set_parameter", parameter=name, value=value)
 
     def _ask(self, name: CommandName, **details: Any) -> int:
-        """Send a command to the supervisor; returns its number."""
+        """Send a command to the supervisor; return its number."""
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
@@ -198,7 +198,7 @@ class RosCommands:
         return command.request_id
 
     def answered(self, reply: CommandReply) -> None:
-        """Write the supervisor's answer into the log, or send it to who asked."""
+        """Write the supervisor's answer to the log, or send it to the client."""
         self._write_reply(reply)
         self._parameters.answered(reply)
 

@@ -20,9 +20,9 @@ GATEWAY_MARK = b"uavrt=gateway;"
 DETECTOR_MARK = b"uavrt=detector;"
 """Mark in a participant's user data, next to ROS 2's own ``enclave=/;``."""
 SYSTEM_TOPIC = "pulse_pose"
-"""Topic that only the owner of a drone publishes."""
+"""Topic that only the gateway of a drone publishes."""
 REMEMBERED = 4096
-"""Most participants and writers kept; more replace the oldest."""
+"""Most participants and writers remembered; newer ones replace the oldest."""
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -33,9 +33,9 @@ class Sender:
     """Participant that sent a message."""
 
     key: str = ""
-    """Its identifier; empty if unknown."""
+    """Identifier of the participant; empty if unknown."""
     gateway: bool = False
-    """Whether it speaks for another drone, or for a recording of one."""
+    """True if it is the gateway of another drone, or a recording of one."""
 
 
 UNKNOWN = Sender()
@@ -43,17 +43,17 @@ UNKNOWN = Sender()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrival:
-    """A message with its sender and times."""
+    """A received message with its sender and times."""
 
     topic: RosTopic
     cdr: bytes
     sent_ns: int = 0
-    """When it was sent, by its sender's clock [ns, UTC]."""
+    """Time of sending by the sender's clock [ns, UTC]."""
     sender: Sender = UNKNOWN
 
 
 class Senders:
-    """Publishers, present or just gone."""
+    """Publishers that are present or just gone."""
 
     def __init__(self) -> None:
         self._marked: _Newest[str, bool] = _Newest()
@@ -61,17 +61,17 @@ class Senders:
         self._writers: _Newest[int, str] = _Newest()
 
     def add_participant(self, key: str, user_data: bytes) -> None:
-        """Note a participant."""
+        """Register a participant by its user data."""
         self._marked[key] = GATEWAY_MARK in user_data
 
     def add_writer(self, handle: int, participant: str, topic: str) -> None:
-        """Note that a participant publishes a topic (its name as DDS has it)."""
+        """Register that a participant publishes a topic, by its DDS name."""
         self._writers[handle] = participant
         if topic.rpartition("/")[2] == SYSTEM_TOPIC:
             self._systems[participant] = True
 
     def of(self, handle: int) -> Sender:
-        """Get who has the writer of this handle."""
+        """Participant with the writer of this handle."""
         key = self._writers.get(handle)
         if key is None or key not in self._marked:
             return UNKNOWN
@@ -79,7 +79,7 @@ class Senders:
 
 
 class _Newest(OrderedDict[K, V], Generic[K, V]):
-    """A dictionary of the newest `REMEMBERED`."""
+    """A dictionary that keeps the newest `REMEMBERED` entries."""
 
     def __setitem__(self, key: K, value: V) -> None:
         super().__setitem__(key, value)

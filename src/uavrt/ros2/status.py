@@ -1,4 +1,4 @@
-"""State of the original's three components, derived from the state of our processes.
+"""State of the original's three components, derived from the state of uavrt's processes.
 
 The radio's program and the channelizer are one process here, the receiver; a detector process
 serves several tags. Each component reports its own parts: the radio by its kind and serial
@@ -14,16 +14,16 @@ from uavrt.ros2.convert import key_values
 from uavrt.ros2.messages import ERROR, OK, STALE, WARN, DiagnosticStatus, KeyValue
 
 STALE_AFTER_S = 3.0
-"""Age from which the supervisor's state, sent once a second, is stale [s]."""
+"""Age above which the supervisor's state, sent once a second, is stale [s]."""
 
 
 def component_status(
     component: str, status: SystemStatus | None, age_s: float, settings: Settings
 ) -> tuple[DiagnosticStatus, ...]:
-    """Describe one component; empty while nothing is to run.
+    """State of one component; empty while nothing is to run.
 
-    `component`: ``airspy_csdr_netcat``, ``channelizer`` or ``detector``. `status`: the drone
-    side, as last reported. `age_s`: age of that report [s].
+    `component`: ``airspy_csdr_netcat``, ``channelizer`` or ``detector``. `status`: last
+    reported state of the drone side. `age_s`: age of that report [s].
     """
     if status is None or status.state is not SystemState.DETECTING:
         return ()
@@ -41,14 +41,14 @@ def component_status(
 
 
 def detector_of_tag(status: SystemStatus) -> dict[int, ProcessStatus]:
-    """Process that finds each tag's pulses, by the supervisor's report."""
+    """Process that detects each tag's pulses, by the supervisor's report."""
     return {tag_id: process for process in status.processes for tag_id in process.tag_ids}
 
 
 def _parts(
     component: str, status: SystemStatus, settings: Settings
 ) -> Iterator[tuple[str, ProcessStatus | None]]:
-    """Yield each part of the component, with the process that does its work."""
+    """Yield each part of a component, with the process that does its work."""
     processes = {process.process: process for process in status.processes}
     receiver = processes.get("receiver")
     match component:

@@ -1,6 +1,6 @@
-"""Counts the tags of an upload over ROS 2, so that no search starts with fewer. Pure.
+"""Count the tags of an upload over ROS 2, so that no search starts with fewer. Pure.
 
-The original's messages have no count: a tag that was refused or lost was silently not searched.
+The original's messages have no count: a refused or lost tag was silently not searched for.
 """
 
 from collections.abc import Iterable
@@ -8,22 +8,22 @@ from collections.abc import Iterable
 from uavrt.ros2.senders import Sender
 
 MOST = 10_000
-"""Most tag numbers that are counted, so that a flood cannot fill the memory."""
+"""Most tag ids that are counted, so that a flood cannot fill the memory."""
 
 
 class Upload:
-    """The tags since the first of an upload, accepted or not."""
+    """Number of tags sent since the first of an upload, accepted or not."""
 
     def __init__(self) -> None:
         self.open = False
-        """Whether the last tag is still to come."""
+        """True until the upload's end, its release, has come."""
         self._ids: set[int] = set()
         self._nameless = 0
         self._lost_before = self._lost = 0
         self._released: tuple[Sender, int] | None = None
 
     def add(self, tag_id: int | None, lost: int) -> None:
-        """Note a tag, after a number lost by the network; None if it could not be read."""
+        """Count a tag, None if unreadable; `lost`: number of lost tag messages so far."""
         if not self.open:
             self.forget()
             self.open = True
@@ -34,7 +34,7 @@ class Upload:
         self._lost = lost
 
     def add_late(self, tag_id: int) -> None:
-        """Note a tag that was sent before the release and came after it."""
+        """Count a tag that was sent before the release and came after it."""
         if len(self._ids) < MOST:
             self._ids.add(tag_id)
 
@@ -45,24 +45,24 @@ class Upload:
         self.add(None, lost)
 
     def quiet(self, lost: int) -> None:
-        """Note how many were lost before the next upload."""
+        """Set the number of tag messages lost before the next upload."""
         if not self.open:
             self._lost_before = lost
 
     def release(self, sender: Sender, sent_ns: int) -> None:
-        """Note the end of the upload."""
+        """Handle the end of the upload, its release."""
         self.open = False
         self._released = (sender, sent_ns)
 
     def is_late(self, sender: Sender, sent_ns: int) -> bool:
-        """Whether a tag that comes now was sent before its sender's release."""
+        """True if a tag that arrives now was sent before its sender's release."""
         if self.open or self._released is None or not sender.key:
             return False
         released_by, released_ns = self._released
         return sender == released_by and sent_ns < released_ns
 
     def forget(self) -> None:
-        """Reset it: another upload has begun, here or on another wire."""
+        """Reset the counts: another upload has begun, by ROS 2 or another link."""
         self.open = False
         self._ids.clear()
         self._nameless = 0

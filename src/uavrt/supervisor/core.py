@@ -239,10 +239,9 @@ class Supervisor:
     async def _answer_radio_status(self, command: Command) -> None:
         """Query the radio, or read the receiver's health report while it uses the radio."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
-            receiver = next(
-                (i for i in self._fleet.instances if i.row.name == "receiver"), None
+            health = next(
+                (i.health for i in self._fleet.instances if i.row.name == "receiver"), None
             )
-            health = None if receiver is None else receiver.health
             text = "starting" if health is None else health.reason or health.status
             found = health is not None and health.ok
         else:
@@ -400,4 +399,5 @@ class Supervisor:
                 *(instance.status() for instance in instances),
             ),
             ending=mission.flights.ending,
+            faults=self._disk.faults,
         )

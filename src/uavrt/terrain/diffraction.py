@@ -1,12 +1,11 @@
 """Loss over hills, on one profile or many: Recommendation ITU-R P.526-15.
 
-The single edge is its equation 31, the edge that stands for all of a profile is Bullington's of
-its §4.5.1, with the earth's radius at 4/3. Level ground hides a low tag a little, too, and that
-is part of what the reflected ray takes away (`uavrt.planning.propagation.GroundReflection`);
-so the loss of
-terrain is what its profile costs beyond a level one, as in §4.5.2 of the recommendation:
+The single edge is its equation 31. Bullington's edge of its §4.5.1 stands for a whole profile,
+with the earth's radius at 4/3. Level ground hides a low tag a little, too, which the reflected
+ray already contains (`uavrt.planning.propagation.GroundReflection`). The terrain's loss is
+therefore what its profile adds to a level one, as in §4.5.2:
 
-    terrain loss = max(0, Bullington(profile) - Bullington(level ground))
+terrain loss = max(0, Bullington(profile) - Bullington(level ground))
 """
 
 import numpy as np
@@ -14,19 +13,19 @@ from numpy.typing import NDArray
 
 _Floats = NDArray[np.floating]
 EARTH_M = 8_500_000.0
-"""Radius over which rays are straight (P.526-15, §4.5)."""
+"""Effective earth radius with which rays are straight [m]: 4/3 of the true one (P.526-15)."""
 _LEAST = -1e12
 
 
 def knife_edge_db(nu: _Floats) -> _Floats:
-    """Loss [dB] of one edge by its parameter ν: 6 dB at grazing (P.526-15, equation 31)."""
+    """Loss of one edge by its parameter ν [dB]: 6 dB at grazing (P.526-15, equation 31)."""
     above = np.maximum(nu, -0.78) - 0.1
     loss = 6.9 + 20.0 * np.log10(np.sqrt(above * above + 1.0) + above)
     return np.asarray(np.where(nu > -0.78, loss, 0.0))
 
 
 def bullington_db(nu: _Floats, distance_m: _Floats) -> _Floats:
-    """Loss [dB] of a profile by the parameter of its one edge (P.526-15, equation 58)."""
+    """Loss of a profile by its equivalent edge's ν [dB] (P.526-15, equation 58)."""
     edge = knife_edge_db(nu)
     return np.asarray(edge - np.expm1(-edge / 6.0) * (10.0 + 2e-5 * distance_m))
 
@@ -34,13 +33,10 @@ def bullington_db(nu: _Floats, distance_m: _Floats) -> _Floats:
 def beyond_level_db(
     nu: _Floats, distance_m: _Floats, *, antenna_m: float, tag_m: float, wavelength_m: float
 ) -> _Floats:
-    """Loss [dB] of a profile beyond that of level ground.
+    """Loss of a profile beyond that of level ground [dB], by its edge's parameter ν.
 
     Over level ground the ray to the mirrored antenna touches it where ν is greatest: -2 √(2 a b
-    / (λ d)) for heights a and b.
-
-    `nu`, `distance_m`: parameter of the profile's edge, and distance between the antennas.
-    `antenna_m`, `tag_m`: heights above the ground at either end.
+    / (λ d)) for heights a and b above it.
     """
     height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
     level = -2.0 * height / np.sqrt(np.maximum(distance_m, 1.0))
@@ -56,7 +52,7 @@ def edge_parameters(
     tag: _Floats,
     wavelength_m: float,
 ) -> _Floats:
-    """ν of the equivalent edge of each profile (P.526-15, equations 53 to 57).
+    """Parameter ν of the equivalent edge of each profile (P.526-15, equations 53 to 57).
 
     `x` (paths, points): from the drone [m]; points at or beyond `far` do not count.
     `ground`: heights, less the earth's bulge: x² / (2 · 8500 km).
@@ -88,7 +84,7 @@ def hidden_parameter(
     tag: _Floats,
     wavelength_m: float,
 ) -> _Floats:
-    """ν of the edge where both horizons' rays meet, for tags out of sight."""
+    """Parameter ν of the edge where both horizons' rays meet, for tags out of sight."""
     both = np.maximum(from_drone + from_tag, 1e-9)
     at = np.clip((tag - antenna + from_tag * far) / both, 1e-3 * far, 0.999 * far)
     above = antenna + from_drone * at - (antenna * (far - at) + tag * at) / far

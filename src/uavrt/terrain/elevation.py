@@ -1,4 +1,4 @@
-"""Ground heights from rasters of any number of files.
+"""Ground heights at places, interpolated from the rasters of any number of files.
 
 Rasters of one grid (tiles of one set) are joined before interpolation, so that no border shows,
 whether neighbours share a row, as SRTM's do, or not.
@@ -16,47 +16,44 @@ from uavrt.geodesy import utm
 from uavrt.units import wrap_degrees_180
 
 ELLIPSOID = "ellipsoid"
-"""Datum of heights above the ellipsoid."""
+"""Name of the datum for heights above the ellipsoid."""
 _Floats = NDArray[np.float64]
 _Window = tuple[int, int, int, int]
 _MOST_POINTS = 150_000_000
 _LATTICE = 12
 _NOT_HEIGHTS_M = (-600.0, 9000.0)
-"""Range of valid heights: the shore of the Dead Sea lies at -430 m; values beyond are markers
-of missing data."""
+"""Range of valid heights [m], from below the Dead Sea; values outside mark missing data."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Raster:
-    """Heights on a grid; its points are read on demand."""
+    """Heights on a regular grid; the file is read on demand."""
 
     name: str
     epsg: int
-    """4326, or UTM on WGS84: 32601 to 32660, 32701 to 32760."""
+    """Code of the coordinates: 4326, or UTM on WGS84: 32601 to 32660, 32701 to 32760."""
     x: float
-    """First column's points: longitude [deg] or easting [m]."""
+    """Longitude [deg] or easting [m] of the first column's points."""
     y: float
     step_x: float
-    """Step between columns, positive to the east."""
+    """Step between columns [deg or m], positive to the east."""
     step_y: float
-    """Step between rows, positive to the south."""
+    """Step between rows [deg or m], positive to the south."""
     rows: int
     columns: int
     datum: str | None
-    """Datum of the heights: ``EGM96``, ``ellipsoid`` …; None where the file does not name
-    it."""
+    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None if the file has none."""
     read: Callable[[_Window], NDArray[np.float32]]
-    """Reads the points of first and last row, first and last column (the last ones excluded),
-    NaN where unknown."""
+    """Function that reads a window of rows and columns, first and end; NaN is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Elevation:
-    """Ground heights from some rasters."""
+    """Ground heights from several rasters."""
 
     rasters: tuple[Raster, ...]
     sea: bool = False
-    """True: places outside all rasters are water at height 0."""
+    """True if places outside all rasters are water at height 0."""
     _sheets: list[list[Raster]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -79,7 +76,7 @@ class Elevation:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Cautions about the datums, in words."""
+        """Sentences of caution about the datums."""
         said = []
         if ELLIPSOID in self.datums:
             said.append(
@@ -94,7 +91,7 @@ class Elevation:
         return tuple(said)
 
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
-        """Heights of places, of any shape; NaN where unknown.
+        """Heights of places [m], of any shape; NaN where unknown.
 
         Raises `FormatError`: a file is damaged.
         Raises `UsageError`: the places are spread over too much ground.
@@ -128,8 +125,6 @@ def _step_m(one: Raster) -> float:
 
 
 def _of_one_grid(a: Raster, b: Raster) -> bool:
-    """True if points of one raster continue those of another."""
-
     def whole(apart: float, step: float) -> bool:
         return abs(apart / step - round(apart / step)) < 0.01
 
@@ -140,7 +135,6 @@ def _of_one_grid(a: Raster, b: Raster) -> bool:
 
 
 def _read(sheet: list[Raster], lat: _Floats, lon: _Floats) -> tuple[_Floats, NDArray[np.bool_]]:
-    """Heights between the points of a sheet, and which places lie within its rasters."""
     first = sheet[0]
     x, y = _projected(first.epsg, lat, lon)
     turn = 360.0 / first.step_x if first.epsg == 4326 else 0.0
@@ -168,7 +162,6 @@ def _read(sheet: list[Raster], lat: _Floats, lon: _Floats) -> tuple[_Floats, NDA
 
 
 def _offset(first: Raster, one: Raster, turn: float, near: float) -> tuple[int, int]:
-    """Rows and columns of a raster's offset from the first of its sheet."""
     right = (one.x - first.x) / first.step_x
     if turn:
         right += turn * round((near - right - 0.5 * one.columns) / turn)
@@ -176,7 +169,6 @@ def _offset(first: Raster, one: Raster, turn: float, near: float) -> tuple[int, 
 
 
 def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArray[np.float32]:
-    """Points of a window of a sheet, from all its rasters."""
     top, bottom, left, right = window
     count = (bottom - top) * (right - left)
     if count > _MOST_POINTS:
@@ -201,7 +193,7 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
 
 
 def _between(points: NDArray[np.float32], row: _Floats, column: _Floats) -> _Floats:
-    """Bilinear interpolation; NaN where the nearest point is unknown, else of known points."""
+    """Bilinear interpolation between known points; NaN where the nearest point is unknown."""
     rows, columns = points.shape
     r = np.clip(np.floor(row).astype(np.intp), 0, max(rows - 2, 0))
     c = np.clip(np.floor(column).astype(np.intp), 0, max(columns - 2, 0))

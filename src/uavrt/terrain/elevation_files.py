@@ -1,4 +1,4 @@
-"""Files of heights: one, or a folder of tiles."""
+"""Open elevation files: one file, or a folder of tiles."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,13 +11,13 @@ _REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder o
 
 
 def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
-    """Open a file of heights, or all of a folder.
+    """Open an elevation file, or all of a folder.
 
     `path`: ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
-    `sea`: treat places outside all files as water at height 0: there are no tiles of the open
-    sea.
+    `sea`: treat places outside all files as water at height 0, as there are no tiles of the
+        open sea.
     Raises `FormatError`: there are none, one of them is cut off, damaged or unsupported, or
-    only some are heights above the ellipsoid.
+        only some are heights above the ellipsoid.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)
@@ -27,7 +27,7 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
 
 
 def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
-    """Reject a mix of ellipsoid and other heights: a cliff of up to 100 m between them."""
+    """Reject a mix of ellipsoid and other heights: a step of up to 100 m between them."""
     above = next((one for one in rasters if one.datum == ELLIPSOID), None)
     other = next((one for one in rasters if one.datum != ELLIPSOID), None)
     if above is not None and other is not None:

@@ -1,8 +1,8 @@
-"""GeoTIFF of heights (TIFF 6.0, BigTIFF, OGC 19-008r4), by hand.
+"""Reader of GeoTIFF elevation files (TIFF 6.0, BigTIFF, OGC 19-008r4).
 
-Strips or tiles of one band, int16 to float64, plain or packed by deflate, LZW or PackBits, with
-the predictors of either; on longitudes and latitudes or in UTM. Only the needed blocks are
-read. Errors for other kinds name the command that converts them.
+It reads strips or tiles of one band, int16 to float64, plain or packed by deflate, LZW or
+PackBits, with the predictors of either; on longitudes and latitudes or in UTM. Only the needed
+blocks are read. Errors for other kinds name the command that converts them.
 """
 
 import math
@@ -27,13 +27,13 @@ _READ = frozenset(
     {256, 257, 258, 259, 273, 277, 278, 279, 317, 322, 323, 324, 325, 339}
     | {33550, 33922, 34264, 34735, 42113}
 )
-"""Tags; all others are ignored."""
+"""Numbers of the TIFF tags that are read; all others are ignored."""
 _MOST_BLOCKS, _MOST_VALUES = 300_000, 4096
-"""Most values of the tags that list blocks, and of each other tag."""
+"""Largest number of values of the TIFF tags that list blocks, and of each other tag."""
 _LISTS = frozenset({273, 279, 324, 325})
 _MOST_BLOCK_POINTS = 1 << 24
 _SCALES = 1e-8, 1e8
-"""Range of a step and of a corner's distance, in degrees or metres."""
+"""Valid range of a grid step and of a corner's coordinates [deg or m]."""
 _NUMBERS = {(1, 8): "u1", (1, 16): "u2", (1, 32): "u4", (2, 16): "i2", (2, 32): "i4"} | {
     (3, 32): "f4",
     (3, 64): "f8",
@@ -65,7 +65,7 @@ _DAMAGED = (
 
 
 class _Unread(Exception):
-    """An unsupported kind of GeoTIFF; holds the options of gdal_translate or gdalwarp."""
+    """Error for an unsupported kind of GeoTIFF, with options of gdal_translate or gdalwarp."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -196,7 +196,6 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
 
 
 def _check(blocks: _Blocks) -> None:
-    """Reject impossible sizes, and a file that ends before its last block."""
     if min(blocks.rows, blocks.columns, blocks.high, blocks.wide) < 1:
         raise ValueError("it holds no points")
     if blocks.high * blocks.wide > _MOST_BLOCK_POINTS:
@@ -218,7 +217,7 @@ def _number(text: object) -> float | None:
 
 
 def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
-    """Coordinate system, datum of the heights, and whether points or squares are meant."""
+    """Coordinate system, datum of the heights, and True if values are those of points."""
     warp = "gdalwarp -t_srs EPSG:4326"
     listed = tags.get(34735)
     if listed is None:
@@ -243,7 +242,7 @@ def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
 
 
 def _utm_of(epsg: int) -> int | None:
-    """UTM on WGS84; ETRS89's and NAD83's lie within two metres of it."""
+    """EPSG code of UTM on WGS84; ETRS89's and NAD83's lie within two metres of it."""
     zone = epsg % 100
     if epsg // 100 in (326, 327) and 1 <= zone <= 60:
         return epsg
@@ -315,7 +314,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
 def _unpredicted(
     data: bytes, shape: tuple[int, int], kind: np.dtype[Any], predictor: int
 ) -> NDArray[Any]:
-    """Undo the differences of neighbours (2), or of the bytes of floating point (3)."""
+    """Undo predictor 2 (differences of neighbours) or 3 (bytes of floating point)."""
     if predictor == 3:
         width = kind.itemsize
         rows = np.frombuffer(data, np.uint8).reshape(shape[0], width * shape[1])
@@ -333,7 +332,7 @@ def _unpredicted(
 
 
 def _unpacked_bits(data: bytes, size: int) -> bytes:
-    """PackBits (TIFF 6.0, section 9)."""
+    """Unpack PackBits data (TIFF 6.0, section 9)."""
     found, at = bytearray(), 0
     while at < len(data) and len(found) < size:
         count = data[at]
@@ -348,7 +347,7 @@ def _unpacked_bits(data: bytes, size: int) -> bytes:
 
 
 def _unpacked_lzw(data: bytes, size: int) -> bytes:
-    """LZW (TIFF 6.0, section 13): codes of 9 to 12 bits, 256 clears the table, 257 ends."""
+    """Unpack LZW data (TIFF 6.0, section 13): codes of 9 to 12 bits; 256 clears, 257 ends."""
     found, length = [], 0
     table = [bytes((value,)) for value in range(256)] + [b"", b""]
     width, bits, held, last = 9, 0, 0, b""

@@ -1,9 +1,9 @@
-"""Losses by the ground around a flight, from its places to those of tags, cached.
+"""Losses behind hills between a flight and possible tag positions, cached.
 
-The loss from one place of a drone to all squares of the ground is computed once
+The loss from one drone position to all squares of the ground is computed once
 (`uavrt.terrain.viewshed`) and kept: position estimates use ten thousand places with every
-pulse. Drone places lie on a lattice as fine as the squares, coarser where a flight has too many
-of them, so that a flight's cost is bounded.
+pulse. Drone positions are rounded to a lattice as fine as the squares, coarser where a flight
+has too many of them, so that a flight's cost is bounded.
 """
 
 from collections import OrderedDict
@@ -21,37 +21,35 @@ from uavrt.terrain.viewshed import terrain_loss_map
 
 _Floats = NDArray[np.floating[Any]]
 TAG_M = 0.5
-"""Default height of a tag above the ground."""
+"""Default height of a tag above the ground [m]."""
 _LEAST_REACH_M = 500.0
 _MOST_SIDE = 200
-"""Squares along each side of the ground around the take-off."""
+"""Largest number of squares along each side of the ground around the take-off."""
 _ROUGH_SIDE = 64
-"""The same for candidate legs: a thirtieth of the cost."""
+"""Largest number of squares along each side for candidate legs, at a thirtieth of the cost."""
 _FINEST_M = 15.0
 _HEIGHT_STEP_M = 4.0
 _LEAST_ABOVE_M = 1.0
 _ROUGH_HEIGHT_STEP_M = 16.0
 _MOST_PLACES = 100
-"""Most drone places in one call: 1.5 s of a core."""
+"""Largest number of drone positions in one call: 1.5 s of a core."""
 _ROUGH_MOST_PLACES = 40
 _MOST_BYTES = 64_000_000
-"""Most memory for cached losses [bytes]."""
+"""Largest memory for cached losses [bytes]."""
 
 _Node = tuple[int, int, int]
-"""Place of the lattice: metres east, north, and above the take-off's ground."""
+"""Point of the lattice: metres east, north, and above the take-off's ground."""
 
 
 class HillLosses:
-    """The ground around a take-off, and its losses.
+    """Ground around a take-off, and the losses behind its hills.
 
     Heights of the drone count from the ground at the take-off, as autopilots report; metres
     from there too, or from the origin of another plane (`in_plane`).
 
-    `latitude_deg`, `longitude_deg`: of the take-off.
-    `frequency_hz`: of the tags.
-    `tag_m`: height of the tags above the ground beneath them.
-    `limitations`: sentences on where the losses do not apply; `cautions` adds gaps of the
-    files.
+    `frequency_hz`: of the tags. `tag_m`: height of the tags above the ground beneath them.
+        `limitations`: sentences on where the losses do not apply; `cautions` adds gaps of the
+        files.
     """
 
     def __init__(
@@ -79,7 +77,7 @@ class HillLosses:
 
     @property
     def start_amsl_m(self) -> float:
-        """Height of the ground at the take-off; NaN where unknown."""
+        """Height of the ground at the take-off above sea level [m]; NaN where unknown."""
         return self._squares.start_m
 
     def __eq__(self, other: object) -> bool:
@@ -96,17 +94,17 @@ class HillLosses:
 
     @property
     def level(self) -> bool:
-        """True if the height of the take-off is unknown, so that level ground is assumed."""
+        """True if the take-off's height is unknown, so that level ground is assumed."""
         return not np.isfinite(self._squares.start_m)
 
     def at(self, frequency_hz: float) -> "HillLosses":
-        """The same for another tag, with a common cache."""
+        """Losses for tags of another frequency, with a common cache."""
         other = copy(self)
         other.frequency_hz = frequency_hz
         return other
 
     def in_plane(self, plane: TangentPlane) -> "HillLosses":
-        """The same with metres from another origin near by, with a common cache.
+        """Losses with metres from another origin near by, with a common cache.
 
         Both planes' axes are taken as parallel: 5 km apart they turn by .05°.
         """
@@ -116,19 +114,22 @@ class HillLosses:
         return other
 
     def rough(self) -> "HillLosses":
-        """The same on squares three times as large, for the many places of a decision."""
+        """Losses on squares three times as large, for the many places of a decision."""
         other = copy(self)
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other
 
     def noting(self, *limitations: str) -> "HillLosses":
-        """The same with more limitations."""
+        """Copy with further limitations."""
         other = copy(self)
         other.limitations = (*self.limitations, *limitations)
         return other
 
     def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
-        """Extend the ground, whose edge counts beyond it; raises `FormatError`."""
+        """Extend the ground to include places; raises `FormatError`.
+
+        Beyond the edge, the edge's heights count.
+        """
         here = self.origin_m
         self._squares.reach(
             float(np.max(np.abs(np.asarray(east_m) + here[0]))),
@@ -136,7 +137,7 @@ class HillLosses:
         )
 
     def cautions(self) -> tuple[str, ...]:
-        """Sentences on how the ground model differs from the ground."""
+        """Sentences on differences between the ground model and the ground."""
         if self.level:
             return (
                 *self.limitations,
@@ -152,7 +153,7 @@ class HillLosses:
         )
 
     def rise_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Ground at places over that at the take-off, of any shape."""
+        """Height of the ground at places above that at the take-off [m], of any shape."""
         if self.level:
             return np.zeros(np.shape(east_m))
         squares = self._squares
@@ -165,7 +166,7 @@ class HillLosses:
     def seen_from(
         self, drone_east_m: _Floats, drone_north_m: _Floats, drone_up_m: _Floats
     ) -> "LossesFrom":
-        """Losses from some places of the drone (n,), heights above the take-off's ground."""
+        """Losses from drone positions (n,); heights count from the take-off's ground."""
         if self.level:
             none = np.zeros((1, 2, 2), np.float32)
             which = np.zeros(np.size(drone_east_m), np.intp)
@@ -195,7 +196,7 @@ class HillLosses:
     def loss_db(
         self, drone: tuple[float, float, float], east_m: _Floats, north_m: _Floats
     ) -> NDArray[np.float32]:
-        """Loss beyond that of level ground, from one place of the drone to places of any shape.
+        """Loss beyond that of level ground, from one drone position to any places [dB].
 
         `drone` (east, north, up): up from the ground at the take-off.
         """
@@ -205,7 +206,7 @@ class HillLosses:
     def _nodes(
         self, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> tuple[list[_Node], NDArray[np.intp]]:
-        """Places of the lattice, and the index of the one nearest to each of the drone's."""
+        """Lattice points for drone positions, and the index of the nearest one for each."""
         east, north = east_m + self.origin_m[0], north_m + self.origin_m[1]
         self._squares.reach(float(np.max(np.abs(east))), float(np.max(np.abs(north))))
         reach, coarser = self._squares.reach_m, 1.0
@@ -224,18 +225,18 @@ class HillLosses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossesFrom:
-    """Losses from some places of a drone to any place."""
+    """Losses from drone positions to any place."""
 
     maps: NDArray[np.float32]
-    """(lattice, rows, columns) [dB]."""
+    """(lattice, rows, columns) loss from each lattice point to the squares [dB]."""
     which: NDArray[np.intp]
-    """(n,) index of the lattice place for each of the drone's."""
+    """(n,) index of the lattice point for each drone position."""
     west_m: float
     south_m: float
     cell_m: float
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) losses [dB] to places (places,)."""
+        """(places, n) losses to places (places,) [dB]."""
         lattice = np.arange(len(self.maps))[np.newaxis]
         each = self.between(lattice, east_m[:, np.newaxis], north_m[:, np.newaxis])
         return np.asarray(each[:, self.which])
@@ -243,7 +244,7 @@ class LossesFrom:
     def between(
         self, lattice: NDArray[np.intp] | np.intp, east_m: _Floats, north_m: _Floats
     ) -> NDArray[np.float32]:
-        """Losses [dB] from lattice places to places, of broadcastable shapes."""
+        """Losses from lattice points to places [dB], of broadcastable shapes."""
         _, rows, columns = self.maps.shape
         single = np.float32
         c = np.asarray((east_m - self.west_m) / self.cell_m, single)
@@ -278,7 +279,7 @@ class _Squares:
         self._grid: GroundGrid | None = None
         self._maps: OrderedDict[tuple[int, ...], NDArray[np.float32]] = OrderedDict()
         self.last: tuple[tuple[object, ...], _Floats, LossesFrom] | None = None
-        """Tag, drone places and result of the last call."""
+        """Tag, drone positions and result of the last call."""
 
     @property
     def grid(self) -> GroundGrid:

@@ -1,4 +1,4 @@
-"""Ground heights on squares around a point."""
+"""Ground heights on a grid of squares around a point."""
 
 import math
 from dataclasses import dataclass
@@ -24,14 +24,13 @@ class GroundGrid:
     south_m: float
     cell_m: float
     known: NDArray[np.bool_]
-    """(rows, columns), the southern row first: True where the elevation files have the
-    height."""
+    """(rows, columns) True where elevation files have the height; the southern row first."""
     height_m: NDArray[np.float32]
-    """(rows, columns); unknown heights are those of the nearest known cell."""
+    """(rows, columns) heights [m]; unknown ones are those of the nearest known cell."""
 
     @classmethod
     def of_heights(cls, height_m: NDArray[np.float32]) -> "GroundGrid":
-        """Heights on squares of a metre, all known, without a place on the earth."""
+        """Grid from known heights, with squares of a metre, without a position on the earth."""
         return cls(
             plane=TangentPlane(latitude_deg=0.0, longitude_deg=0.0),
             west_m=0.0,
@@ -43,27 +42,27 @@ class GroundGrid:
 
     @property
     def east_m(self) -> _Floats:
-        """(columns,) centres."""
+        """(columns,) east coordinates of the centres [m]."""
         return np.asarray(self.west_m + self.cell_m * np.arange(self.height_m.shape[1]))
 
     @property
     def north_m(self) -> _Floats:
-        """(rows,) centres."""
+        """(rows,) north coordinates of the centres [m]."""
         return np.asarray(self.south_m + self.cell_m * np.arange(self.height_m.shape[0]))
 
     @property
     def unknown_share(self) -> float:
-        """Share of the cells whose height is not known."""
+        """Share of the cells whose height is unknown."""
         return float(1.0 - self.known.mean())
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Heights between the centres, of any shape; beyond the grid those of its edge."""
+        """Heights interpolated between the centres [m]; beyond the grid those of its edge."""
         return self.at(
             (east_m - self.west_m) / self.cell_m, (north_m - self.south_m) / self.cell_m
         )
 
     def at(self, column: NDArray[np.floating], row: NDArray[np.floating]) -> _Floats:
-        """Heights by columns and rows with fractions."""
+        """Heights interpolated at fractional columns and rows [m]."""
         rows, columns = self.height_m.shape
         c = np.clip(column, 0.0, columns - 1.0)
         r = np.clip(row, 0.0, rows - 1.0)
@@ -86,14 +85,12 @@ def ground_grid(
     north_m: float,
     cell_m: float,
 ) -> GroundGrid:
-    """Heights on squares over an area.
+    """Heights on squares over an area, whose last cells may extend beyond it.
 
-    `elevation`: None is level ground at height 0, all cells known.
-    `plane`: origin of the metres.
-    `west_m`, `east_m`, `south_m`, `north_m`: the area; its last cells may extend beyond it.
-    `cell_m`: side of a square.
+    `elevation`: None is level ground at height 0, all cells known. `plane`: origin of the
+        metres. `cell_m`: side of a square.
     Raises `UsageError`: more than 16 million squares.
-    Raises `FormatError`: a file of heights is damaged.
+    Raises `FormatError`: an elevation file is damaged.
     """
     columns = max(2, math.ceil((east_m - west_m) / cell_m) + 1)
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)

@@ -1,9 +1,9 @@
-"""Tiles of the Shuttle Radar Topography Mission, ``N47E008.hgt``, plain or zipped.
+"""Reader of elevation tiles of the Shuttle Radar Topography Mission, plain or zipped.
 
-A tile is a degree wide and high, named by its south-western corner: 3601² (one arc second) or
-1201² (three) big-endian int16, the northern row first; its border rows and columns are those of
-its neighbours, too. -32768 is a void. Heights are above the geoid EGM96 ("SRTM Collection User
-Guide", NASA LP DAAC, 2015).
+A tile (``N47E008.hgt``) is a degree wide and high, named by its south-western corner: 3601²
+(one arc second) or 1201² (three) big-endian int16, the northern row first; its border rows and
+columns are those of its neighbours, too. -32768 marks a missing height. Heights are above the
+geoid EGM96 ("SRTM Collection User Guide", NASA LP DAAC, 2015).
 """
 
 import re

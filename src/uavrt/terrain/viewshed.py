@@ -15,7 +15,7 @@ from uavrt.units import SPEED_OF_LIGHT_M_S
 
 _Floats = NDArray[np.float64]
 _TOGETHER = 100_000
-"""Most points of profiles, or cells, computed at once."""
+"""Largest number of profile points, or cells, computed at once."""
 
 
 def terrain_loss_map(
@@ -27,9 +27,9 @@ def terrain_loss_map(
     tag_m: float,
     frequency_hz: float,
 ) -> NDArray[np.float32]:
-    """Loss [dB] beyond that of level ground, from a drone to tags at all cells.
+    """Loss beyond that of level ground, from a drone to tags at all cells [dB].
 
-    `ground`: the drone is over it.
+    `ground`: grid that contains the drone's position.
     `antenna_m`, `tag_m`: heights of drone and tags above the ground beneath them.
     Returns: shape (rows, columns).
     Raises `UsageError`: the drone is not over the grid.
@@ -74,7 +74,7 @@ def _parameters(
     x: _Floats,
     y: _Floats,
 ) -> NDArray[np.float32]:
-    """ν at the cells of some rows; x and y [cells] and heights relative to the drone."""
+    """Parameter ν at the cells of some rows, from coordinates relative to the drone."""
     compiled = getattr(kernels(), "edges", None)
     nu = np.full(x.shape, -10.0, np.float32)
     if compiled is not None:

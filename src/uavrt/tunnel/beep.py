@@ -1,4 +1,4 @@
-"""Unlisted beeping senders, for a ground station of uavrt.
+"""Report beeping senders that are not in the tag list to a ground station of uavrt.
 
 Sent with the lowest priority, repeated in turn. Layout: payload type 60012 of the manual's
 tunnel reference.
@@ -15,7 +15,7 @@ MOST_TAGS = 3
 _MOST_PULSES = 0xFFFF
 _MOST_REASON = 48
 _KINDS = tuple(BeepKind)
-"""Kinds in the order of their numbers on the wire: add new ones at the end."""
+"""Kinds of beeping senders in the order of their wire numbers; add new ones at the end."""
 _LAYOUT = Layout(
     "a beep",
     "version:B kind:B pulses:H time_ns:q frequency_hz:d interval_s:f jitter_s:f level_db:f "
@@ -32,7 +32,7 @@ _LAYOUT = Layout(
 
 
 def encode_beep(beep: Beep) -> bytes:
-    """Write the payload; a long reason is cut."""
+    """Write a report of a beeping sender; a long reason is cut."""
     return _LAYOUT.pack(
         beep,
         kind=_KINDS.index(beep.kind),
@@ -44,7 +44,7 @@ def encode_beep(beep: Beep) -> bytes:
 
 
 def decode_beep(payload: bytes) -> Beep:
-    """Read the payload; raises `TunnelError` for another length or bad numbers."""
+    """Read a report of a beeping sender; raises `TunnelError` if it is invalid."""
     got = _LAYOUT.unpack(payload)
     reason = got.pop("text").decode("utf-8", "ignore")
     try:

@@ -1,4 +1,4 @@
-"""The content of a coded tag's burst, for a ground station that acknowledges pulses.
+"""Pulses of a coded tag's burst, for a ground station that acknowledges pulses.
 
 The burst itself is a pulse message, for any ground station. This message adds its pulses and
 the other tags that may have sent it, and is acknowledged and repeated like pulses. Layout:
@@ -16,7 +16,7 @@ BURST_TYPE = 60_007
 MOST_PULSES, MOST_OTHERS = 8, 7
 _STEP_NS = 100
 _LONGEST_S = 60.0
-"""Pulses farther from the burst's start than this are damage [s]."""
+"""Longest time of a pulse from its burst's start [s]; a message with more is damaged."""
 _LATEST_S = 9.2e9
 _SNR_STEPS = 100.0
 _I16 = 32_767
@@ -44,7 +44,7 @@ def encode_burst(pulse: Pulse) -> bytes | None:
 
 
 def decode_burst(payload: bytes) -> BurstInside:
-    """Read the content of a burst; raises `TunnelError` for another length or bad numbers."""
+    """Read the content of a burst; raises `TunnelError` if it is invalid."""
     got = _LAYOUT.unpack(payload)
     steps = got["pulses"]
     rising = all(one < two for one, two in pairwise(steps))

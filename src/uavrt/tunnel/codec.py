@@ -16,9 +16,9 @@ DECODERS = {**g0.DECODERS, **g1.DECODERS, **g2.DECODERS}
 def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessage:
     """Read a tunnel payload (its first ``payload_length`` bytes).
 
-    `generation`: of the drone, where a length stands for several messages; ours need none.
-    Raises `TunnelError`, with the payload, for an unknown command or a wrong length; its text
-    is fit for the acknowledgement (to `acked_command_of`).
+    `generation`: the drone's generation, where a length stands for several messages. Raises
+    `TunnelError`, with the payload, for an unknown command or a wrong length; the
+    acknowledgement (to `acked_command_of`) can carry its text.
     """
     if not 4 <= len(payload) <= MAX_PAYLOAD:
         raise TunnelError(f"a payload has 4 to 128 bytes, not {len(payload)}", payload)
@@ -37,7 +37,7 @@ def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessag
 
 
 def acked_command_of(payload: bytes) -> int | None:
-    """Number of the command in a payload, also of an invalid one; None if too short."""
+    """Command number in a payload, also of an invalid one; None if it is too short."""
     return int.from_bytes(payload[:4], "little") if len(payload) >= 4 else None
 
 

@@ -1,8 +1,8 @@
-"""A coded tag, from a ground station of uavrt to the drone.
+"""Send a coded tag from a ground station of uavrt to the drone.
 
 The message for a beeping tag has no room for gaps; this one replaces it in an upload and is
-acknowledged in the same way. A drone that does not know it gives no answer. Layout: payload
-type 60008 of the manual's tunnel reference.
+acknowledged in the same way. A drone of an older version does not answer. Layout: payload type
+60008 of the manual's tunnel reference.
 """
 
 import math
@@ -29,7 +29,7 @@ _LAYOUT = Layout(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodedTag:
-    """The message; the numbers are those of a tag in an upload of G2, or 0."""
+    """Message with a coded tag; request, upload and index as for a tag of G2, or 0."""
 
     tag: Tag
     request_id: int = 0
@@ -57,7 +57,7 @@ class CodedTag:
 
     @classmethod
     def decode(cls, payload: bytes) -> "CodedTag":
-        """Read the payload; raises `TunnelError` for another length or an impossible burst."""
+        """Read the payload; raises `TunnelError` for a wrong length or an impossible burst."""
         got = _LAYOUT.unpack(payload)
         width_us, interval_us, uncertainty_us, jitter_us = got["times_us"]
         gaps_us, tag_id = got["gaps"], got["tag_id"]

@@ -1,4 +1,4 @@
-"""Records of uavrt to tunnel messages and back: units, rounding and absence in one place."""
+"""Convert records of uavrt to tunnel messages and back: units, rounding, absent values."""
 
 import math
 from collections.abc import Mapping
@@ -25,12 +25,12 @@ from uavrt.tunnel.g2 import AckG2, PulseG2, PulseG2v1
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ms
 
 LATEST_S = 9.2e9
-"""Latest time in seconds since 1970 whose nanoseconds fit into 64 bits: 2261."""
+"""Latest time whose nanoseconds fit into 64 bits, in the year 2261 [s since 1970]."""
 
 ROOM_G1, ROOM_G2 = 115, 107
-"""Bytes of an acknowledgement's text, without the NUL that ends it."""
+"""Most bytes of an acknowledgement's text in G1 and G2, without the NUL that ends it."""
 _USABLE = 0xF000
-"""Group number of "nothing found" in a band that was never usable; per mille are added."""
+"""Lowest group number that gives the usable share of time [per mille] with "nothing found"."""
 
 STATUS_NUMBERS_OF_PULSES: dict[DetectionStatus, int] = {
     "subthreshold": STATUS_SUBTHRESHOLD,
@@ -43,7 +43,7 @@ DETECTION_STATUSES: dict[int, DetectionStatus] = {
 
 
 def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
-    """Write a tag; times are rounded to whole milliseconds, the frequency to whole hertz.
+    """Convert a tag to its message; times are rounded to milliseconds, the frequency to hertz.
 
     Raises `TunnelError` for more than two rates.
     """
@@ -67,7 +67,7 @@ def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
 
 
 def tag_from_wire(message: TagG0 | TagG1) -> Tag:
-    """Read a tag; values that a detector cannot use are refused.
+    """Convert a message to a tag; values that a detector cannot use are refused.
 
     The means and deviations of G1 are ignored: their unit is not documented and senders leave
     them NaN. Raises `TunnelError` for an id, frequency, width, interval or K of zero (the
@@ -106,7 +106,7 @@ def tag_from_wire(message: TagG0 | TagG1) -> Tag:
 
 
 def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1 | PulseG2:
-    """Put a pulse of G1 into the frame of a numbered version."""
+    """Convert a pulse of G1 to the pulse message of a numbered version."""
     if generation == "G2v1":
         return PulseG2v1(pulse=pulse)
     return PulseG2(pulse=pulse) if generation == "G2" else pulse
@@ -115,7 +115,7 @@ def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1
 def pulse_to_wire(
     pulse_pose: PulsePose, generation: Generation = "G1"
 ) -> PulseG0 | PulseG1 | PulseG2v1 | PulseG2:
-    """Write a pulse; an unknown pose is NaN in every field, never zero.
+    """Convert a pulse to its message; an unknown pose is NaN in every field, never zero.
 
     Times are seconds as f64, which near 2026 resolves 0.24 µs.
     """
@@ -172,7 +172,7 @@ def pulse_to_wire(
 
 
 def search_report_to_wire(report: SearchReport) -> PulseG1:
-    """Write "searched, nothing found" (status 3), which G0 does not have."""
+    """Convert a search report to "searched, nothing found" (status 3); not in G0."""
     share, weakest_db = report.usable_share, report.weakest_enr_db
     return PulseG1(
         tag_id=report.tag_id,
@@ -187,28 +187,28 @@ def search_report_to_wire(report: SearchReport) -> PulseG1:
 
 
 def detector_heartbeat(tag_id: int, time_ns: int) -> PulseG1:
-    """Write a detector's sign of life: a pulse at frequency 0 (G1)."""
+    """Make the heartbeat of a tag's detector: a pulse at frequency 0 (G1)."""
     return PulseG1(tag_id=tag_id, frequency_hz=0, start_time_s=time_ns / NANOSECONDS_PER_SECOND)
 
 
 def pulse_from_wire(
     message: PulseG0 | PulseG1, tag: Tag | None = None
 ) -> PulsePose | SearchReport | None:
-    """Read a pulse; None is a detector's sign of life.
+    """Convert a message to a pulse; None if it is a detector's heartbeat.
 
     Fields missing on the wire: the end follows from the tag's pulse width (without a tag it is
     the start), the other altitude and noise of G0 are NaN. The rate is the one whose next pulse
-    is expected when the message expects it, 1 without a tag; a pulse of the number after the
+    agrees with the message's prediction, 1 without a tag. A pulse with the number after the
     tag's is from the original's second detector: rate 2.
 
-    `tag`: its tag; `tag_of_number` finds it. Raises `TunnelError`: a status that no generation
-    has, or invalid times.
+    `tag`: the pulse's tag, see `tag_of_number`. Raises `TunnelError` for a status that no
+    generation has, or invalid times.
     """
     if message.frequency_hz == 0:
         return None
     times_s = (message.start_time_s, message.predict_next_start_s)
     if not all(0.0 <= time_s < LATEST_S for time_s in times_s):
-        raise TunnelError("a pulse's time is not a time since 1970", message.encode())
+        raise TunnelError("a pulse has an invalid time", message.encode())
     start_ns = ns_from_s(message.start_time_s)
     if message.detection_status == STATUS_NOTHING_FOUND and isinstance(message, PulseG1):
         usable = _USABLE <= message.group_sequence <= _USABLE + 1000
@@ -247,10 +247,10 @@ def pulse_from_wire(
 
 
 def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
-    """Find the listed tag of a message's number; None without one.
+    """Find the listed tag with the number in a message; None if it is not listed.
 
-    The original runs a second detector for a second rate, under the number after the tag's (so
-    its tags have even numbers).
+    For a tag with a second rate, the original runs a second detector under the number after the
+    tag's. So its tags have even numbers.
     """
     first = tags.get(tag_id - 1)
     if tag_id not in tags and first is not None and len(first.pulse_intervals_s) == 2:
@@ -259,9 +259,9 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 
 
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
-    """Find which of the tag's intervals, from 1, a pulse has, by the next one expected.
+    """Find which of a tag's intervals, numbered from 1, agrees with the predicted next pulse.
 
-    The message has the start of that window: the interval less its uncertainty.
+    The message has the start of the predicted window: the interval less its uncertainty.
     """
     if message.tag_id == tag.tag_id + 1:
         return 2
@@ -279,7 +279,7 @@ def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
 
 
 def has_place(message: PulseG0 | PulseG1) -> bool:
-    """Whether the sender of a pulse had a place, on the globe or not."""
+    """True if a pulse message has a position, valid or not."""
     return all(map(math.isfinite, _place_on_wire(message)))
 
 
@@ -290,7 +290,7 @@ def _place_on_wire(message: PulseG0 | PulseG1) -> tuple[float, float]:
 
 
 def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
-    """Read the pose; None if the sender had none, or one that is not on the globe."""
+    """Pose in a pulse message; None if it has none, or an invalid position."""
     if isinstance(message, PulseG1):
         quaternion = from_euler_deg(message.yaw_deg, message.pitch_deg, message.roll_deg)
         amsl, relative = math.nan, message.altitude_relative_m
@@ -325,7 +325,7 @@ def ack_to_wire(
     generation: Generation = "G1",
     request_id: int = 0,
 ) -> AckG0 | AckG1 | AckG2:
-    """Write an acknowledgement; G0 has no room for the message."""
+    """Make an acknowledgement; G0 has no room for the message."""
     result = SUCCESS if accepted else FAILURE
     if generation == "G2":
         return AckG2(
@@ -342,7 +342,7 @@ def ack_to_wire(
 
 
 def _path_that_fits(message: str, room: int) -> str:
-    """Cut a long path at its front: its end names the flight."""
+    """Shorten a long path at its front, since its end names the flight."""
     if not message.startswith("/") or len(message.encode()) <= room:
         return message
     tail = message.encode()[-(room - len("…".encode())) :]
@@ -350,7 +350,7 @@ def _path_that_fits(message: str, room: int) -> str:
 
 
 def heartbeat_to_wire(state: SystemState, cpu_temperature_c: float | None) -> Heartbeat:
-    """Write the drone side's state; an unknown temperature is NaN."""
+    """Make the drone side's heartbeat; an unknown temperature is NaN."""
     return Heartbeat(
         system_id=SYSTEM_CONTROLLER,
         status=STATUS_NUMBERS[state],

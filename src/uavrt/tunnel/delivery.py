@@ -1,8 +1,7 @@
-"""Track which pulses were sent: each goes to the ground once, and at once.
+"""Track which pulses were sent, so that each is sent once, before it is recorded.
 
-The report that a pulse is recorded comes later. For a pulse sent before this process started,
-or by a process that died meanwhile, the flight's database has its state: its pose, and whether
-it has reached the ground.
+The report that a pulse is recorded comes later. After a restart of the connection process, the
+flight's database shows which pulses have a pose and were received on the ground.
 """
 
 from collections import OrderedDict, deque
@@ -10,29 +9,29 @@ from collections import OrderedDict, deque
 from uavrt.messages import PulseKey
 
 REMEMBERED = 500
-"""Pulses sent and recorded whose repeated reports are ignored: 20 s of 25 a second, 50 kB."""
+"""Recorded pulses kept to ignore repeated reports; 20 s at 25 per second, 50 kB."""
 MOST_UNRECORDED = 20_000
-"""Most pulses sent and not yet recorded, while the recorder is away."""
+"""Most sent pulses kept until the recorder confirms them, while it is not running."""
 
 
 class PulseDelivery:
-    """Sends each pulse once."""
+    """Decides whether a pulse is sent, so that each is sent once."""
 
     def __init__(self) -> None:
         self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()
         self._recent: deque[PulseKey] = deque()
         self._recorded = set[PulseKey]()
-        """Recorded ones of `_recent`."""
+        """Keys of the pulses in `_recent`, for quick look-up."""
         self._news = set[PulseKey]()
-        """Pulses unrecorded when a ground station came that lacks them."""
+        """Pulses that were not recorded yet when a new ground station appeared."""
 
     @property
     def unrecorded(self) -> int:
         """Number of pulses sent that the recorder has not confirmed yet."""
         return len(self._unrecorded)
 
-    def let_out(self, key: PulseKey) -> bool:
-        """Whether to send a pulse; False if it was sent before."""
+    def may_send(self, key: PulseKey) -> bool:
+        """True if a pulse was not sent before; it then counts as sent."""
         if key in self._unrecorded or key in self._recorded:
             return False
         self._unrecorded[key] = None
@@ -41,16 +40,16 @@ class PulseDelivery:
         return True
 
     def station_came(self) -> None:
-        """Note a new ground station, whose pulses are read from the database.
+        """Handle a new ground station, for which pulses are read from the database.
 
-        Unrecorded pulses are not there yet; `recorded` handles them.
+        Pulses not recorded yet are missing there; `recorded` handles them.
         """
         self._news = set(self._unrecorded)
 
     def recorded(self, key: PulseKey) -> bool:
-        """Note that a pulse is recorded; False if it must be read from the database.
+        """Handle a recorded pulse; False if it must be read from the database.
 
-        This is so if this process has not sent it, or a station came since.
+        This is so if this process has not sent it, or a station appeared since.
         """
         if key in self._recorded:
             return True

@@ -1,6 +1,6 @@
-"""The drone's side of the tunnel's conversation, without I/O.
+"""The drone's side of the tunnel protocol, without I/O.
 
-Payloads of ground stations become commands for the supervisor; its replies become
+Payloads of ground stations become commands for the supervisor. Its replies become
 acknowledgements to the sender; pulses and states become payloads in the ground's generation.
 """
 
@@ -35,55 +35,52 @@ from uavrt.tunnel.convert import (
 from uavrt.tunnel.g0 import HeaderMessage, TagG0
 from uavrt.tunnel.g1 import TagG1
 from uavrt.tunnel.requests import RequestCache, TagUpload, open_upload
-from uavrt.tunnel.wire import Asking
-
-Asker = tuple[int, int]
-"""System and component id of a ground station."""
+from uavrt.tunnel.wire import CommandMessage, Ids
 
 PENDING = 64
-"""Most commands waiting for the supervisor's reply; it answers in milliseconds."""
+"""Most commands that may wait for the supervisor's reply; it replies within milliseconds."""
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
-"""Versions that brought OPERATION_PROGRESS and DETECTOR_HEARTBEAT."""
+"""First versions with OPERATION_PROGRESS and DETECTOR_HEARTBEAT."""
 STATES = {"running": g2.RUNNING, "complete": g2.COMPLETE, "failed": g2.FAILED}
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A payload for the station that asked."""
+    """A payload for the ground station that sent a request."""
 
     payload: bytes
-    asker: Asker
+    asker: Ids
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Question:
-    """Sender, command and generation of a question."""
+class _PendingCommand:
+    """Sender, command and generation of a request without a reply yet."""
 
-    asker: Asker
+    asker: Ids
     number: int
     generation: Generation
     request_id: int = 0
     tag_index: int | None = None
     spoken: Generation | None = None
-    """Generation of the sender's messages, if they show it."""
+    """Generation of the sender's messages; None if they do not show it."""
     upload: TagUpload | None = None
-    """The upload that it opens, if it is accepted."""
+    """Upload that the request opens if it is accepted."""
 
 
 class Operations:
-    """Progress of the operations that stations began; `version` is the one sent with G2."""
+    """Progress of the operations that stations started; `version`: the drone's number in G2."""
 
     def __init__(self, version: int) -> None:
         self._version = version
-        self._questions: dict[CommandName, _Question] = {}
+        self._questions: dict[CommandName, _PendingCommand] = {}
         self._last: dict[CommandName, Operation] = {}
 
-    def begun(self, name: CommandName, question: _Question) -> None:
-        """Note who gets the steps of an operation."""
+    def begun(self, name: CommandName, question: _PendingCommand) -> None:
+        """Record which request started an operation; its sender gets the progress."""
         self._questions[name] = question
 
     def progress(self, operation: Operation) -> Answer | None:
-        """Return a step of an operation to its sender, if the generation has it."""
+        """Make the progress message of an operation; None if the generation has none."""
         self._last[operation.name] = operation
         answer = self._step(operation)
         if operation.state != "running":
@@ -92,7 +89,7 @@ class Operations:
         return answer
 
     def again(self) -> list[Answer]:
-        """Get the last step of all that is running; to be sent once a second."""
+        """Last progress messages of all running operations; send them once a second."""
         steps = (self._step(operation) for operation in self._last.values())
         return [step for step in steps if step is not None]
 
@@ -113,13 +110,13 @@ class Operations:
 
 
 class Exchange:
-    """Keeps open questions, and the generation of the ground.
+    """Keeps pending requests, and the protocol generation of the ground stations.
 
-    `generation`: of what we send. "auto" answers each in the generation of its own message, and
-    sends the pulses in the generation of the last upload of tags, G1 before any. The numbered
-    versions must be set, because their ground stations send nothing before they have received
-    their own number. `version`: number sent with G2, 4 to 7. `experimental`: whether inferred
-    layouts may be used. Raises `ConfigError`: G2 without `experimental`.
+    `generation`: generation of sent messages. "auto" answers each station in its own
+    generation, and sends pulses in that of the last tag upload, G1 before any. The numbered
+    versions must be set, because their stations send nothing before they have received their
+    own number. `version`: number sent with G2, 4 to 7. `experimental`: allows inferred layouts.
+    Raises `ConfigError`: G2 without `experimental`.
     """
 
     def __init__(
@@ -132,14 +129,14 @@ class Exchange:
     ) -> None:
         if generation == "G2" and not experimental:
             raise ConfigError(
-                "some layouts of the tunnel's generation G2 were inferred, not seen",
+                "some layouts of the tunnel's generation G2 are inferred",
                 remedy="Set mavlink.tunnel_experimental = true to use it anyway",
             )
         self._fixed: Generation | None = None if generation == "auto" else generation
         self._version, self._experimental = version, experimental
         self._clock_s = clock_s
         self._heard: Generation = "G1"
-        self._pending: OrderedDict[int, _Question] = OrderedDict()
+        self._pending: OrderedDict[int, _PendingCommand] = OrderedDict()
         self._next_id = 1
         self._requests = RequestCache()
         self._upload: TagUpload | None = None
@@ -148,21 +145,20 @@ class Exchange:
 
     @property
     def generation(self) -> Generation:
-        """Generation of the pulses sent."""
+        """Generation of the pulse messages sent."""
         return self._fixed or self._heard
 
-    def refuse(self, payload: bytes, reason: str, asker: Asker) -> Answer | None:
-        """Refuse a payload unread; None when it is no command."""
+    def refuse(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
+        """Make the acknowledgement that refuses a payload unread; None if it is no command."""
         self.counters["commands_not_allowed"] += 1
         return self._refusal(payload, reason, asker)
 
     def receive(
-        self, payload: bytes, asker: Asker, *, coded_tag: bool = False
+        self, payload: bytes, asker: Ids, *, coded_tag: bool = False
     ) -> Command | Answer | None:
         """Handle a payload of a ground station.
 
-        Returns a command for the supervisor, or the answer to a payload that is none, or None
-        if no answer is needed.
+        Returns a command for the supervisor, an answer, or None if no answer is needed.
         """
         try:
             message = CodedTag.decode(payload) if coded_tag else decode(payload)
@@ -176,7 +172,7 @@ class Exchange:
             return self._refusal(payload, str(error), asker)
 
     def reply(self, reply: CommandReply) -> Answer | None:
-        """Turn the supervisor's reply into the asker's acknowledgement."""
+        """Convert the supervisor's reply to an acknowledgement for the sender."""
         question = self._pending.pop(reply.request_id, None)
         if question is None:
             return None
@@ -191,17 +187,17 @@ class Exchange:
         return self._answer(question, reply.accepted, reply.message)
 
     def pulse(self, pulse_pose: PulsePose) -> bytes:
-        """Get the payload of a pulse."""
+        """Payload of a pulse in the ground's generation."""
         return pulse_to_wire(pulse_pose, self.generation).encode()
 
     def search_report(self, report: SearchReport) -> bytes | None:
-        """Get the payload of "searched, nothing found"; None in the thesis's generation."""
+        """Payload of "searched, nothing found"; None in the thesis's generation."""
         if self.generation == "G0":
             return None
         return in_generation(search_report_to_wire(report), self.generation).encode()
 
     def detector_heartbeat(self, tag_id: int, time_ns: int) -> bytes | None:
-        """Get the payload of a detector's sign of life; None in the thesis's generation."""
+        """Payload of a detector's heartbeat; None in the thesis's generation."""
         if self.generation == "G0":
             return None
         if self.generation == "G2" and self._version >= ALIVE_VERSION:
@@ -209,7 +205,7 @@ class Exchange:
         return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
-        """Get the payload of the 1 Hz heartbeat; None in the thesis's generation."""
+        """Payload of the 1 Hz heartbeat; None in the thesis's generation."""
         if self.generation == "G0":
             return None
         old = heartbeat_to_wire(state, cpu_temperature_c)
@@ -225,14 +221,14 @@ class Exchange:
         ).encode()
 
     def next_request_id(self) -> int:
-        """Give a number to a command from outside the tunnel."""
+        """Return a new request number for a command from outside the tunnel."""
         self._next_id += 1
         return self._next_id - 1
 
     def _request(
-        self, message: g2.Requests | CodedTag, payload: bytes, asker: Asker
+        self, message: g2.Requests | CodedTag, payload: bytes, asker: Ids
     ) -> Command | Answer | None:
-        """Handle a command of version 4 or later, once."""
+        """Handle a command of version 4 or later; a repetition gets the same answer."""
         known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
         if known is True:
             return None  # its acknowledgement is on its way
@@ -241,13 +237,14 @@ class Exchange:
             return Answer(known, asker)
         number = acked_command_of(payload)
         assert number is not None
-        question = _Question(
+        question = _PendingCommand(
             asker=asker, number=number, generation="G2", request_id=message.request_id
         )
         try:
             if isinstance(message, g2.INFERRED) and not self._experimental:
                 raise TunnelError(
-                    "this layout was never seen: mavlink.tunnel_experimental allows it", payload
+                    "inferred layout: refused without mavlink.tunnel_experimental = true",
+                    payload,
                 )
             if self._experimental:
                 question = replace(question, spoken="G2")
@@ -257,7 +254,7 @@ class Exchange:
             return self._answer(question, False, str(error))
 
     def _numbered_command(
-        self, message: g2.Requests | CodedTag, question: _Question
+        self, message: g2.Requests | CodedTag, question: _PendingCommand
     ) -> Command | Answer:
         match message:
             case CodedTag():
@@ -277,7 +274,7 @@ class Exchange:
                 tag = tag_from_wire(message.tag)
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=tag)
-            case Asking():
+            case CommandMessage():
                 return self._ask_with(question, message)
             case g2.SetLogLevel():
                 self.counters["log_levels"] += 1
@@ -291,7 +288,7 @@ class Exchange:
         return self._upload
 
     def _command(
-        self, message: TunnelMessage | CodedTag, asker: Asker
+        self, message: TunnelMessage | CodedTag, asker: Ids
     ) -> Command | Answer | None:
         """Handle a command of the generations without request ids."""
         match message:
@@ -302,7 +299,7 @@ class Exchange:
                 tag = tag_from_wire(message)
                 question = self._plain(CommandId.TAG, asker, generation_of(message))
                 return replace(self._ask(question, "add_tag"), tag=tag)
-            case Asking():
+            case CommandMessage():
                 question = self._plain(message.COMMAND, asker, generation_of(message))
                 return self._ask_with(question, message)
             case HeaderMessage(command=command):
@@ -313,15 +310,17 @@ class Exchange:
                 self.counters["payloads_ignored"] += 1
                 return None
 
-    def _plain(self, number: CommandId, asker: Asker, spoken: Generation | None) -> _Question:
+    def _plain(
+        self, number: CommandId, asker: Ids, spoken: Generation | None
+    ) -> _PendingCommand:
         generation = self._fixed or spoken or self._heard
-        return _Question(asker=asker, number=number, generation=generation, spoken=spoken)
+        return _PendingCommand(asker=asker, number=number, generation=generation, spoken=spoken)
 
-    def _ask_with(self, question: _Question, message: Asking) -> Command:
+    def _ask_with(self, question: _PendingCommand, message: CommandMessage) -> Command:
         name = COMMAND_OF_NUMBER[message.COMMAND].name
-        return message.asked(self._ask(question, name))
+        return message.fill(self._ask(question, name))
 
-    def _ask(self, question: _Question, name: CommandName) -> Command:
+    def _ask(self, question: _PendingCommand, name: CommandName) -> Command:
         number = self.next_request_id()
         self._pending[number] = question
         if len(self._pending) > PENDING:
@@ -331,8 +330,8 @@ class Exchange:
         asker = question.asker
         return Command(name=name, request_id=number, source=f"mavlink {asker[0]}/{asker[1]}")
 
-    def _refusal(self, payload: bytes, reason: str, asker: Asker) -> Answer | None:
-        """Refuse a payload that could not be read; None when it is no command."""
+    def _refusal(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
+        """Acknowledgement that refuses an unreadable payload; None if it is no command."""
         number = acked_command_of(payload)
         if number is None or number == CommandId.ACK:
             return None
@@ -341,7 +340,7 @@ class Exchange:
         message = ack_to_wire(number, False, reason, generation, request_id)
         return Answer(message.encode(), asker)
 
-    def _answer(self, question: _Question, accepted: bool, text: str) -> Answer:
+    def _answer(self, question: _PendingCommand, accepted: bool, text: str) -> Answer:
         message = ack_to_wire(
             question.number, accepted, text, question.generation, question.request_id
         )

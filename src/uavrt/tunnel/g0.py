@@ -70,7 +70,7 @@ FAILURE = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeaderMessage:
-    """A command without fields; START_DETECTION in this form is G0."""
+    """A command without fields; as START_DETECTION it is of G0."""
 
     command: CommandId
 
@@ -92,7 +92,7 @@ class HeaderMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AckG0(Fixed):
-    """The thesis's acknowledgement: no reason."""
+    """The thesis's acknowledgement, which has no text."""
 
     COMMAND: ClassVar = CommandId.ACK
     LAYOUT: ClassVar = struct.Struct("<III")
@@ -102,7 +102,7 @@ class AckG0(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagG0(Fixed):
-    """A tag as the thesis's ground station sends it."""
+    """A tag in the message of the thesis's ground station."""
 
     COMMAND: ClassVar = CommandId.TAG
     LAYOUT: ClassVar = struct.Struct("<9I4xd")
@@ -119,7 +119,7 @@ class TagG0(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG0(Fixed):
-    """A pulse as the thesis's ground station reads it."""
+    """A pulse in the message for the thesis's ground station."""
 
     COMMAND: ClassVar = CommandId.PULSE
     LAYOUT: ClassVar = struct.Struct("<III4x4dH6xdBB6x7d")

@@ -82,7 +82,7 @@ from uavrt.errors import TunnelError
 from uavrt.messages import Command
 from uavrt.tunnel.g0 import HeaderMessage
 from uavrt.tunnel.wire import (
-    Asking,
+    CommandMessage,
     Decoders,
     Fixed,
     decoders_by_length,
@@ -131,7 +131,7 @@ class AckG1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagG1(Fixed):
-    """A tag as newer ground stations send it."""
+    """A tag in the message of ground stations from G1 on."""
 
     COMMAND: ClassVar = CommandId.TAG
     LAYOUT: ClassVar = struct.Struct("<9I4xdII4d")
@@ -153,8 +153,8 @@ class TagG1(Fixed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartDetection(Asking):
-    """Start with a radio frequency and gain; None marks fields an older sender left out."""
+class StartDetection(CommandMessage):
+    """Start of detection with frequency and gain; fields of newer senders may be None."""
 
     COMMAND: ClassVar = CommandId.START_DETECTION
     radio_center_frequency_hz: int
@@ -164,8 +164,8 @@ class StartDetection(Asking):
     confidence_ratio: float | None = 0.0
     debug_detector: int | None = 0
 
-    def asked(self, command: Command) -> Command:
-        """Fill in frequency and gain."""
+    def fill(self, command: Command) -> Command:
+        """Command with this message's frequency and gain."""
         return replace(
             command,
             center_frequency_hz=self.radio_center_frequency_hz or None,
@@ -173,11 +173,11 @@ class StartDetection(Asking):
         )
 
     def encode(self) -> bytes:
-        """Bytes of the payload, as long as its last field that is not None needs."""
+        """Bytes of the payload, up to its last field that is not None."""
         fields: list[float | None] = [getattr(self, name) for name in self.__slots__]
         present = [field for field in fields if field is not None]
         if fields[: len(present)] != present:
-            raise TunnelError("START_DETECTION has a hole before its last field", b"")
+            raise TunnelError("START_DETECTION lacks a field before its last one", b"")
         layout = {2: 12, 3: 16, 5: 32, 6: 40}.get(len(present))
         if layout is None:
             raise TunnelError("START_DETECTION has a margin without a ratio", b"")
@@ -195,15 +195,15 @@ class StartDetection(Asking):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawCapture(Asking):
-    """Capture with a gain; a frequency of None was left out by an older sender."""
+class RawCapture(CommandMessage):
+    """Raw capture with a gain; the frequency is None if an older sender left it out."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
     gain: int
     frequency_hz: int | None = None
 
-    def asked(self, command: Command) -> Command:
-        """Fill in frequency and gain."""
+    def fill(self, command: Command) -> Command:
+        """Command with this message's frequency and gain."""
         return replace(
             command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
         )
@@ -226,7 +226,7 @@ class RawCapture(Asking):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heartbeat(Fixed):
-    """State of the drone side."""
+    """Heartbeat of the drone side: state and temperature."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<IHHf")
@@ -236,13 +236,13 @@ class Heartbeat(Fixed):
 
     @property
     def state(self) -> SystemState | None:
-        """State of the status number; None for an unknown number."""
+        """System state; None for an unknown status number."""
         return STATES.get(self.status)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG1(Fixed):
-    """A pulse as newer ground stations read it; by default no detection and no pose."""
+    """A pulse for ground stations from G1 on; by default undetected and without pose."""
 
     COMMAND: ClassVar = CommandId.PULSE
     LAYOUT: ClassVar = struct.Struct("<III4x4dHH4xddBB6x3d3f4x")

@@ -36,7 +36,7 @@ from uavrt.errors import TunnelError
 from uavrt.messages import Command
 from uavrt.tunnel.g1 import PulseG1, StartDetection, TagG1
 from uavrt.tunnel.wire import (
-    Asking,
+    CommandMessage,
     Decoders,
     Fixed,
     check,
@@ -49,12 +49,12 @@ HEADER = struct.Struct("<II")
 UPLOAD = struct.Struct("<IIII")
 
 RUNNING, COMPLETE, FAILED = 0, 1, 2
-"""State of an operation."""
+"""States of an operation in OPERATION_PROGRESS; the numbers are inferred."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BareG2(Fixed):
-    """A command that is nothing but its number and request id."""
+    """A command that has only its number and a request id."""
 
     LAYOUT: ClassVar = HEADER
     command: CommandId
@@ -63,7 +63,7 @@ class BareG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UploadG2(Fixed):
-    """START_TAGS or END_TAGS: which upload, and how many tags it has."""
+    """START_TAGS or END_TAGS: id of an upload, and its number of tags."""
 
     LAYOUT: ClassVar = UPLOAD
     command: CommandId
@@ -98,17 +98,17 @@ class TagG2:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartDetectionG2(Asking):
-    """Start with a request id; its layout is inferred."""
+class StartDetectionG2(CommandMessage):
+    """Start of detection with a request id; its layout is inferred."""
 
     COMMAND: ClassVar = CommandId.START_DETECTION
     request_id: int
     start: StartDetection
     dump_spectrogram: int = 0
 
-    def asked(self, command: Command) -> Command:
-        """Fill in the values of a command."""
-        return self.start.asked(command)
+    def fill(self, command: Command) -> Command:
+        """Command with this message's frequency and gain."""
+        return self.start.fill(command)
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -132,7 +132,7 @@ class StartDetectionG2(Asking):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawCaptureG2(Fixed, Asking):
+class RawCaptureG2(Fixed, CommandMessage):
     """Raw capture with a request id; its layout is inferred."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
@@ -141,8 +141,8 @@ class RawCaptureG2(Fixed, Asking):
     gain: int
     frequency_hz: int
 
-    def asked(self, command: Command) -> Command:
-        """Fill in frequency and gain."""
+    def fill(self, command: Command) -> Command:
+        """Command with this message's frequency and gain."""
         return replace(
             command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
         )
@@ -150,7 +150,7 @@ class RawCaptureG2(Fixed, Asking):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetLogLevel(Fixed):
-    """Log level of the drone (from version 6 on); number and layout are inferred."""
+    """Request to set the log level (from version 6 on); number and layout are inferred."""
 
     COMMAND: ClassVar = CommandId.SET_LOG_LEVEL
     LAYOUT: ClassVar = struct.Struct("<III")
@@ -173,13 +173,13 @@ class AckG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationProgress(Fixed):
-    """Progress of a request after its acknowledgement (version 5 on), in 99 bytes."""
+    """Progress of a request after its acknowledgement (from version 5 on); text of 99 bytes."""
 
     COMMAND: ClassVar = CommandId.OPERATION_PROGRESS
     LAYOUT: ClassVar = struct.Struct("<I4xIIIII100s")
     TEXT_SIZE: ClassVar = 100
     operation: int
-    """Number of the command."""
+    """Number of the command that started the operation."""
     request_id: int
     state: int
     step: int
@@ -190,7 +190,7 @@ class OperationProgress(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatG2v1(Fixed):
-    """State of the drone side, with the version's number."""
+    """Heartbeat of the drone side with the protocol version (version 1)."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<IIHHf")
@@ -202,7 +202,7 @@ class HeartbeatG2v1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatG2(Fixed):
-    """State of the drone side, from version 4 on."""
+    """Heartbeat of the drone side with the protocol version (from version 4 on)."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<I4xIHHf")
@@ -214,7 +214,7 @@ class HeartbeatG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorHeartbeat(Fixed):
-    """A detector's sign of life from version 6 on; number and layout are inferred."""
+    """Heartbeat of a tag's detector (from version 6 on); number and layout are inferred."""
 
     COMMAND: ClassVar = CommandId.DETECTOR_HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<I4xII")
@@ -224,7 +224,7 @@ class DetectorHeartbeat(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG2v1:
-    """A pulse of version 1, with its collection and slice; 0 outside of one."""
+    """A pulse of version 1, with the ids of its collection and slice, or 0."""
 
     pulse: PulseG1
     collection_id: int = 0

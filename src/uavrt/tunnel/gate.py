@@ -1,4 +1,4 @@
-"""Who may command the drone, and how the ground seals its commands."""
+"""Check on the drone which ground stations may command; seal commands on the ground."""
 
 import secrets
 from collections import OrderedDict
@@ -18,44 +18,44 @@ from uavrt.tunnel.seal import (
     ALIVE_INSIDE,
     PARAMETER_INSIDE,
     Key,
-    Place,
     SealKeeper,
     Session,
-    alive_inside,
-    alive_of,
-    parameter_inside,
+    keepalive_content,
+    parameter_content,
     proven_answer,
+    read_keepalive,
     read_key,
     seal,
     session_of,
 )
+from uavrt.tunnel.wire import Ids
 
 ALIVE_S = 0.45
-"""Time between two signs of life [s], plus a turn of 0.05 s. The drone's limit of 5 s
-then holds nine: at 20 % loss all are lost once in 600 flights of half an hour."""
+"""Time between two keepalives [s], plus up to 0.05 s. Nine fit into the drone's limit of 5 s:
+at 20 % loss all are lost once in 600 flights of half an hour."""
 ECHO_S = 5.0
-"""Oldest nonce and announcement used [s]."""
+"""Largest age of a nonce or an announced session that is accepted [s]."""
 ASKED = 6
-"""Nonces without an echo after which a drone counts as older: at 20 % loss each way once in
-500 starts by chance, and then it is only asked again."""
+"""Nonces without an echo after which a drone counts as older. At 20 % loss each way this
+happens by chance once in 500 starts, and only repeats the request."""
 MAX_ANNOUNCED = 4096
-"""Sessions remembered; a replay of every session of a year has fewer."""
+"""Most announced sessions remembered; more than a drone has in a year."""
 FILES_S = 3.0
-"""Validity of a sealed sign of life that announces requests for files [s]."""
+"""Time for which a sealed keepalive announces file requests [s]."""
 SEALED_ORDERS = 64
-"""Most sealed motion orders remembered to prove their answers; these follow within seconds."""
+"""Most sealed motion orders remembered to add proofs to their answers, due within seconds."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 
 log = get_logger()
 
 
 class Gate:
-    """Checks on the drone who may command.
+    """Decides on the drone which ground stations may command.
 
-    `commanders`: system ids that may command; empty: all. `key_file`: with a key only sealed
-    commands are accepted, unless that is not required. `key_required`: False: unsealed commands
-    are accepted, too; a sealed one comes from an owner of the key. Raises `ConfigError` if the
-    key cannot be read.
+    `commanders`: system ids that may command; empty: all. `key_file`: file with a key; then
+    only sealed commands are accepted, if `key_required`. `key_required`: False: unsealed
+    commands are accepted too; a sealed one comes from an owner of the key. Raises `ConfigError`
+    if the key cannot be read.
     """
 
     def __init__(
@@ -70,35 +70,35 @@ class Gate:
         self._keeper = None if key_file is None else SealKeeper(read_key(key_file))
         self.refused = 0
         """Sealed messages that were forged, repeated or damaged."""
-        self._sealed_s: dict[Place, float] = {}
+        self._sealed_s: dict[Ids, float] = {}
         """Time of each station's last valid seal [s]."""
-        self._files_s: dict[Place, float] = {}
-        """Time of each station's last sealed announcement of requests for files [s]."""
-        self._proving: set[Place] = set()
-        """Stations that check proofs: they have sent a sealed sign of life."""
-        self._orders: OrderedDict[tuple[Place, int], None] = OrderedDict()
-        """Recent sealed motion orders: station and request id."""
+        self._files_s: dict[Ids, float] = {}
+        """Time at which each station last announced file requests by a sealed keepalive [s]."""
+        self._proving: set[Ids] = set()
+        """Stations that check proofs: they have sent a sealed keepalive."""
+        self._orders: OrderedDict[tuple[Ids, int], None] = OrderedDict()
+        """Station and request id of recent sealed motion orders."""
         self._proves = True
 
     @property
     def locked(self) -> bool:
-        """Whether only sealed messages are taken."""
+        """True if only sealed commands are accepted."""
         return self._keeper is not None and self._key_required
 
-    def refusal(self, sender: Place, *, sealed: bool) -> str | None:
-        """Explain why a sender may not command; None if it may."""
+    def refusal(self, sender: Ids, *, sealed: bool) -> str | None:
+        """Reason why a sender may not command; None if it may."""
         if self._commanders and sender[0] not in self._commanders:
             return f"system {sender[0]} may not command: see mavlink.commanders"
         if self.locked and not sealed:
             return "only sealed commands: this drone has a key"
         return None
 
-    def announcement(self, drone: Place, nonce: int = 0) -> bytes | None:
-        """Write for what session commands must be sealed; None without a key."""
+    def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
+        """Message that announces the session of valid seals; None without a key."""
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
-    def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes] | None:
-        """Open a sealed payload; None (and counted) if it is not right."""
+    def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
+        """Open a sealed payload; None (and counted) if its seal is invalid."""
         try:
             if self._keeper is None:
                 raise TunnelError("this drone has no key", payload)
@@ -110,25 +110,25 @@ class Gate:
         self._sealed_s[sender] = monotonic_s()
         return opened
 
-    def silent_s(self) -> dict[Place, float]:
-        """Get the time since the last valid seal of each station that has sent one."""
+    def silent_s(self) -> dict[Ids, float]:
+        """Time since the last valid seal of each station that has sent one [s]."""
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
-    def sign_of_life(self, inside: bytes, station: Place, drone: Place) -> bytes | None:
-        """Record that a station checks proofs; get the announcement that returns its nonce."""
+    def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:
+        """Handle a sealed keepalive; return the announcement with its nonce, or None."""
         self._proving.add(station)
-        nonce, files = alive_of(inside)
+        nonce, files = read_keepalive(inside)
         if files:
             self._files_s[station] = monotonic_s()
         return self.announcement(drone, nonce) if nonce else None
 
-    def asks_for_files(self, station: Place) -> bool:
-        """Whether a station has recently announced, under a seal, requests for files."""
+    def asks_for_files(self, station: Ids) -> bool:
+        """True if a station's last sealed keepalives announce file requests."""
         return monotonic_s() - self._files_s.get(station, -inf) < FILES_S
 
     @contextmanager
-    def order(self, order: bytes, station: Place, *, sealed: bool) -> Iterator[str | None]:
-        """Get the reason why a station may not order a motion, or None.
+    def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
+        """Context in which a motion order is handled; gives the reason of a refusal, or None.
 
         Answers that are sent within the block belong to this order.
         """
@@ -145,7 +145,7 @@ class Gate:
         finally:
             self._proves = True
 
-    def answer(self, state: bytes, station: Place, drone: Place) -> tuple[bytes, int, bool]:
+    def answer(self, state: bytes, station: Ids, drone: Ids) -> tuple[bytes, int, bool]:
         """Encode the answer to an order: payload, type, and whether it is sent before pulses.
 
         The answer to a sealed order carries a proof. An unsealed order under the same ids and
@@ -159,9 +159,9 @@ class Gate:
 
 
 class Sealer:
-    """Seals what the ground sends, as our system and component, with the shared secret."""
+    """Seals the ground station's messages with the shared key."""
 
-    def __init__(self, key: Key, own: Place) -> None:
+    def __init__(self, key: Key, own: Ids) -> None:
         self._key = key
         self._own = own
         self._session: Session | None = None
@@ -172,14 +172,14 @@ class Sealer:
 
     @property
     def ready(self) -> bool:
-        """Whether the drone's session is known."""
+        """True once the drone's session is known."""
         return self._session is not None
 
-    def hear(self, payload: bytes, drone: Place) -> None:
-        """Handle an announced session; raises `TunnelError` for another key or an old echo.
+    def accept_session(self, payload: bytes, drone: Ids) -> None:
+        """Handle an announced session; raises `TunnelError` for another key or an old nonce.
 
-        The session is ours only with a recently sent nonce: any other announcement may be a
-        recording.
+        Only a session that returns a recently sent nonce is used: any other announcement may be
+        a recording.
         """
         session, newest, nonce = session_of(payload, self._key, drone)
         now_s = monotonic_s()
@@ -195,19 +195,19 @@ class Sealer:
             if len(self._announced) > MAX_ANNOUNCED:
                 del self._announced[next(iter(self._announced))]
 
-    def signs_of_life(self, links: int = 1, *, files: bool = False) -> list[bytes]:
-        """Seal what is due now: a sign of life, and a nonce for a session not yet confirmed.
+    def keepalives(self, links: int = 1, *, files: bool = False) -> list[bytes]:
+        """Sealed messages due now: a keepalive, and a nonce for an unconfirmed session.
 
         Of several announced sessions the one tried least often comes first, so that replayed
         ones do not delay the drone's.
 
-        `links`: links that carry signs of life in turn, each as often as a single one. `files`:
-        files are being requested.
+        `links`: number of links that carry keepalives in turn, each as often as a single one.
+        `files`: True while files are requested.
         """
         now_s, due = monotonic_s(), []
         if self._session is not None and now_s - self._alive_s >= ALIVE_S / links:
             self._alive_s = now_s
-            due.append(self._seal(alive_inside(0, files=files), ALIVE_INSIDE))
+            due.append(self._seal(keepalive_content(0, files=files), ALIVE_INSIDE))
         fresh = [s for s, one in self._announced.items() if now_s - one.heard_s < ECHO_S]
         if fresh and now_s - self._asked_s >= ALIVE_S:
             self._asked_s = now_s
@@ -217,27 +217,27 @@ class Sealer:
             self._nonces = {n: s for n, s in self._nonces.items() if now_s - s <= ECHO_S}
             self._nonces[nonce] = now_s
             counter = self._next_counter()
-            inside = alive_inside(nonce)
+            inside = keepalive_content(nonce)
             due.append(seal(inside, ALIVE_INSIDE, self._key, self._own, counter, session))
         return due
 
     def __call__(self, payload: bytes, payload_type: int) -> bytes:
-        """Seal a payload by its row in the table of link messages."""
+        """Seal a payload of a kind of message to the drone."""
         return self._seal(payload, UNSEALED[payload_type].inside)
 
     def parameter(self, name: str, value: float) -> bytes:
-        """Seal a change of a parameter."""
-        return self._seal(parameter_inside(name, value), PARAMETER_INSIDE)
+        """Seal a request to change a parameter."""
+        return self._seal(parameter_content(name, value), PARAMETER_INSIDE)
 
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
-        """Check the proof of an answer to one of our orders; raises `TunnelError`."""
+        """Check the proof of an answer to a sealed order; raises `TunnelError`."""
         if self._session is None:
-            raise TunnelError("an answer before the drone's session is known", payload)
+            raise TunnelError("an answer came before the drone's session was known", payload)
         return proven_answer(payload, self._key, self._session, self._own, request_ids)
 
     @staticmethod
     def refuse_unproven(payload: bytes) -> NoReturn:
-        """Refuse an answer to an order without a proof: raises `TunnelError`."""
+        """Raise `TunnelError` for an answer without proof to a sealed order."""
         raise TunnelError("an answer to a sealed order has no proof", payload)
 
     def _next_counter(self) -> int:
@@ -254,7 +254,7 @@ class Sealer:
             )
         if self._session is None:
             raise LinkError(
-                "the drone has not announced what to seal commands for",
+                "the drone has announced no session for sealed commands",
                 remedy="Check that it has mavlink.key_file with the same key",
             )
         return seal(inside, kind, self._key, self._own, self._next_counter(), self._session)
@@ -262,8 +262,8 @@ class Sealer:
 
 @dataclass(slots=True)
 class _Announced:
-    """A session that was announced and may be a recording."""
+    """An announced session, which may be a recording."""
 
     heard_s: float = -inf
     asked: int = 0
-    """Nonces sealed for it."""
+    """Number of nonces sealed for this session."""

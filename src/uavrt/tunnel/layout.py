@@ -55,12 +55,12 @@ class Layout:
                     self._head.append((name, _values(kind)))
         self._struct = struct.Struct(head)
         self.size = self._struct.size
-        """Bytes before the first list."""
+        """Number of bytes before the first list."""
 
     def pack(self, record: object = None, **changed: Any) -> bytes:
-        """Write a record's fields, those given by name in place of its own.
+        """Write a record's fields as bytes; values given by name replace its own.
 
-        Raises `TunnelError`: a value does not fit into its field.
+        Raises `TunnelError` if a value does not fit into its field.
         """
 
         def value(name: str) -> Any:
@@ -91,7 +91,7 @@ class Layout:
             raise TunnelError(f"{self._what} does not fit: {error}", b"") from error
 
     def unpack(self, payload: bytes) -> MutableMapping[str, Any]:
-        """Read the fields that are not fixed, by name.
+        """Read the fields of a payload by name, without the fixed ones.
 
         Raises `TunnelError`: wrong length, or a value that is not finite or outside its limits.
         """

@@ -1,7 +1,7 @@
-"""The table of all link messages between a drone and a ground station, both of uavrt.
+"""Table of all private messages between a drone and a ground station of uavrt.
 
-A message from the drone has a decoder on the ground. A message to the drone has a number
-inside a seal (`uavrt.tunnel.seal`); some are accepted only sealed.
+A message from the drone has a decoder on the ground. A message to the drone has a number inside
+a seal (`uavrt.tunnel.seal`); some are accepted only sealed.
 """
 
 from collections.abc import Callable
@@ -39,19 +39,19 @@ FROM_DRONE: dict[int, Callable[[bytes], Any]] = {
     MOTION_STATE_TYPE: decode_state,
     COURSE_TYPE: decode_course,
 }
-"""Decoders of what the ground station shows, by payload type."""
+"""Decoders of the drone's messages for display, by payload type."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ToDrone:
-    """A kind of message from a ground station."""
+    """A kind of message from a ground station to a drone."""
 
     inside: int
-    """Its number in a seal."""
+    """Number of this kind inside a seal."""
     payload_type: int | None = None
-    """Its payload type without a seal; None: accepted only sealed."""
+    """Payload type without a seal; None: accepted only sealed."""
     answers: int = 0
-    """Messages that its answer takes, for the allowance of unsealed ones."""
+    """Number of messages in its answer, to limit unsealed requests."""
 
 
 TO_DRONE = (

@@ -1,8 +1,8 @@
-"""A bearing estimated on the drone, for a ground station of uavrt.
+"""Send a bearing estimated on the drone to a ground station of uavrt.
 
-64 bytes sum up all pulses of a turn. The message is sent again with each new pulse and a few
-times after the last, so that one that arrives is enough. Layout: payload type 60003 of the
-manual's tunnel reference.
+64 bytes hold the sum of all pulses of a turn. The message is sent again with each new pulse and
+a few times after the last, so that one that arrives is enough. Layout: payload type 60003 of
+the manual's tunnel reference.
 """
 
 from dataclasses import replace
@@ -26,12 +26,12 @@ _LAYOUT = Layout(
 
 
 def encode_bearing(bearing: LiveBearing) -> bytes:
-    """Write the payload."""
+    """Write a live bearing's payload."""
     return _LAYOUT.pack(bearing, pulses=min(bearing.pulses, _MOST_PULSES))
 
 
 def decode_bearing(payload: bytes) -> LiveBearing:
-    """Read the payload; raises `TunnelError` for another length or bad numbers."""
+    """Read a live bearing; raises `TunnelError` if it is invalid."""
     bearing = LiveBearing(**_LAYOUT.unpack(payload))
     if bearing.end_time_ns < bearing.start_time_ns:
         raise TunnelError("a bearing has end_time_ns before start_time_ns", payload)

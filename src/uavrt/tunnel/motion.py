@@ -1,8 +1,8 @@
-"""Motion orders and the drone's answers, between ground station and drone.
+"""Encode motion orders and the drone's answers, between ground station and drone.
 
-An order requests a motion, confirms an offer or stops; it is sealed except to a simulator. The
-answer is an offer, a refusal or a state. Layouts: payload types 60005 and 60006 of the manual's
-tunnel reference.
+An order requests a motion, confirms a proposed one or stops; it is sealed except to a
+simulator. The answer is a proposal, a refusal or a state. Layouts: payload types 60005 and
+60006 of the manual's tunnel reference.
 """
 
 import struct
@@ -17,7 +17,7 @@ from uavrt.tunnel.layout import Layout
 from uavrt.tunnel.seal import MAX_INSIDE
 
 _VERSION, _VERSION_KEEP_OUT = 1, 2
-"""Without and with keep-out areas; a drone of the first must not read them as corners."""
+"""Versions of an order without and with keep-out areas; older drones refuse the latter."""
 _ASKS, _CONFIRMS, _STOPS = 1, 2, 3
 _HEAD = "version:B kind:B :2x request_id:I"
 _ASK = Layout(
@@ -46,7 +46,7 @@ _FURTHER = struct.Struct("<hh")
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
-"""Most places, which fit into a seal's 108 bytes."""
+"""Most positions in a motion order; limited by a seal's 108 bytes."""
 MAX_TEXT = 108
 MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "rotate",
@@ -66,7 +66,7 @@ _KINDS: tuple[StateKind, ...] = ("offer", "refused", "state")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionConfirmation:
-    """The operator's confirmation of an offer."""
+    """The operator's confirmation of a proposed order."""
 
     request_id: int
     order_id: int
@@ -76,14 +76,14 @@ class MotionConfirmation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionStop:
-    """Ends our command of the drone."""
+    """Request to end the drone's automatic flight."""
 
     request_id: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionState:
-    """State of an order, or the current state."""
+    """State of one motion order, or of the drone's motion."""
 
     kind: StateKind
     standing: Standing
@@ -94,7 +94,7 @@ class MotionState:
 
 
 def encode_request(request: MotionRequest) -> bytes:
-    """Write a request; raises `UsageError` for too many places, or places too far apart."""
+    """Write a motion order; raises `UsageError` for too many or too distant positions."""
     kept = request.keep_out
     places = (*request.places, *(place for one in kept for place in one.places))
     if len(places) > MAX_PLACES:
@@ -107,8 +107,8 @@ def encode_request(request: MotionRequest) -> bytes:
     height_m = request.height_m or 0.0
     if not all(abs(one) < _MOST for one in (height_m, request.duration_s, width_m)):  # also NaN
         raise UsageError(
-            "a height, duration or distance is not finite, or too large",
-            remedy="Give metres and seconds",
+            "a height, duration or distance is too large or no number",
+            remedy="Give smaller numbers, in metres and seconds",
         )
     payload = _ASK.pack(
         request,
@@ -140,14 +140,14 @@ def encode_request(request: MotionRequest) -> bytes:
             )
     except (struct.error, ValueError, OverflowError) as error:  # also what is no number
         raise UsageError(
-            "the corners are too far apart, or no places",
+            "the corners are too far apart, or no positions",
             remedy="Draw an area of less than 4 km, in degrees: latitude, longitude",
         ) from error
     return payload
 
 
 def _sought(request: MotionRequest) -> bytes:
-    """Write the fields of a search."""
+    """Write the fields of a search order."""
     try:
         return _SEARCH.pack(request, radius_m=round(request.radius_m or 0.0), body=b"")
     except (TunnelError, ValueError, OverflowError) as error:
@@ -158,7 +158,7 @@ def _sought(request: MotionRequest) -> bytes:
 
 
 def _kept(one: KeepOut) -> bytes:
-    """Write a keep-out area, without its corners."""
+    """Write a keep-out area's number of corners and radius, without the corners."""
     try:
         radius = 0 if one.radius_m is None else max(1, ceil(one.radius_m))
         return _KEPT.pack(len(one.places), radius)
@@ -184,12 +184,12 @@ def number_of(payload: bytes) -> int:
 
 
 def is_stop(payload: bytes) -> bool:
-    """Whether a payload is a stop."""
+    """True if a motion payload is a stop."""
     return payload[1:2] == bytes((_STOPS,))
 
 
 def is_confirmation(payload: bytes) -> bool:
-    """Whether a payload is a confirmation."""
+    """True if a motion payload is a confirmation."""
     return payload[1:2] == bytes((_CONFIRMS,))
 
 
@@ -236,7 +236,7 @@ def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
 
 
 def _with_places(request: MotionRequest, body: bytes, kept: int) -> MotionRequest:
-    """Read the corners of the area, and of the keep-out areas."""
+    """Add the corners of the area and of the keep-out areas to a motion order."""
     shapes = [_KEPT.unpack_from(body, _KEPT.size * number) for number in range(kept)]
     places = _places(body[_KEPT.size * kept :])
     first = len(places) - sum(count for count, _ in shapes)
@@ -260,7 +260,7 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
 
 
 def cut_text(text: str, tail: str = "") -> str:
-    """Cut a text at a whole word so that its tail, which must be read, fits."""
+    """Shorten a text at a whole word, so that the text and its unshortened tail fit."""
     most = MAX_TEXT - len(tail.encode())
     if len(text.encode()) <= most:
         return text + tail
@@ -271,12 +271,12 @@ def cut_text(text: str, tail: str = "") -> str:
 
 
 def _printable(text: str) -> str:
-    """A text without control characters: it goes to terminals, and is not sealed."""
+    """Replace control characters in a text, which terminals may show and no seal protects."""
     return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 
 def encode_state(state: MotionState) -> bytes:
-    """Write an answer or a state; a text that is too long is cut."""
+    """Write a motion state; a text that is too long is cut."""
     return _STATE.pack(
         state,
         kind=_KINDS.index(state.kind) + 1,
@@ -286,7 +286,7 @@ def encode_state(state: MotionState) -> bytes:
 
 
 def decode_state(payload: bytes) -> MotionState:
-    """Read an answer or a state; raises `TunnelError` for anything else."""
+    """Read a motion state; raises `TunnelError` for anything else."""
     got = _STATE.unpack(payload)
     return MotionState(
         **{

@@ -1,9 +1,9 @@
-"""Drones that search together: reports of each drone, and of the others.
+"""Exchange positions and courses of drones that search together.
 
-A course comes from the drone once a second while a ground station reports other drones; a
-neighbour is a ground station's report of one of them. Neither requests a motion: a neighbour
-can withhold a leg, never assign one. Tags that do not fit are left out; the sender changes
-their order each time. Layouts: payload types 60009 and 60010 of the manual's tunnel reference.
+A drone sends its course once a second while a ground station reports other drones; the station
+reports each of them as a neighbour. Neither requests a motion: a neighbour can block a leg,
+never assign one. Tags that do not fit are left out; the sender changes their order each time.
+Layouts: payload types 60009 and 60010 of the manual's tunnel reference.
 """
 
 from dataclasses import replace
@@ -38,13 +38,13 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Write a drone's report, with as many tags as fit; raises `TunnelError`."""
+    """Write a drone's course, with as many tags as fit; raises `TunnelError`."""
     here = course.place
     latitude, longitude = here
     asked = course.asked_way or (here, here)
     room = most - _COURSE.size - _GIVEN_SIZE * len(course.given)
     try:
-        near = [one for one in course.found if max(map(abs, _off(here, one.place))) <= _MOST]
+        near = [one for one in course.found if max(map(abs, _offset(here, one.place))) <= _MOST]
         found = near[: max(0, min(255, room // _FOUND_SIZE))]
         room -= _FOUND_SIZE * len(found)
         return _COURSE.pack(
@@ -52,10 +52,10 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
             asks=bool(course.asked_way),
             latitude=round(latitude / _FINE),
             longitude=round(longitude / _FINE),
-            offsets=[step for place in (course.goal, *asked) for step in _off(here, place)],
+            offsets=[step for place in (course.goal, *asked) for step in _offset(here, place)],
             held=course.held[: max(0, min(255, room // _HELD_SIZE))],
             found=[
-                (one.tag_id, *_off(here, one.place), min(65_535, round(one.radius95_m)))
+                (one.tag_id, *_offset(here, one.place), min(65_535, round(one.radius95_m)))
                 for one in found
             ],
         )
@@ -63,8 +63,8 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
         raise TunnelError(f"a course does not fit: {error}", b"") from error
 
 
-def _off(here: Place, place: Place) -> tuple[int, int]:
-    """A place given by its distance north and east of another."""
+def _offset(here: Place, place: Place) -> tuple[int, int]:
+    """Offset of a position north and east of another [units of the message]."""
     north, east = (
         round((there - own) / _COARSE) for own, there in zip(here, place, strict=True)
     )
@@ -72,7 +72,7 @@ def _off(here: Place, place: Place) -> tuple[int, int]:
 
 
 def decode_course(payload: bytes) -> Course:
-    """Read a drone's report; raises `TunnelError` for anything else."""
+    """Read a drone's course; raises `TunnelError` for anything else."""
     got = _COURSE.unpack(payload)
     here = (got.pop("latitude") * _FINE, got.pop("longitude") * _FINE)
     offsets, asks, found = got.pop("offsets"), got.pop("asks"), got.pop("found")
@@ -107,6 +107,6 @@ def decode_neighbour(payload: bytes) -> Neighbour:
     got = _NEIGHBOUR.unpack(payload)
     body = got.pop("course")
     if bool(got["vehicle"]) != bool(body):
-        raise TunnelError("a neighbour has a vehicle or a course, not both", payload)
+        raise TunnelError("a neighbour needs a vehicle with a course, or neither", payload)
     age_s = float(got.pop("age_s"))
     return Neighbour(**got, age_s=age_s, course=decode_course(body) if body else None)

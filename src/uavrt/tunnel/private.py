@@ -1,13 +1,13 @@
-"""Our own tunnel messages, between a drone and a ground station of uavrt.
+"""Tunnel messages of uavrt alone, between its drones and ground stations.
 
-They travel in a payload type of the private range (above 32767), so that no other program takes
-them for the UAV-RT messages of payload type 0.
+They use payload types of the private range (above 32767), so that no other program confuses
+them with the UAV-RT messages of payload type 0.
 
 A receipt without hashes only announces a station that acknowledges. A ground station with an
 empty store has a new number, so that the drone sends the whole flight again.
 
-A pulse is identified by the 64-bit BLAKE2b hash of its payload: nothing is added to the message
-that every ground station reads.
+A pulse is identified by the 64-bit BLAKE2b hash of its payload. So nothing is added to the
+message that every ground station reads.
 """
 
 import hashlib
@@ -18,18 +18,18 @@ from uavrt.tunnel.layout import Layout
 
 RECEIPT_TYPE = 60_001
 SEALED_TYPE = 60_002
-"""A command with a keyed hash, see `uavrt.tunnel.seal`."""
+"""Payload type of a message with a keyed hash, see `uavrt.tunnel.seal`."""
 SESSION_TYPE = 60_004
-"""Session for sealed commands, see `uavrt.tunnel.seal`."""
+"""Payload type of the session for sealed messages, see `uavrt.tunnel.seal`."""
 MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
-"""Motion orders and their states, see `uavrt.tunnel.motion`."""
+"""Payload types of motion orders and states, see `uavrt.tunnel.motion`."""
 PROVEN_STATE_TYPE = 60_011
-"""An answer to a sealed motion order, see `uavrt.tunnel.seal`."""
+"""Payload type of an answer to a sealed motion order, see `uavrt.tunnel.seal`."""
 COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
-"""Reports of drones that search together, see `uavrt.tunnel.neighbours`."""
+"""Payload types for drones that search together, see `uavrt.tunnel.neighbours`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""Most hashes, which fit into a seal's 108 bytes."""
+"""Most hashes in a sealed receipt; limited by a seal's 108 bytes."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",
@@ -45,7 +45,7 @@ def payload_hash(payload: bytes) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """Pulses that a ground station has received."""
+    """Acknowledgement of pulses by a ground station's store."""
 
     store: int
     hashes: tuple[int, ...] = ()

@@ -1,7 +1,7 @@
-"""Delivery of pulses without loss over a link that loses, without I/O.
+"""Deliver every pulse over a link that loses messages, without I/O.
 
 A ground station that acknowledges (`uavrt.tunnel.private`) gets every pulse: unacknowledged
-ones are sent again. A plain one gets each pulse once.
+ones are sent again. A station that does not acknowledge gets each pulse once.
 
 A message is lost when three later ones were acknowledged and the round trip has passed; or when
 it is not acknowledged within the retransmission time-out of RFC 6298 with a floor of 0.4 s.
@@ -11,9 +11,9 @@ store that has acknowledged the pulse, and only with both is the pulse delivered
 station of an older version never acknowledges the content; then the pulse alone counts, after
 some tries.
 
-A store is a number that anyone can make up. One that has acknowledged no pulse yet gets what
-goes to all, and a few repetitions when nothing else waits; after its first acknowledgement it
-gets all.
+A store is a ground station's memory of pulses, with a number that anyone can make up. Before
+its first acknowledgement it gets messages for all, and a few repetitions when nothing else
+waits; then it gets all pulses.
 """
 
 import math
@@ -23,24 +23,24 @@ from typing import Generic
 from uavrt.messages import TunnelPayload
 from uavrt.tunnel.private import payload_hash
 from uavrt.tunnel.pulse_memory import PulseMemory
-from uavrt.tunnel.stores import Place, Stores
+from uavrt.tunnel.stores import Stores
 from uavrt.tunnel.underway import Entry, ItemKey, T
-from uavrt.tunnel.wire import PAYLOAD_TYPE
+from uavrt.tunnel.wire import PAYLOAD_TYPE, Ids
 from uavrt.units import ns_from_s
 
 WINDOW = 64
-"""Most pulses on their way without an acknowledgement."""
+"""Most pulses sent and not yet acknowledged."""
 PLAIN_AFTER_NS = ns_from_s(3.0)
 """Time in which a ground station must acknowledge, else it gets each pulse once [ns]. Stations
-acknowledge once a second: at 40 % loss 3 % do not manage, and get some twice."""
+acknowledge once a second: at 40 % loss 3 % are late, and get some pulses twice."""
 
 
 class ReliableSender(Generic[T]):
-    """Decides which pulse goes next.
+    """Decides which pulse is sent next, and which are lost.
 
     `encode`: payload of a pulse; called at each sending, since the generation may change.
-    `inside`: payload of a pulse's content, None without any. `inside_type`: payload type of
-    that.
+    `inside`: payload of a burst's content, None for other pulses. `inside_type`: payload type
+    of that content.
     """
 
     def __init__(
@@ -56,95 +56,95 @@ class ReliableSender(Generic[T]):
         self.first_sends = 0
         self.repeats = 0
         self.insides_sent = 0
-        """Messages with the content of bursts."""
+        """Number of sent messages with the content of bursts."""
         self.acknowledged_pulses = 0
         self._station_since_ns: int | None = None
         self._settled: list[tuple[int, ItemKey]] = []
 
     def station_present(self, present: bool, now_ns: int) -> None:
-        """Report whether any ground station's heartbeats come."""
+        """Handle whether any ground station's heartbeats arrive."""
         if not present:
             self._station_since_ns = None
         elif self._station_since_ns is None:
             self._station_since_ns = now_ns
 
     def link_changed(self) -> None:
-        """Send the pulses under way again, by the new link."""
+        """Send all unacknowledged pulses again, over the new link."""
         for entry in self.underway.restart():
             entry.tries = 0
             self.pulses.wait(entry)
 
     def receipt(
-        self, store: int, hashes: Iterable[int], place: Place, now_ns: int
+        self, store: int, hashes: Iterable[int], place: Ids, now_ns: int
     ) -> list[ItemKey]:
-        """Handle a receipt; return the pulses that are new in that store."""
+        """Handle a receipt; return the pulses that the store acknowledges newly."""
         if store in self.stores:
             known = self.stores[store]
-            known.place, known.heard_ns = place, now_ns
-        elif self.stores.may_come(store, now_ns):
-            self._welcome(store, place, now_ns)
+            known.place, known.received_ns = place, now_ns
+        elif self.stores.admits(store, now_ns):
+            self._add_store(store, place, now_ns)
         else:
             return []
         new: list[ItemKey] = []
         acknowledged = []
         for number in hashes:
             entry = self.underway.by_hash(number)
-            if entry is None or store in entry.kept:
-                new += self._late_word(number, store)
+            if entry is None or store in entry.stored_at:
+                new += self._late_acknowledgement(number, store)
                 continue
-            self._trust(store)
+            self._confirm(store)
             is_inside = entry.inside is not None
-            if is_inside and store not in entry.owed:
+            if is_inside and store not in entry.missing_at:
                 continue  # overheard: it has not acknowledged the pulse
-            entry.kept.add(store)
-            entry.owed.discard(store)
+            entry.stored_at.add(store)
+            entry.missing_at.discard(store)
             if is_inside:
-                self.stores[store].reads_insides = True
+                self.stores[store].reads_contents = True
             if is_inside or not self.pulses.add_inside(entry, store):
                 new.append(entry.pulse)
             acknowledged.append(entry)
-            if not self.stores.any_waits(entry.owed):
+            if not self.stores.must_repeat(entry.missing_at):
                 self.pulses.forget(entry)
                 self.acknowledged_pulses += not is_inside
         for entry in self.underway.acknowledged(acknowledged, now_ns):
             self._again(entry)
         return new
 
-    def _welcome(self, store: int, place: Place, now_ns: int) -> None:
-        """Add a store that came, in place of another if there are too many."""
+    def _add_store(self, store: int, place: Ids, now_ns: int) -> None:
+        """Add a new store; it replaces another if there are too many."""
         replaced = self.stores.to_replace()
         if replaced is not None:
             self._drop_store(replaced)
         self.stores.add(store, place, now_ns)
-        self.pulses.owe_all(store)
+        self.pulses.send_all(store)
 
-    def _late_word(self, number: int, store: int) -> list[ItemKey]:
-        """Handle a store's acknowledgement of a pulse that is no longer waited for."""
+    def _late_acknowledgement(self, number: int, store: int) -> list[ItemKey]:
+        """Handle a store's acknowledgement of a pulse that is no longer in memory."""
         done = self.underway.finished(number)
-        if done is None or store in done.kept:
+        if done is None or store in done.stored_at:
             return []
-        done.kept.add(store)
-        self._trust(store)
+        done.stored_at.add(store)
+        self._confirm(store)
         if done.inside is not None:
-            self.stores[store].reads_insides = True
+            self.stores[store].reads_contents = True
         if done.inside is not None or self.pulses.inside(done.item) is not None:
             self.stores.note_on_disk(store)  # both come again, unless it has both
             return []
         return [done.pulse]
 
-    def _trust(self, store: int) -> None:
-        """Note that a store has acknowledged a pulse, and so exists."""
+    def _confirm(self, store: int) -> None:
+        """Record that a store has acknowledged a pulse, and so exists."""
         if not self.stores[store].acknowledges:
             self.stores[store].acknowledges = True
-            self.pulses.wait_no_longer_as_probe(store)
+            self.pulses.promote_probes(store)
 
     def settled(self) -> list[tuple[int, ItemKey]]:
-        """Stores that do not read contents, with their pulses, since the last call."""
+        """Pulses delivered to stores that ignore burst contents, since the last call."""
         settled, self._settled = self._settled, []
         return settled
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a pulse may go [ns]; None when nothing is to go."""
+        """Time until a pulse may be sent [ns]; None if there is none."""
         if self._station_since_ns is None:
             return None
         self._drop_silent_stores(now_ns)
@@ -155,7 +155,7 @@ class ReliableSender(Generic[T]):
         return None if due_ns == math.inf else max(0, int(due_ns) - now_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
-        """Return the payload that goes now, by the link's rate."""
+        """Return the payload to send now, by the link's rate; None if there is none."""
         self._expire(now_ns)
         may_go = self.wait_ns(now_ns) == 0
         entry = self.pulses.next(now_ns, rate_bytes_s) if may_go else None
@@ -166,10 +166,10 @@ class ReliableSender(Generic[T]):
         entry.tries += not entry.twin
         self._count(entry)
         place = None
-        if (entry.sends > 1 or entry.inside is not None) and len(entry.owed) == 1:
-            place = self.stores[next(iter(entry.owed))].place
-        if entry.owed:
-            awaited = self.stores.any_proven(entry.owed) or not self.stores.proven
+        if (entry.sends > 1 or entry.inside is not None) and len(entry.missing_at) == 1:
+            place = self.stores[next(iter(entry.missing_at))].place
+        if entry.missing_at:
+            awaited = self.stores.any_confirmed(entry.missing_at) or not self.stores.confirmed
             self.underway.add(entry, payload_hash(payload), now_ns, awaited=awaited)
             self._add_twin(entry)
         else:
@@ -179,8 +179,8 @@ class ReliableSender(Generic[T]):
         )
 
     def _count(self, entry: Entry[T]) -> None:
-        """Count a message that goes."""
-        for number in entry.owed:
+        """Count a sent message."""
+        for number in entry.missing_at:
             self.stores[number].sends += 1
             self.stores[number].insides += entry.inside is not None
         if entry.inside is not None:
@@ -196,27 +196,27 @@ class ReliableSender(Generic[T]):
         With few pulses under way each loss costs a time-out. At 20 % loss 4 % of the pulses
         would need a second one, with twins 0.8 %; the link is idle anyhow.
         """
-        again = entry.sends > 1 and not entry.twin and self.stores.any_proven(entry.owed)
-        entry.twin = again and not self.pulses.waiting
+        again = entry.sends > 1 and not entry.twin and not self.pulses.waiting
+        entry.twin = again and self.stores.any_confirmed(entry.missing_at)
         if entry.twin:
             self.pulses.wait(entry)
 
     def _expire(self, now_ns: int) -> None:
-        """Queue again what was not acknowledged in time."""
+        """Queue messages again that were not acknowledged in time."""
         for entry in self.underway.late(now_ns):
-            if entry.kept and not self.stores.any_waits(entry.owed):
+            if entry.stored_at and not self.stores.must_repeat(entry.missing_at):
                 self.pulses.forget(entry)
             else:
                 self._again(entry)
 
     def _again(self, entry: Entry[T]) -> None:
-        """Queue lost pulses again, but no content that no store reads."""
+        """Queue a lost message again, unless it is content that no store reads."""
         if entry.inside is not None:
-            for number in list(entry.owed):
+            for number in list(entry.missing_at):
                 if entry.tries >= self.stores[number].patience:
-                    entry.owed.discard(number)
+                    entry.missing_at.discard(number)
                     self._settled.append((number, entry.pulse))
-            if not entry.owed:
+            if not entry.missing_at:
                 self.pulses.forget(entry)
                 return
         self.pulses.wait(entry)
@@ -230,4 +230,4 @@ class ReliableSender(Generic[T]):
 
     def _drop_store(self, number: int, now_ns: int | None = None) -> None:
         gone = self.stores.remove(number, now_ns)
-        self.pulses.owe_none(number, made_up=not gone.acknowledges)
+        self.pulses.send_none(number, made_up=not gone.acknowledges)

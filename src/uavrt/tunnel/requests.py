@@ -1,7 +1,7 @@
-"""Additions of the numbered versions to commands: repeatable requests, uploads as sets.
+"""Repeatable requests and uploads as sets, as the numbered versions have them.
 
-From version 4 on a ground station repeats the same bytes until they are acknowledged; the drone
-keeps its last 16 acknowledgements for 120 s and gives them again, good and bad alike.
+From version 4 on a ground station repeats the same bytes until they are acknowledged. The drone
+keeps its last 16 acknowledgements for 120 s, and sends them again to repetitions.
 """
 
 from collections import OrderedDict
@@ -26,7 +26,7 @@ class _Request:
 
 
 class RequestCache:
-    """The last requests of all ground stations, with their acknowledgements."""
+    """Recent requests of all ground stations, with their acknowledgements."""
 
     def __init__(self) -> None:
         self._requests: OrderedDict[tuple[Asker, int], _Request] = OrderedDict()
@@ -34,10 +34,10 @@ class RequestCache:
     def repeated(
         self, asker: Asker, request_id: int, payload: bytes, now_s: float
     ) -> bytes | bool:
-        """Look a request up, and keep it if it is new.
+        """Check whether a request is a repetition, and remember it if it is new.
 
-        Returns the acknowledgement to give again; True for a repetition in progress; False for
-        a new request. Raises `TunnelError` if the id was used for another one.
+        Returns the acknowledgement to send again, True for a repetition in progress, False for
+        a new request. Raises `TunnelError` if another request had the same id.
         """
         if request_id == 0:
             return False  # never kept
@@ -54,7 +54,7 @@ class RequestCache:
         return False
 
     def answered(self, asker: Asker, request_id: int, answer: bytes) -> None:
-        """Keep the acknowledgement of a request."""
+        """Remember the acknowledgement of a request."""
         known = self._requests.get((asker, request_id))
         if known is not None:
             known.answer = answer
@@ -62,7 +62,7 @@ class RequestCache:
 
 @dataclass(slots=True)
 class TagUpload:
-    """One upload of tags as a set; complete only with every index."""
+    """An upload of tags as a set, complete once every index has come."""
 
     upload_id: int
     tag_count: int
@@ -70,7 +70,7 @@ class TagUpload:
     indices: set[int] = field(default_factory=set)
 
     def check_tag(self, message: TagG2 | CodedTag, asker: Asker) -> None:
-        """Raise `TunnelError` for a tag of another upload."""
+        """Raise `TunnelError` if a tag belongs to another upload or has a wrong index."""
         if (message.upload_id, asker) != (self.upload_id, self.asker):
             raise TunnelError(
                 f"stale upload_id {message.upload_id}: {self.upload_id} is open",
@@ -83,7 +83,7 @@ class TagUpload:
             )
 
     def check_end(self, message: UploadG2, asker: Asker) -> None:
-        """Raise `TunnelError` unless every tag is there."""
+        """Raise `TunnelError` unless the upload is complete."""
         payload = message.encode()
         if (message.upload_id, asker) != (self.upload_id, self.asker):
             raise TunnelError(
@@ -101,7 +101,7 @@ class TagUpload:
 
 
 def open_upload(message: UploadG2, asker: Asker) -> TagUpload:
-    """Begin an upload; raises `TunnelError` for one without tags."""
+    """Begin an upload; raises `TunnelError` if its number of tags is 0."""
     assert message.command is CommandId.START_TAGS
     if message.tag_count == 0:
         raise TunnelError("tag_count is 0", message.encode())

@@ -1,4 +1,4 @@
-"""Seals: proofs that drone and ground station share a key, inside tunnel payloads.
+"""Seals: keyed hashes in tunnel payloads, which show that drone and ground share a key.
 
 PX4 1.17 garbles the 13 signature bytes of frames that it forwards, so the proof is inside the
 payload. Layouts of sealed message (60002), session (60004) and proven answer (60011): the
@@ -23,6 +23,7 @@ from pathlib import Path
 
 from uavrt.config.key_files import read_key_file
 from uavrt.errors import TunnelError
+from uavrt.tunnel.wire import Ids
 
 SEALED_SIZE = 20
 MAX_INSIDE = 108
@@ -36,15 +37,12 @@ _SESSION = struct.Struct("<B3xQQ")
 _NONCE, _ALIVE = struct.Struct("<Q"), struct.Struct("<QB")
 _VERSION, _VERSION_ECHO = 2, 3
 _PROOF_SIZE = 7
-"""56 bits: 2000 guesses a second for a day hit with a probability of 2e-9."""
-
-Place = tuple[int, int]
-"""System and component id of a sender."""
+"""Size of a proof [bytes]; 2000 guesses a second for a day hit with probability 2e-9."""
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """The secret that drone and ground share; never shown."""
+    """The secret key that drone and ground station share; it is never shown."""
 
     secret: bytes
 
@@ -53,37 +51,37 @@ class Key:
 
 
 def read_key(path: str | Path) -> Key:
-    """Read a key: at least 32 hexadecimal digits in a file that only its owner may read.
+    """Read a key of at least 32 hexadecimal digits from a file that only its owner may read.
 
-    Raises `ConfigError` without one, or if others may read it.
+    Raises `ConfigError` if there is none, or if others may read the file.
     """
     return Key(read_key_file(path, "key file", least=LEAST_KEY, most=MOST_KEY))
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Validity of a seal: one run of one drone's connection."""
+    """Range in which a seal is valid: one run of one drone's connection process."""
 
     number: int
-    drone: Place
+    drone: Ids
 
     def mixed_in(self) -> bytes:
-        """Bytes that the seal proves in addition to the message."""
+        """Bytes of the session that the seal protects together with the message."""
         return struct.pack("<QBB", self.number, *self.drone)
 
 
 def seal(
-    inside: bytes, kind: int, key: Key, sender: Place, counter: int, session: Session
+    inside: bytes, kind: int, key: Key, sender: Ids, counter: int, session: Session
 ) -> bytes:
-    """Write a sealed payload; raises `TunnelError` when `inside` is too long."""
+    """Write a sealed payload; raises `TunnelError` if `inside` is too long."""
     if len(inside) > MAX_INSIDE:
         raise TunnelError(f"{len(inside)} bytes cannot be sealed, only {MAX_INSIDE}", inside)
     head = _HEAD.pack(_VERSION, kind, 0, counter)
     return head + _mac(key, session.mixed_in() + bytes(sender) + head + inside) + inside
 
 
-def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int, int]:
-    """Read an announcement: session, newest counter accepted in it, nonce returned (0: none).
+def session_of(payload: bytes, key: Key, drone: Ids) -> tuple[Session, int, int]:
+    """Read an announcement: session, newest accepted counter, returned nonce (0: none).
 
     Raises `TunnelError` for anything else, or another key.
     """
@@ -97,19 +95,19 @@ def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int, in
     return Session(number, drone), newest, int.from_bytes(head[_SESSION.size :], "little")
 
 
-def _session_mac(key: Key, drone: Place, head: bytes) -> bytes:
+def _session_mac(key: Key, drone: Ids, head: bytes) -> bytes:
     return _mac(key, b"session" + bytes(drone) + head)
 
 
-def prove_answer(state: bytes, key: Key, session: Session, station: Place) -> bytes:
-    """Turn an answer of type 60006 to a sealed order into one of type 60011 with a proof."""
+def prove_answer(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
+    """Add a proof to the answer to a sealed order: type 60006 becomes 60011."""
     return bytes((state[1] | state[2] << 4,)) + _proof(state, key, session, station) + state[8:]
 
 
 def proven_answer(
-    payload: bytes, key: Key, session: Session, station: Place, request_ids: Iterable[int]
+    payload: bytes, key: Key, session: Session, station: Ids, request_ids: Iterable[int]
 ) -> bytes:
-    """Turn an answer of type 60011 into one of 60006; raises `TunnelError` if forged."""
+    """Check an answer's proof and remove it; raises `TunnelError` if it is forged."""
     first = payload[0] if payload else 0
     for request_id in request_ids:
         number = request_id.to_bytes(4, "little")
@@ -119,34 +117,34 @@ def proven_answer(
     raise TunnelError("an answer is forged, or to an order of another station", payload)
 
 
-def _proof(state: bytes, key: Key, session: Session, station: Place) -> bytes:
+def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
     return _mac(key, b"answer" + session.mixed_in() + bytes(station) + state)[:_PROOF_SIZE]
 
 
-def alive_inside(nonce: int, *, files: bool = False) -> bytes:
-    """Write the content of a sign of life.
+def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
+    """Content of a keepalive before sealing.
 
-    The drone returns a nonce other than 0. With `files` it answers the station's requests for
-    files quickly, also while it detects.
+    The drone returns a nonce other than 0. With `files` it answers the station's file requests
+    quickly, also while it detects.
     """
     return _ALIVE.pack(nonce, files)
 
 
-def alive_of(inside: bytes) -> tuple[int, bool]:
-    """Read a sign of life: nonce, and whether files are requested; raises `TunnelError`."""
+def read_keepalive(inside: bytes) -> tuple[int, bool]:
+    """Read a keepalive: nonce, and whether files are requested; raises `TunnelError`."""
     if len(inside) != _ALIVE.size:
         raise TunnelError(f"a sign of life has 9 bytes, not {len(inside)}", inside)
     nonce, flags = _ALIVE.unpack(inside)
     return nonce, bool(flags & 1)
 
 
-def parameter_inside(name: str, value: float) -> bytes:
-    """Write the content for a parameter."""
+def parameter_content(name: str, value: float) -> bytes:
+    """Content of a parameter change before sealing."""
     return _PARAMETER.pack(name.encode("ascii"), value)
 
 
-def parameter_of(inside: bytes) -> tuple[str, float]:
-    """Read a parameter's name and wanted value; raises `TunnelError`."""
+def read_parameter(inside: bytes) -> tuple[str, float]:
+    """Read the name and requested value of a parameter change; raises `TunnelError`."""
     if len(inside) != _PARAMETER.size:
         raise TunnelError(f"a parameter has 20 bytes, not {len(inside)}", inside)
     name, value = _PARAMETER.unpack(inside)
@@ -154,27 +152,27 @@ def parameter_of(inside: bytes) -> tuple[str, float]:
 
 
 class SealKeeper:
-    """Opens sealed payloads that are authentic, new, and meant for us and this session."""
+    """Opens sealed payloads that are authentic, new, and for this drone and session."""
 
     def __init__(self, key: Key, session: int | None = None) -> None:
         self._key = key
         self._session = secrets.randbits(64) if session is None else session
-        self._newest: dict[Place, int] = {}
+        self._newest: dict[Ids, int] = {}
 
-    def announcement(self, drone: Place, nonce: int = 0) -> bytes:
-        """Write the session for authorised senders; a nonce proves that it is current."""
+    def announcement(self, drone: Ids, nonce: int = 0) -> bytes:
+        """Message that announces the session; a returned nonce proves that it is current."""
         newest = max(self._newest.values(), default=0)
         version = _VERSION_ECHO if nonce else _VERSION
         head = _SESSION.pack(version, self._session, newest)
         head += _NONCE.pack(nonce) if nonce else b""
         return head + _session_mac(self._key, drone, head)
 
-    def prove_answer(self, state: bytes, station: Place, drone: Place) -> bytes:
-        """Turn an answer into one with a proof, see `prove_answer`."""
+    def prove_answer(self, state: bytes, station: Ids, drone: Ids) -> bytes:
+        """Add a proof to the answer to a sealed order, see `prove_answer`."""
         return prove_answer(state, self._key, Session(self._session, drone), station)
 
-    def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes]:
-        """Get the content and its kind; raises `TunnelError` with the reason it is refused."""
+    def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes]:
+        """Return kind and content of a sealed payload; raises `TunnelError` if refused."""
         if len(payload) < SEALED_SIZE:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]

@@ -16,7 +16,7 @@ _DIGEST = re.compile(r"\blist ([0-9a-f]{8})\b")
 
 
 def tag_list_digest(tags: Iterable[Tag]) -> str:
-    """Eight hexadecimal digits that identify a tag list, in whatever order.
+    """Eight hexadecimal digits that identify a tag list, whatever its order.
 
     Names and fractions of a millisecond, which the wire does not carry, do not count.
     """
@@ -25,14 +25,14 @@ def tag_list_digest(tags: Iterable[Tag]) -> str:
 
 
 def _of_code(tag: Tag) -> bytes:
-    """Identity of a coded tag, which has no message on the wire: times in microseconds."""
+    """Bytes that identify a coded tag; its times are in microseconds."""
     times_s = (*tag.gaps_s, *tag.pulse_intervals_s, tag.pulse_width_s)
     numbers = (tag.tag_id, round(tag.frequency_hz), *(round(1e6 * one) for one in times_s))
     return b"coded" + repr(numbers).encode()
 
 
 def searched_text(tags: Iterable[Tag]) -> str:
-    """Report which tags are searched: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
+    """Name the searched tags: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
     known = list(tags)
     digest = tag_list_digest(known)
     ids = ", ".join(str(tag.tag_id) for tag in known)
@@ -42,6 +42,6 @@ def searched_text(tags: Iterable[Tag]) -> str:
 
 
 def digest_in(text: str) -> str | None:
-    """Find the digest in a drone's text; None without one."""
+    """Find a tag list's digest in a drone's text; None without one."""
     found = _DIGEST.search(text)
     return found[1] if found else None

@@ -1,4 +1,4 @@
-"""Messages with pulses that were sent and are not yet acknowledged."""
+"""Track pulse messages that were sent and are not yet acknowledged."""
 
 import math
 from bisect import bisect_left
@@ -18,67 +18,67 @@ REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 DONE = 256
-"""Recently acknowledged pulses, which another store may acknowledge a little later."""
+"""Most acknowledged pulses kept, since another store may acknowledge them a little later."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
-"""Key of a pulse; with a third number, of its content."""
+"""Key of a pulse in memory; a third number marks a burst's content."""
 
 
 @dataclass(slots=True, eq=False)
 class Entry(Generic[T]):
-    """A pulse in memory, or its content."""
+    """A pulse in memory, or the content of a burst."""
 
     key: EntryKey
     time_ns: int
     item: T
     inside: bytes | None = None
-    """Payload of a pulse's content, if it is that."""
+    """Payload of a burst's content; None for a pulse."""
     live: bool = True
-    """Whether it is new, and goes to all; else it comes from disk, for one store."""
+    """True for a new pulse, which goes to all; False for one read from disk for one store."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0
     overtaken: int = 0
     sends: int = 0
     tries: int = 0
-    """Number of sendings, twins counted once."""
+    """Number of sendings; two copies sent together count once."""
     twin: bool = False
-    """Whether the second of two copies waits."""
-    owed: set[int] = field(default_factory=set)
-    """Stores that are present and do not have it."""
-    kept: set[int] = field(default_factory=set)
-    """Stores that acknowledged it."""
+    """True while the second of two copies waits."""
+    missing_at: set[int] = field(default_factory=set)
+    """Present stores that have not acknowledged this entry."""
+    stored_at: set[int] = field(default_factory=set)
+    """Stores that have acknowledged this entry."""
     hashes: list[int] = field(default_factory=list)
 
     @property
     def pulse(self) -> ItemKey:
-        """Key of the pulse that it is, or belongs to."""
+        """Key of the pulse, also for a burst's content."""
         return self.key[0], self.key[1]
 
 
 class Underway(Generic[T]):
-    """Messages under way in the order of sending, and when each counts as lost."""
+    """Sent messages without an acknowledgement, in the order of sending."""
 
     def __init__(self) -> None:
         self._sent: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
         self._by_hash: dict[int, Entry[T]] = {}
         self._done: OrderedDict[int, Entry[T]] = OrderedDict()
-        """Finished pulses by their hashes."""
+        """Finished pulses by the hashes of their payloads."""
         self._order = 0
         self._trips = RoundTrips()
         self._unanswered_since_ns: int | None = None
         self.fresh_trip_s: float | None = None
-        """Round trip of the last receipt [s], if it showed one."""
+        """Round trip that the last receipt showed [s]; None if it showed none."""
 
     def __len__(self) -> int:
         return len(self._sent)
 
     def add(self, entry: Entry[T], number: int, now_ns: int, *, awaited: bool) -> None:
-        """Add a message that goes now.
+        """Add a message that is sent now.
 
-        `number`: its hash. `awaited`: whether an answer is expected.
+        `number`: hash of its payload. `awaited`: True if an acknowledgement is expected.
         """
         self._order += 1
         if self._unanswered_since_ns is None and awaited:
@@ -91,19 +91,19 @@ class Underway(Generic[T]):
             self._by_hash[number] = entry
 
     def by_hash(self, number: int) -> Entry[T] | None:
-        """The pulse in memory that a receipt names."""
+        """Unfinished pulse with a given payload hash; None if there is none."""
         return self._by_hash.get(number)
 
     def finished(self, number: int) -> Entry[T] | None:
-        """The pulse that a receipt names, if it was finished recently."""
+        """Recently finished pulse with a given payload hash; None if there is none."""
         return self._done.get(number)
 
     def remove(self, entry: Entry[T]) -> None:
-        """Remove a message, if it is under way."""
+        """Remove a message, if it is present."""
         self._sent.pop(entry.key, None)
 
     def finish(self, entry: Entry[T]) -> None:
-        """Note that a pulse is no longer waited for."""
+        """Remove a pulse for which no more acknowledgements are expected."""
         self.remove(entry)
         for number in entry.hashes:
             self._by_hash.pop(number, None)
@@ -112,7 +112,7 @@ class Underway(Generic[T]):
             self._done.popitem(last=False)
 
     def restart(self) -> list[Entry[T]]:
-        """Remove and return all messages: the link changed."""
+        """Remove and return all messages, since the link changed."""
         self._unanswered_since_ns = None
         self._trips = RoundTrips()
         sent = list(self._sent.values())
@@ -125,7 +125,7 @@ class Underway(Generic[T]):
         return entry.sent_ns + ns_from_s(self._trips.timeout_s * backoff)
 
     def next_deadline_ns(self) -> float:
-        """Time at which the first message counts as lost [ns]; infinite without any."""
+        """Time at which the next message counts as lost [ns]; infinite without any."""
         return min(map(self._deadline_ns, self._sent.values()), default=math.inf)
 
     def late(self, now_ns: int) -> list[Entry[T]]:
@@ -133,7 +133,7 @@ class Underway(Generic[T]):
         return [e for e in self._sent.values() if self._deadline_ns(e) <= now_ns]
 
     def acknowledged(self, entries: Iterable[Entry[T]], now_ns: int) -> list[Entry[T]]:
-        """Handle a receipt's pulses: measure round trips; return messages that are lost."""
+        """Handle the pulses of a receipt: measure round trips; return lost messages."""
         arrived = [entry for entry in entries if entry.state == "sent"]
         self.fresh_trip_s = None
         for entry in arrived:
@@ -153,10 +153,10 @@ class Underway(Generic[T]):
         return lost
 
     def unanswered(self, now_ns: int) -> bool:
-        """Whether messages under way have been without any answer for too long."""
+        """True if sent messages have brought no answer for too long."""
         since_ns = self._unanswered_since_ns
         return since_ns is not None and now_ns - since_ns > UNANSWERED_NS
 
     def expect_no_answer(self) -> None:
-        """Wait for no answer to what is under way: a station is gone."""
+        """Stop waiting for answers to sent messages, since a station is gone."""
         self._unanswered_since_ns = None

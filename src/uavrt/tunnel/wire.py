@@ -22,9 +22,12 @@ MAX_PAYLOAD = 128
 PAYLOAD_TYPE = 0
 """MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN, as every version of the original sends it."""
 
+Ids = tuple[int, int]
+"""System and component id of a MAVLink component, such as a ground station."""
+
 
 class Fixed:
-    """A message of one length; its fields are in the order of the layout.
+    """Base of messages with a fixed length; the fields are in the order of the layout.
 
     A text is the last field: NUL-terminated, cut to its size. Where several commands have the
     same layout, the command is the first field.
@@ -34,7 +37,7 @@ class Fixed:
     COMMAND: ClassVar[CommandId | None] = None
     LAYOUT: ClassVar[struct.Struct]
     TEXT_SIZE: ClassVar[int] = 0
-    """Bytes of the text with its NUL; 0: no text."""
+    """Bytes of the text field with its NUL; 0: no text."""
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -57,19 +60,19 @@ class Fixed:
         return cls(**dict(zip(cls.__slots__, values, strict=True)))
 
 
-class Asking:
-    """A command with fields of its own."""
+class CommandMessage:
+    """A command message with fields in addition to its number."""
 
     __slots__: tuple[str, ...] = ()
     COMMAND: ClassVar[CommandId]
 
-    def asked(self, command: Command) -> Command:
-        """Fill in the values of a command."""
+    def fill(self, command: Command) -> Command:
+        """Command with the values of this message."""
         raise NotImplementedError
 
 
 class Message(Protocol):
-    """Interface of every message."""
+    """Protocol of every tunnel message."""
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -77,16 +80,16 @@ class Message(Protocol):
 
 Decoder = Callable[[bytes], Message]
 Decoders = dict[tuple[int, int], Decoder]
-"""Decoders by command and length."""
+"""Decoders of messages by command and length."""
 
 
 def decoders_of(*kinds: type[Fixed]) -> Decoders:
-    """List the decoders of messages of one command and length."""
+    """Make the decoders of messages that have one command and one length."""
     return {(kind.COMMAND or 0, kind.LAYOUT.size): kind.decode for kind in kinds}
 
 
 def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:
-    """List one decoder for all commands that have this length in this generation."""
+    """Make one decoder for all commands without fields of a generation."""
     return {
         (row.number, length): decode
         for row in COMMANDS.values()
@@ -95,7 +98,7 @@ def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> 
 
 
 def command_name(number: int) -> str:
-    """Write a command for people: ``"stop detection"``; an unknown number as such."""
+    """Name of a command for people: ``"stop detection"``; an unknown number stays a number."""
     try:
         return CommandId(number).name.lower().replace("_", " ")
     except ValueError:
@@ -103,7 +106,7 @@ def command_name(number: int) -> str:
 
 
 def command_of(number: int, payload: bytes) -> CommandId:
-    """Get the command of a number on the wire; raises `TunnelError` for an unknown one."""
+    """Command with a number on the wire; raises `TunnelError` if it is unknown."""
     try:
         return CommandId(number)
     except ValueError:
@@ -140,10 +143,10 @@ def check(payload: bytes, command: CommandId, size: int) -> None:
 
 
 def text_from_bytes(field: bytes) -> str:
-    """Read a NUL-terminated text; bytes that are no UTF-8 become replacement marks."""
+    """Read a NUL-terminated text; invalid UTF-8 becomes replacement marks."""
     return field.split(b"\0", 1)[0].decode("utf-8", errors="replace")
 
 
 def bytes_from_text(text: str, size: int) -> bytes:
-    """Cut a text to `size` - 1 bytes of whole UTF-8 characters, so that a NUL ends it."""
+    """Encode a text as UTF-8, cut at a whole character, in at most `size` - 1 bytes."""
     return text.encode("utf-8", errors="replace")[: size - 1].decode(errors="ignore").encode()

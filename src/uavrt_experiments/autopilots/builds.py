@@ -1,4 +1,4 @@
-"""The builds that are given, and how each is started with ports of its own."""
+"""The autopilot builds under test, and their start with free ports."""
 
 import hashlib
 import os
@@ -24,7 +24,8 @@ PX4_PARAMETERS = {
     "COM_DISARM_PRFLT": 30,
     "SDLOG_MODE": -1,
 }
-"""Parameters of the simulation; SIH's battery would be half empty after a minute."""
+"""PX4's parameters for the simulation; without them, SIH's battery is half empty after a
+minute."""
 ARDUCOPTER_PARAMETERS: dict[str, float] = {
     "DISARM_DELAY": 30,
     "SIM_BATT_CAP_AH": 0,
@@ -51,7 +52,7 @@ Place = tuple[str, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Started:
-    """Command line of an autopilot, and the addresses of its two links."""
+    """Command line of an autopilot, and the addresses of its links to ground and companion."""
 
     command: tuple[str, ...]
     environment: Mapping[str, str] = field(default_factory=dict)
@@ -59,17 +60,17 @@ class Started:
     """Address at which the autopilot's link to a ground station listens."""
     companion: Place
     ground_port: int = 0
-    """Port at which our side of that link listens; 0: any."""
+    """Our UDP port on the link to the ground; 0 chooses a free one."""
     companion_port: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
-    """One autopilot that is rehearsed on.
+    """One autopilot build that is rehearsed.
 
-    `name`: shown in tables, and the beginning of its flights' names.
+    `name`: shown in tables; its flights' names begin with it.
     `program`: the autopilot's executable.
-    `simulated`: whether it is uavrt's own simulated autopilot.
+    `simulated`: true for uavrt's own simulated autopilot.
     """
 
     name: str
@@ -78,9 +79,9 @@ class Build:
     simulated: bool = False
 
     def started(self, work: Path, home: tuple[float, float, float], scenario: Path) -> Started:
-        """Choose free ports, and write what the autopilot reads.
+        """Choose free ports, and write the autopilot's start files.
 
-        `work`: its own directory.
+        `work`: its working directory.
         `home`: latitude, longitude [deg] and altitude [m].
         `scenario`: world of the simulated autopilot.
         """
@@ -137,7 +138,7 @@ class Build:
 def px4_build(directory: Path) -> Build:
     """Find PX4 in the directory of its sources, or in that of its build.
 
-    Raises `UsageError`: there is none with the SIH simulator.
+    Raises `UsageError`: the directory has no build with the SIH simulator.
     """
     for top in (directory, directory / PX4_BUILD):
         program = top / "bin" / "px4"
@@ -156,9 +157,9 @@ def px4_build(directory: Path) -> Build:
 
 
 def arducopter_build(program: Path) -> Build:
-    """Check that a program can be started.
+    """Check that the given ArduCopter program can be started.
 
-    Raises `UsageError`: it is not there, or is no program.
+    Raises `UsageError`: the file does not exist, or is not executable.
     """
     if program.is_dir() or not os.access(program, os.X_OK):
         raise UsageError(
@@ -175,7 +176,7 @@ def _build(kind: str, flavour: Flavour, program: Path) -> Build:
 
 
 def simulated_build(flavour: Flavour) -> Build:
-    """Our own simulated autopilot, for comparison."""
+    """Get uavrt's own simulated autopilot as a build, for comparison."""
     return Build(
         name=f"simulated {flavour}",
         flavour=flavour,
@@ -185,7 +186,7 @@ def simulated_build(flavour: Flavour) -> Build:
 
 
 def free_instance() -> int:
-    """Find a number of PX4 of which all ports are free; raises `LinkError`."""
+    """Find an instance number of PX4 whose ports are all free; raises `LinkError`."""
     for number in range(9, 0, -1):
         if all(_is_free(port + number) for port in PX4_PORTS):
             return number

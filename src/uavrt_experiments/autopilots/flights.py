@@ -1,4 +1,4 @@
-"""The flights of a rehearsal: every order to its end, every takeover at random instants."""
+"""The flights of a rehearsal: every order to its end, and every takeover at random instants."""
 
 import asyncio
 import math
@@ -28,40 +28,41 @@ from uavrt_experiments.autopilots.tap import write_frames
 from uavrt_experiments.kept import KeptOutcomes
 
 WELL = ("done", "returning: the autopilot flies home")
-"""How an order without a takeover must end; a note of a late link may follow."""
+"""Texts with which an order ends as planned, without a takeover; a note on a late link may
+follow."""
 ORDERS = ("takeoff", "survey", "goto", "rotate", "hold", "search", "return")
 TAKEN = ("survey", "rotate", "goto")
-"""Orders that are taken over."""
+"""Orders during which takeovers are flown."""
 AFTERWARDS_S, SETTLES_S = 12.0, 8.0
 STANDS_M_S = 0.15
 LONGEST_S = {"search": 600.0, "survey": 420.0}
 SEARCH_S = 120.0
 FAR_M = 250.0
 ASKS_S = 45.0
-"""Longest wait for the drone to offer an order: it needs a position and a home [s]."""
+"""Longest wait for the drone to propose an order [s]; it needs a position and a home first."""
 UNDER_WAY_S, TAKEN_AFTER_S, MOVES_M_S = 60.0, (1.5, 10.0), 1.0
-"""Longest wait for an order to begin [s]; time from there to its takeover, at random [s]; least
-speed at a takeover that only the stop reveals [m/s]."""
+"""Longest wait for an order to begin [s]; range of the random time from there to its takeover
+[s]; least speed at a takeover that only the stop reveals [m/s]."""
 TRIES = 4
-"""Attempts at a takeover whose order ends by itself first, and at a later start."""
+"""Attempts at a takeover when the order ends by itself before it, each at a later start."""
 
 
 class _NotTakenError(UavrtError):
-    """The order had ended before it was taken over."""
+    """The order had ended before the takeover."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """Number of flights of each kind."""
+    """Requested number of flights of each kind."""
 
     surveys: int = 20
     searches: int = 10
     takeoffs: int = 20
     others: int = 10
     phases: int = 5
-    """Instants at which each takeover comes."""
+    """Number of random instants at which each takeover is flown."""
     only: str = ""
-    """Part of the name of a flight."""
+    """Text that the names of the flights must contain; empty for all."""
     seed: int = 1
 
     def times(self, order: str) -> int:
@@ -72,7 +73,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A planned flight."""
+    """A planned flight: one order, with or without a takeover."""
 
     build: Build
     order: str
@@ -82,7 +83,7 @@ class Flight:
 
     @property
     def name(self) -> str:
-        """Unique name, also that of its file."""
+        """Unique name of the flight and its files."""
         what = self.order if self.takeover is None else f"taken over, {self.takeover.name}"
         return f"{self.build.name}, {what}, {self.number}"
 
@@ -121,13 +122,14 @@ def rehearse(
     failed: list[dict[str, Any]],
     say: Callable[[str], None],
 ) -> None:
-    """Fly what `kept` does not have yet; each result is stored at once, so Ctrl-C loses
-    nothing.
+    """Fly the flights that `kept` does not have yet; each result is stored at once.
+
+    Ctrl-C therefore loses no finished flight.
 
     `frames`: directory for the frames of each flight.
-    `failed`: receives the flights that were not flown to their end, which are repeated next
+    `failed`: receives the flights that were not flown to their end; they are repeated next
     time.
-    `say`: takes a line of progress.
+    `say`: receives a line of progress.
     Raises `UsageError`: no flight is requested.
     Raises `UavrtError`: an autopilot does not start, or four times does not restart.
     """
@@ -159,7 +161,7 @@ async def _session(
     failed: list[dict[str, Any]],
     say: Callable[[str], None],
 ) -> None:
-    """Take flights from the list and fly them until the autopilot must be started again."""
+    """Fly flights from the list until the autopilot must be restarted."""
     first = flights[0]
     async with running(build, work, first.seed, frames / first.name, say) as scene:
         while flights:
@@ -182,7 +184,7 @@ async def _session(
 
 
 async def _tried(scene: RunningScene, flight: Flight, frames: Path) -> dict[str, Any]:
-    """Fly it; repeat if the order had ended before the takeover."""
+    """Fly one flight; repeat it if the order ended before the takeover."""
     for attempt in range(TRIES):
         try:
             return await _Rehearsed(scene, flight, frames, attempt).flown()
@@ -318,7 +320,7 @@ class _Rehearsed:
 
     @property
     def _ended(self) -> float | None:
-        """Time at which the drone reported the end of the order."""
+        """Time [s] at which the drone reported the end of the order."""
         states = list(dropwhile(lambda one: one[1].standing == "out", self._scene.states))
         return next((at for at, one in states if one.standing == "out"), None)
 
@@ -336,7 +338,9 @@ class _Rehearsed:
         return self._ended
 
     async def _listened(self) -> dict[str, Any]:
-        """Compare the drone's pulses with the ground's, and their headings with the pilot's."""
+        """Compare the drone's pulses with the ground's, and their headings with the pilot's
+        record.
+        """
         scene = self._scene
         await scene.link.stop_detection()
         await asyncio.sleep(3.0)
@@ -354,7 +358,7 @@ class _Rehearsed:
         return {"pulses": [arrived, len(sent)], "yaw_errors_deg": errors}
 
     async def _left(self) -> None:
-        """Leave the drone hovering, without an order."""
+        """End the order, so that the drone hovers."""
         scene, takeover = self._scene, self._flight.takeover
         if takeover is not None and takeover.restarts:
             return
@@ -372,12 +376,14 @@ class _Rehearsed:
 
 
 def has_arrived(ended: str) -> bool:
-    """Whether an order ended by its arrival, as the drone reports it."""
+    """True if the drone reported that the order ended by its arrival."""
     return ended.startswith(WELL)
 
 
 def _name_of(one: PulsePose) -> tuple[int, int]:
-    """Tag and start [ms] of a pulse: the tunnel carries times as floating-point seconds."""
+    """Tag and start [ms] that identify a pulse; the tunnel rounds times to floating-point
+    seconds.
+    """
     return one.pulse.tag_id, round(1e3 * s_from_ns(one.pulse.start_time_ns))
 
 

@@ -1,6 +1,6 @@
 """The pilot of a rehearsal: a ground station that arms, takes off and takes over.
 
-This is a client of the experiment. None of it runs on a drone, and uavrt never arms.
+Only the experiment uses it. It never runs on a drone, and uavrt never arms.
 """
 
 import asyncio
@@ -12,7 +12,7 @@ from uavrt.attitude import yaw_deg
 from uavrt.clock import monotonic_s
 from uavrt.errors import UavrtError
 from uavrt.geodesy import distance_m, moved
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavModeFlag
 from uavrt.mavlink.discovery import station_heartbeat
@@ -33,15 +33,15 @@ RATES_HZ = {
     dialect.PositionTargetGlobalInt.ID: 5.0,
 }
 ARMS_S = 90.0
-"""Longest wait for the autopilot to arm."""
+"""Longest wait for the autopilot to arm [s]."""
 CENTRED_US = (1500, 1500, 1500, 1500)
 FORCED = 21_196.0
-"""Second parameter of a disarming that is also done in flight."""
+"""Second parameter of a disarm command that also works in flight (MAVLink's magic number)."""
 VELOCITY_ONLY = 0b0000_1101_1100_0111
 
 
 class Foreign(Message):
-    """A message that uavrt itself neither sends nor reads."""
+    """A MAVLink message that uavrt itself neither sends nor reads."""
 
     __slots__ = ("CRC_EXTRA", "ID", "_payload")
 
@@ -49,12 +49,12 @@ class Foreign(Message):
         self.ID, self.CRC_EXTRA, self._payload = number, crc_extra, payload  # type: ignore[misc]
 
     def pack(self) -> bytes:
-        """Payload as it was given."""
+        """Get the message's payload."""
         return self._payload
 
 
 class Hand:
-    """A simulated pilot's view and commands.
+    """A simulated pilot: what the ground station receives, and the pilot's commands.
 
     `tap`: the autopilot's link to ground stations.
     """
@@ -72,13 +72,13 @@ class Hand:
         self.on_ground = True
         self.texts: list[str] = []
         self.channels_us: tuple[int, ...] = ()
-        """Sticks of the remote control [us]; empty: it is switched off."""
+        """Channels of the remote control [µs]; empty: it is switched off."""
         self.moved: Callable[[float, dialect.GlobalPositionInt], None] = lambda _t, _p: None
         self.check: Callable[[], None] = lambda: None
-        """Raises an error when waiting is useless: a program has ended."""
+        """Called while waiting; raises an error if a program has ended."""
 
     async def live(self) -> None:
-        """Send heartbeats and sticks until cancelled."""
+        """Send heartbeats and stick positions until cancelled."""
         turn = 0
         while True:
             if turn % 5 == 0:
@@ -121,24 +121,24 @@ class Hand:
 
     @property
     def place(self) -> tuple[float, float]:
-        """Latitude and longitude [deg], once there is a position."""
+        """Latitude and longitude [deg] of the drone; an error before the first position."""
         p = self.position
         assert p is not None
         return p.lat / FULL_SCALE_DEG, p.lon / FULL_SCALE_DEG
 
     @property
     def height_m(self) -> float:
-        """Height above home."""
+        """Height of the drone above home [m]."""
         return 0.0 if self.position is None else self.position.relative_alt / 1e3
 
     @property
     def speed_m_s(self) -> float:
-        """Speed in three dimensions."""
+        """Speed of the drone in three dimensions [m/s]."""
         p = self.position
         return 0.0 if p is None else math.hypot(p.vx, p.vy, p.vz) / 100.0
 
     async def until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
-        """Wait; raises `UavrtError` with the autopilot's last message."""
+        """Wait for a condition; raises `UavrtError` with the autopilot's last message."""
         deadline_s = monotonic_s() + timeout_s
         while not condition():
             self.check()
@@ -155,7 +155,7 @@ class Hand:
     # ------------------------------------------------------------------ what is done
 
     def command(self, number: int, *params: float) -> None:
-        """Send a COMMAND_LONG."""
+        """Send a COMMAND_LONG to the autopilot."""
         values = (*params, *(0.0,) * 7)[:7]
         self.send(
             dialect.CommandLong(
@@ -168,13 +168,13 @@ class Hand:
         )
 
     def name_mode(self, name: str) -> None:
-        """Change to a mode of `uavrt.simulation.flying.MODES`."""
+        """Change the autopilot to a mode of `uavrt.simulation.flying.MODES`."""
         number, px4 = MODES[self.flavour][name], self.flavour == "px4"
         words = (number >> 16 & 0xFF, number >> 24) if px4 else (number, 0)
         self.command(MavCmd.DO_SET_MODE, 1.0, *map(float, words))
 
     def set_parameter(self, name: str, value: float, *, whole: bool = False) -> None:
-        """Set a parameter; PX4 takes the bytes of a whole number."""
+        """Set a parameter of the autopilot; PX4 expects the bytes of a whole number."""
         if whole and self.flavour == "px4":
             (value,) = struct.unpack("<f", struct.pack("<i", round(value)))
         kind = dialect.MavParamType
@@ -208,19 +208,19 @@ class Hand:
         self.reposition(x, y, altitude_amsl_m)
 
     def go_to(self, north_m: float, east_m: float) -> None:
-        """Fly to a place at this height, by metres from where the drone is."""
+        """Fly to a place at the present height, given in metres from the drone."""
         p = self.position
         assert p is not None
         self.fly_to(moved(*self.place, self.height_m, north_m, east_m), p.alt / 1e3)
 
     def ask_velocity(self, north_m_s: float, east_m_s: float) -> None:
-        """Send a velocity setpoint."""
+        """Send a velocity setpoint to the autopilot."""
         values = (0.0, 0.0, 0.0, north_m_s, east_m_s, *(0.0,) * 6)
         payload = struct.pack("<I11fH3B", 0, *values, VELOCITY_ONLY, self.system_id, 1, 1)
         self.send(Foreign(84, 143, payload))
 
     async def boot(self, timeout_s: float) -> None:
-        """Wait for the autopilot; ask for what a pilot sees."""
+        """Wait for the autopilot, and request the messages that a pilot needs."""
         await self.until(lambda: self.system_id, timeout_s, "the autopilot's heartbeat")
         for number, rate_hz in RATES_HZ.items():
             self.command(MavCmd.SET_MESSAGE_INTERVAL, float(number), 1e6 / rate_hz)
@@ -228,7 +228,7 @@ class Hand:
         await self.until(lambda: self.position is not None, timeout_s, "a position")
 
     async def arm(self) -> None:
-        """Try to arm once a second, until the estimator is ready."""
+        """Send the arm command once a second until the estimator is ready."""
         deadline_s = monotonic_s() + ARMS_S
         while not self.armed:
             self.check()
@@ -241,7 +241,7 @@ class Hand:
             await asyncio.sleep(1.0)
 
     async def hover(self) -> None:
-        """Arm and take off by hand where it stands; then hover over home."""
+        """Arm, take off at the present place, and hover over home."""
         if not self.armed or self.on_ground:
             await self.arm()
             p = self.position
@@ -253,7 +253,7 @@ class Hand:
             await asyncio.sleep(2.0)
 
     async def stand(self) -> None:
-        """Land, and wait until it is disarmed."""
+        """Land, and wait until the drone is disarmed."""
         if self.armed and not self.on_ground:
             self.name_mode("land")
         elif self.armed:
@@ -261,7 +261,7 @@ class Hand:
         await self.until(lambda: not self.armed, 120.0, "the landing")
 
     async def come_back(self, home: tuple[float, float]) -> None:
-        """Fly to some metres over home, where orders begin."""
+        """Fly to a few metres over home, where orders begin."""
         p = self.position
         assert p is not None
         self.fly_to(home, p.alt / 1e3 - self.height_m + HEIGHT_M)
@@ -271,5 +271,5 @@ class Hand:
         )
 
     def away_m(self, place: tuple[float, float]) -> float:
-        """Distance over ground from a place."""
+        """Horizontal distance of the drone from a place [m]."""
         return distance_m(*self.place, *place)

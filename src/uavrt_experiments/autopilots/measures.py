@@ -1,4 +1,4 @@
-"""Flight characteristics of an autopilot from the frames of a flight. Pure."""
+"""Flight characteristics of an autopilot, computed from the frames of a flight."""
 
 import bisect
 import math
@@ -15,14 +15,15 @@ from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.tap import Kept
 
 LONG_M = 8.0
-"""Shortest leg of which overshoot and settling are measured [m]."""
+"""Shortest leg for which overshoot and settling are measured [m]."""
 ARRIVED_M, NEAR_M, SETTLED_M = 1.5, 3.0, 0.5
 NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
-"""Change after which a command counts as begun, as in `uavrt.guidance.progress`."""
+"""Change of distance [m], height [m] and heading [deg] after which a command counts as begun,
+as in `uavrt.guidance.progress`."""
 HIGH_M, LOOKS_DEG = 2.0, 8.0
-"""Least error in height and heading at the command for that change to count."""
+"""Least error in height [m] and heading [deg] at the command for that change to count."""
 TURN_DEG = 60.0
-"""Smallest turn of which a rate is measured [deg]."""
+"""Smallest turn for which a turning rate is measured [deg]."""
 RATE_S = 0.3
 """Time over which a turning rate is averaged [s]."""
 AFTER_S = 4.0
@@ -31,7 +32,7 @@ AFTER_S = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the drone was, in metres from its first reported position."""
+    """Position of the drone, in metres from its first reported position."""
 
     time_s: float
     north_m: float
@@ -42,13 +43,13 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flying:
-    """How a flight's legs were flown: each tuple has one figure for each leg that shows it."""
+    """Flight characteristics: each tuple has one figure for each leg that shows it."""
 
     begins_s: tuple[float, ...]
-    """From a command until the drone comes nearer in place, height or heading [s]."""
+    """Time from a command until the drone comes nearer in place, height or heading [s]."""
     overshoot_m: tuple[float, ...]
     settling_s: tuple[float, ...]
-    """From 3 m before the target until the drone stays within 0.5 m of it [s]."""
+    """Time from 3 m before the target until the drone stays within 0.5 m of it [s]."""
     turn_rate_deg_s: tuple[float, ...]
     height_error_m: tuple[float, ...]
     """Altitude at each arrival minus the commanded altitude [m]."""
@@ -74,7 +75,7 @@ def is_motion(message: Message) -> bool:
 
 
 def commands_of(kept: Iterable[Kept]) -> list[tuple[float, Command]]:
-    """All motion commands sent by uavrt, with their times."""
+    """All motion commands sent by uavrt, with their times [s]."""
     return [
         (one.time_s, message)
         for one in kept
@@ -86,7 +87,7 @@ def flying_of(kept: Sequence[Kept], out_s: float = math.inf) -> Flying:
     """Measure each leg up to the next command, or to the end of the frames.
 
     `kept`: frames of the companion link, in their order.
-    `out_s`: time of a takeover, after which uavrt no longer flies.
+    `out_s`: time of a takeover [s], after which uavrt no longer flies.
     """
     found: dict[str, list[float]] = {name: [] for name in Flying.__slots__}
     commands = [one for one in commands_of(kept) if one[0] < out_s]
@@ -170,7 +171,9 @@ def _begins(
     bearing: Callable[[Place], float],
     message: dialect.CommandInt,
 ) -> float | None:
-    """Time of the first approach in place, height or heading; a turn to the target counts."""
+    """Time [s] of the first approach in place, height or heading; turning to the
+    target counts.
+    """
 
     def off_deg(one: Place) -> float:
         asked = math.isfinite(message.param4)
@@ -205,7 +208,7 @@ def _turning(leg: Sequence[Place]) -> tuple[float, float]:
 
 
 def heading_at(heading: Sequence[tuple[float, float]], time_s: float) -> float | None:
-    """Interpolate the heading between two samples at most 0.2 s apart; else None."""
+    """Interpolate the heading between two samples at most 0.2 s apart, or return None."""
     number = bisect.bisect(heading, (time_s, 0.0))
     if not 0 < number < len(heading):
         return None
@@ -217,16 +220,17 @@ def heading_at(heading: Sequence[tuple[float, float]], time_s: float) -> float |
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaction:
-    """uavrt's reaction to a takeover, by the frames of the companion link."""
+    """uavrt's reaction to a takeover, from the frames of the companion link."""
 
     shown_s: float | None
-    """From the takeover to the message that reveals it; None: no message does."""
+    """Time from the takeover to the message that reveals it [s]; None: no message does."""
     last_command_s: float | None
-    """From that message, or from the end, to the last command; negative: before it."""
+    """Time from that message, or from the order's end, to the last command [s]; negative: the
+    command came before it."""
     commands_after: int
-    """Commands after that message, or after the end of the order if that came first."""
+    """Number of commands after that message, or after the order's end if that came first."""
     crossed: int
-    """Commands between the takeover and that message, when uavrt could not know."""
+    """Number of commands between the takeover and that message, when uavrt could not know."""
 
 
 def reaction(
@@ -235,10 +239,10 @@ def reaction(
     out_s: float | None,
     shows: Callable[[Message], bool] | None,
 ) -> Reaction:
-    """Evaluate a takeover.
+    """Evaluate uavrt's reaction to a takeover.
 
-    `taken_s`: time of the pilot's action.
-    `out_s`: when uavrt reported the end of the order.
+    `taken_s`: time of the pilot's action [s].
+    `out_s`: time at which uavrt reported the end of the order [s].
     `shows`: recognises the message of the autopilot that reveals the takeover.
     """
     shown = next(

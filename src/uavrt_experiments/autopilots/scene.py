@@ -31,7 +31,8 @@ from uavrt_experiments.autopilots.hand import Hand
 from uavrt_experiments.autopilots.tap import Tap
 
 SAMPLE_RATE_HZ = 375_000.0
-"""Sample rate: the detectors see the same pulses as at 3 MS/s, for an eighth of the work."""
+"""Sample rate of the simulated radio [Hz]; detectors get the same pulses as at 3 MS/s, for an
+eighth of the work."""
 START_LEAD_S = 1.0
 READY_S = 60.0
 PATH_S = 0.04
@@ -144,7 +145,7 @@ class RunningScene:
 
     @property
     def now_s(self) -> float:
-        """Time of the frames' stamps."""
+        """Present time on the clock of the stored frames [s]."""
         return s_from_ns(self.clock.now_ns())
 
     @property
@@ -171,7 +172,7 @@ class RunningScene:
 async def running(
     build: Build, work: Path, seed: int, logs: Path, say: Callable[[str], None]
 ) -> AsyncIterator[RunningScene]:
-    """Run a scene inside the block; the names of its programs' logs begin with `logs`."""
+    """Context manager that runs a scene; the names of its programs' logs begin with `logs`."""
     say(f"{build.name} starts")
     async with contextlib.AsyncExitStack() as stack:
         scene = RunningScene(build, work, seed, logs, stack)

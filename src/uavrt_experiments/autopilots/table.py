@@ -1,4 +1,4 @@
-"""Tables and faults of a rehearsal's outcomes. Pure."""
+"""Tables of a rehearsal's outcomes, and the list of violated requirements."""
 
 import math
 import statistics
@@ -11,12 +11,12 @@ from uavrt_experiments.statistics import rms
 from uavrt_experiments.tables import markdown, number
 
 RELAY_LATE_S = 0.5
-"""Delay in the rehearsal's own relay beyond which it may have ended the order itself [s]: the
+"""Delay in the rehearsal's own relay beyond which it may have ended the order itself [s]; the
 drone allows the autopilot's target report to be missing for 1 s."""
 OUT_WITHIN_S = 4.0
-"""Bar: time to the order's end after a takeover that no message reveals, or its stop [s]."""
+"""Longest allowed time to the order's end after a takeover that no message reveals [s]."""
 SHARE = 0.20
-"""Bar: relative difference of a simulated autopilot's median from the real one's."""
+"""Largest allowed relative difference of a simulated autopilot's median from the real one's."""
 FIGURES = {
     "begins_s": "begins, s",
     "overshoot_m": "overshoot, m",
@@ -28,27 +28,29 @@ Lines = list[list[str]]
 
 
 def median(values: Sequence[float]) -> float:
-    """Median; NaN of no values."""
+    """Median of values; NaN for none."""
     return statistics.median(values or (math.nan,))
 
 
 def flavour_of(name: str) -> Flavour:
-    """Kind of the build with this name."""
+    """Kind of autopilot, PX4 or ArduPilot, of the build with this name."""
     return "px4" if "px4" in name.lower() else "ardupilot"
 
 
 def names_of(outcomes: Iterable[Outcome]) -> list[str]:
-    """Builds in the order in which they were flown."""
+    """Names of the builds in the order in which they were flown."""
     return list(dict.fromkeys(one["build"] for one in outcomes))
 
 
 def counted(words: Iterable[str]) -> str:
-    """Counts of equal texts, as "2 × done"."""
+    """Counts of equal texts, such as "2 × done"."""
     return "; ".join(f"{count} × {what}" for what, count in Counter(words).items())
 
 
 def order_lines(outcomes: Sequence[Outcome]) -> Lines:
-    """Orders without a takeover: how many ended by arrival, and how the others did."""
+    """Table lines on orders without a takeover: how many ended by arrival, and the ends of the
+    others.
+    """
     lines = [["autopilot", "order", "ended by arrival", "otherwise"]]
     for name in names_of(outcomes):
         mine = [one for one in outcomes if one["build"] == name and one["takeover"] is None]
@@ -61,7 +63,7 @@ def order_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def _ending(one: Outcome) -> str:
-    """How an order ended, and whether the rehearsal itself may be the cause."""
+    """Text on an order's end; it says if the rehearsal itself may be the cause."""
     ended = str(one.get("failed") or one["ended"])
     if one.get("relay_late_s", 0.0) <= RELAY_LATE_S:
         return ended
@@ -69,7 +71,7 @@ def _ending(one: Outcome) -> str:
 
 
 def takeover_lines(outcomes: Sequence[Outcome]) -> Lines:
-    """Takeovers: later commands, and uavrt's reaction time."""
+    """Table lines on takeovers: commands that followed, and uavrt's reaction time."""
     lines = [
         ["autopilot", "takeover", "flown", "commands after", "last command, s", "out, s", ""]
     ]
@@ -93,7 +95,7 @@ def takeover_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def figure_lines(outcomes: Sequence[Outcome]) -> Lines:
-    """Flight characteristics of each autopilot: medians, and the largest delay."""
+    """Table lines with each autopilot's flight characteristics: medians and largest delay."""
     lines = [["autopilot", "figure", "median", "largest", "of"]]
     for name in names_of(outcomes):
         mine = [one for one in outcomes if one["build"] == name]
@@ -122,12 +124,12 @@ def figure_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def values_of(outcomes: Iterable[Outcome], key: str) -> list[float]:
-    """All flights' figures of one kind, a key of `FIGURES`."""
+    """Values of one flight characteristic, a key of `FIGURES`, over all flights."""
     return [v for one in outcomes for v in one.get("flying", {}).get(key, ())]
 
 
 def compared(outcomes: Sequence[Outcome]) -> Lines:
-    """Compare our simulated autopilots with the real ones of their kind."""
+    """Table lines that compare our simulated autopilots with the real ones of their kind."""
     lines = [["kind", "figure", "real", "simulated", "ratio", ""]]
     for kind in ("px4", "ardupilot"):
         groups = [
@@ -195,7 +197,7 @@ def as_page(outcomes: Sequence[Outcome]) -> str:
 
 
 def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Get the tables' lines by their headings, and the faults."""
+    """Get the tables' lines by their headings, and the violations, for JSON."""
     lines_by_heading = {
         name: [dict(zip(lines[0], line, strict=True)) for line in lines[1:]]
         for name, lines in tables_of(outcomes).items()

@@ -1,4 +1,6 @@
-"""Ways in which others take the drone over, and the messages that reveal each."""
+"""Kinds of takeover by pilots, ground stations and failsafes, and the messages that reveal
+each.
+"""
 
 import math
 import os
@@ -24,22 +26,23 @@ CUT_S = 7.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Takeover:
-    """One way to take the drone over, and the message that reveals it."""
+    """One kind of takeover, and the message that reveals it."""
 
     name: str
     act: Callable[[Scene], None]
     shows: Callable[[Hand], Shows] | None = None
-    """Called before it acts; None: no message reveals it, uavrt must notice by itself."""
+    """Makes, before the takeover, a test that recognises the revealing message; None: no
+    message reveals it, and uavrt must notice by itself."""
     flavours: tuple[Flavour, ...] = BOTH
     stops: bool = False
-    """It is revealed by the drone's stop, and must end the order within 4 s of it."""
+    """True if only the drone's stop reveals it; the order must end within 4 s of the stop."""
     undo: Callable[[Scene], None] = lambda _: None
     restarts: bool = False
-    """True: the autopilot is restarted afterwards."""
+    """True if the autopilot is restarted afterwards."""
     real_only: bool = False
-    """True: uavrt's simulated autopilot does not read its message or parameter."""
+    """True if uavrt's simulated autopilot does not support its message or parameter."""
     sticks: bool = False
-    """True: a remote control is switched on before."""
+    """True if a remote control is switched on before."""
 
 
 def _mode(name: str) -> Callable[[Scene], None]:
@@ -60,7 +63,7 @@ def _other_mode(hand: Hand) -> Shows:
 
 
 def _failing(hand: Hand) -> Shows:
-    """True for a failsafe, which precedes its mode."""
+    """True if a heartbeat shows a failsafe, which precedes the change of mode."""
     other_mode = _other_mode(hand)
 
     def shows(message: Message) -> bool:
@@ -71,7 +74,7 @@ def _failing(hand: Hand) -> Shows:
 
 
 def _goal(hand: Hand) -> tuple[int, int, float]:
-    """Target; its present place without one."""
+    """Present target of the drone; its present place without one."""
     target, position = hand.target, hand.position
     if target is not None:
         return target.lat_int, target.lon_int, target.alt
@@ -124,7 +127,7 @@ def _go(scene: Scene, away_m: float) -> None:
 
 
 def _go_nearby(scene: Scene) -> None:
-    """Send the drone to a metre from its target."""
+    """Send the drone to a place one metre from its target."""
     latitude, longitude, altitude_m = _goal(scene.hand)
     scene.hand.reposition(latitude + 90, longitude, altitude_m)
 
@@ -191,7 +194,7 @@ def _fence(scene: Scene, *, on: bool) -> None:
 def _battery(scene: Scene, *, empty: bool) -> None:
     """Make the autopilot detect a low battery.
 
-    The reported charge stays, since uavrt itself returns early when it falls.
+    The reported charge is not changed, because uavrt itself returns early when it falls.
     """
     hand = scene.hand
     if hand.flavour == "px4":
@@ -273,5 +276,5 @@ TAKEOVERS: tuple[Takeover, ...] = (
 
 
 def takeovers_of(flavour: Flavour) -> list[Takeover]:
-    """Takeovers supported by an autopilot."""
+    """All kinds of takeover that an autopilot supports."""
     return [one for one in TAKEOVERS if flavour in one.flavours]

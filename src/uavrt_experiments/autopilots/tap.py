@@ -15,31 +15,31 @@ from uavrt.units import s_from_ns
 _STAMP = struct.Struct(">Q")
 """Time stamp before each frame of a .tlog: microseconds since 1970."""
 DRONE = 191
-"""Component of uavrt on the drone: its frames are outgoing, all others incoming."""
+"""MAVLink component of uavrt on the drone: its frames are outgoing, all others incoming."""
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """One frame of the link."""
+    """One stored frame of the link."""
 
     time_s: float
     frame: Frame
 
     @property
     def ours(self) -> bool:
-        """True if uavrt on the drone sent it."""
+        """True if uavrt on the drone sent the frame."""
         return self.frame.component_id == DRONE
 
     @property
     def message(self) -> Message | None:
-        """Decoded message."""
+        """Decoded message of the frame."""
         return self.frame.message()
 
 
 class Tap:
     """Forwards datagrams in both directions, and stores them.
 
-    `autopilot`: address of its link.
+    `autopilot`: address of the autopilot's link.
     `port`: local port; 0: any.
     `peer`: address of the product.
     """
@@ -53,21 +53,23 @@ class Tap:
         self._parsers = FrameParser(), FrameParser()
         self.kept: list[Kept] = []
         self.cut = False
-        """True: no datagram passes."""
+        """True: the link is cut, and no datagram passes."""
         self.latest_s = 0.0
-        """Longest time from a datagram's arrival to its forwarding; set to 0 by the reader [s].
+        """Longest time from a datagram's arrival to its forwarding [s]; the reader resets it to
+        0.
 
-        The stored times are those of the arrivals, so they do not show it."""
+        The stored times are those of the arrivals, so they do not show this delay.
+        """
         self.heard: Callable[[Kept], None] = lambda _: None
-        """Receives each frame of the autopilot."""
+        """Called with each frame of the autopilot."""
 
     def open(self) -> None:
-        """Open the sockets; raises `LinkError`."""
+        """Open the sockets of the link; raises `LinkError`."""
         self._autopilot.open()
         self._peer.open()
 
     def close(self) -> None:
-        """Close the sockets."""
+        """Close the sockets of the link."""
         self._autopilot.close()
         self._peer.close()
 
@@ -102,13 +104,13 @@ class Tap:
 
 
 def write_frames(path: Path, kept: Iterable[Kept]) -> None:
-    """Write frames as a .tlog for MAVLink's other tools."""
+    """Write frames as a .tlog, which other MAVLink tools can read."""
     with path.open("wb") as file:
         for one in kept:
             file.write(_STAMP.pack(round(one.time_s * 1e6)) + one.frame.raw)
 
 
 def read_frames(path: Path) -> list[Kept]:
-    """Read the whole frames of a .tlog, even if a crash cut its end off."""
+    """Read all complete frames of a .tlog, even if a crash cut its end off."""
     frames = stamped_frames(path.read_bytes())
     return [Kept(stamp_us / 1e6, frame) for stamp_us, frame in frames]

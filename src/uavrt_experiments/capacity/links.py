@@ -1,8 +1,8 @@
 """Message rates through a real autopilot, SITL or the simulated one, over two links.
 
-We are component 191 on the one link and a ground station on the other. Losses are attributed:
-frames refused by our own socket, damaged frames, and the rest, which the autopilot lost if the
-links are good.
+The test is component 191 on one link and a ground station on the other. Each loss has one of
+three causes: our own socket refused the frame, the frame was damaged, or the autopilot lost it
+(if the links are good).
 """
 
 import asyncio
@@ -26,23 +26,23 @@ OUR_GAP_MS = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkRow:
-    """One series of messages."""
+    """Result of one series of messages."""
 
     sent: int
     gap_ms: int
-    """Time between two messages; our own sender's, where `ours` is set."""
+    """Time between two messages [ms]; with `ours`, the gap that our own sender keeps."""
     received: int
     not_taken: int
-    """Refused by our own socket or port."""
+    """Number of messages refused by our own socket or port."""
     damaged: int
     between: int
-    """Lost between the links by the autopilot."""
+    """Number of messages lost between the links by the autopilot."""
     ours: bool = False
-    """True: queued at once as in a flight, and paced by `PacedQueue`."""
+    """True: queued at once as in a flight, and sent at the rate of `PacedQueue`."""
 
     @property
     def result(self) -> Row:
-        """Received messages; our own sender may lose none."""
+        """Table row of the received messages; our own sender may lose none."""
         return Row.counted(
             "capacity",
             "received through the link",
@@ -58,7 +58,7 @@ class LinkRow:
 async def run_links(
     companion: str, ground: str, counts: tuple[int, ...], gaps_ms: tuple[int, ...]
 ) -> list[LinkRow]:
-    """Send every series; raises `LinkError` when a link cannot be opened or has no peer."""
+    """Send every series; raises `LinkError` if a link cannot be opened or has no peer."""
     got: set[int] = set()
     autopilot = asyncio.Event()
 
@@ -147,7 +147,7 @@ async def _series(
 
 
 async def _beat(up: Link, writer: FrameWriter, down: Link) -> None:
-    """Send heartbeats on both sides, so that the autopilot learns the routes."""
+    """Send heartbeats on both links, so that the autopilot learns the routes."""
     ground = FrameWriter(*GROUND)
     while True:
         up.send(writer.encode(_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)))

@@ -17,18 +17,19 @@ START_NS = 10**12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapacityRow:
-    """One series of messages."""
+    """Result of one series of messages through the simulated autopilot."""
 
     sent: int
     gap_ms: float
     received: int
     dropped_by_autopilot: int
-    """The autopilot's own counter; with `received` it must add up to `sent`."""
+    """Number dropped, by the autopilot's own counter; with `received` it must add up to `sent`.
+    """
     thesis: int | None
 
     @property
     def result(self) -> Row:
-        """Received messages, with the thesis's number as bar."""
+        """Table row of the received messages; the thesis's number is the required value."""
         bar: dict[str, float] = {}
         if self.thesis is not None and (self.sent, self.gap_ms) not in ODD:
             near = max(FEW, TOLERANCE * self.sent)
@@ -47,7 +48,7 @@ class CapacityRow:
 
     @property
     def ours(self) -> Row:
-        """Received messages when our sender paced them: the bar is all."""
+        """Table row of the messages received from our paced sender; all are required."""
         case = f"our sender, {self.result.case}"
         return replace(self.result, case=case, least=self.sent, most=None)
 
@@ -71,7 +72,7 @@ def model_row(count: int, gap_ms: int, pass_ns: int = PASS_NS) -> CapacityRow:
 
 
 class _Supply:
-    """A source with `count` messages."""
+    """A message source with `count` messages."""
 
     def __init__(self, count: int) -> None:
         self._left = count
@@ -85,7 +86,7 @@ class _Supply:
 
 
 def our_sender_row(count: int, gap_s: float = 0.020, pass_ns: int = PASS_NS) -> CapacityRow:
-    """The same with our sender, all messages queued at once."""
+    """Send `count` messages by our own sender, all queued at once."""
     ring, queue = ForwardRing(pass_ns=pass_ns), PacedQueue(gap_s, LinkRate())
     queue.add_source(_Supply(count), Priority.PULSE)
     received, now_ns = 0, START_NS

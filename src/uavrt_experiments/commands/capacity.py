@@ -77,7 +77,7 @@ def capacity(
 
 
 def _draw(rows: list[CapacityRow], picture: Path) -> None:
-    """Share dropped over the gap, as Figure 5.11."""
+    """Plot the share of dropped packets over the gap, as the thesis's Figure 5.11."""
     with needs_extra("analysis", "--plot"):
         from matplotlib.figure import Figure
     figure = Figure(figsize=(8, 5))

@@ -25,18 +25,19 @@ def coverage(
     output: Path | None = None,
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Check the reliability of silence and weak pulses over hills.
+    """Check coverage maps, and positions from weak pulses, over hills.
 
-    C1: of areas reported empty with .94 to .96 by a flight that listens to groups of pulses,
-    which share is (.93 to .97)? C3: the same by whole flights, judged from their samples. C2:
-    how far are positions by strength off, with a map of the heights and without, and do their
-    circles of 95 % hold (.9)? Exits with 1 when a bar lies beyond the 95 % interval of the
-    measurement. About a quarter of an hour of a core. Ctrl-C prints the results so far.
+    C1: of the areas that a flight reports empty with 0.94 to 0.96, from groups of pulses, which
+    share is empty (0.93 to 0.97)? C3: the same for whole flights, evaluated from their samples.
+    C2: how far are positions by strength off, with a map of the heights and without, and do
+    their 95 % circles contain the tag (0.9)? Exits with 1 if a required value lies beyond the
+    95 % interval of the measurement. About a quarter of an hour of a core. Ctrl-C prints the
+    results so far.
 
     Parameters
     ----------
     tags
-        Tags that are not heard, for C1 and for C3.
+        Undetected tags, for C1 and for C3.
     worlds
         Different hills and flights over them.
     flights

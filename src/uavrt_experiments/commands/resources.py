@@ -11,7 +11,7 @@ from uavrt.supervisor.tree.shapes import SHAPES
 from uavrt_experiments.resources.run import THESIS_MINUTES, Plan, run_resources, run_shapes
 
 LOADS = Plan().loads
-"""Numbers of tags, one after the other."""
+"""Numbers of tags of the flights that search for the largest possible number."""
 
 
 def resources(

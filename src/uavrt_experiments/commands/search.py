@@ -115,7 +115,7 @@ def search(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """Options of the runs."""
+    """Options of the search experiment's runs."""
 
     runs: int
     seed: int
@@ -139,7 +139,7 @@ def _through_tables(
     page: Path | None,
     pictures: Path | None,
 ) -> "tuple[list[Row], bool]":
-    """Fly tables and print them; returns all rows, and if it was stopped before its end."""
+    """Fly tables and print them; returns all rows, and True if it was stopped early."""
     from uavrt_experiments.measured import measured_now
     from uavrt_experiments.search.campaign import FOLDERS, fly_all, plan, so_far
     from uavrt_experiments.search.catalogue import SCENARIOS
@@ -189,7 +189,7 @@ def _through_tables(
 def _through_processes(
     flights: int, seed: int, kept: "KeptOutcomes", page: Path | None
 ) -> "tuple[list[Row], bool]":
-    """Fly searches by the real processes and print them; see `_through_tables`."""
+    """Fly searches by the real processes and print them; returns as `_through_tables`."""
     from uavrt_experiments.measured import measured_now
     from uavrt_experiments.search.page import put_section
     from uavrt_experiments.search.processes import (

@@ -30,7 +30,7 @@ def chosen(only: str | None, known: Iterable[str]) -> tuple[str, ...]:
 
 @contextmanager
 def part_done(what: str) -> Iterator[Callable[[float, str], None]]:
-    """Show a bar, or a line at each tenth where the error output is no terminal."""
+    """Show a progress bar, or a line at each tenth if the error output is no terminal."""
     if sys.stderr.isatty():
         with progress_bar(what, 1.0) as advance:
             yield lambda part, _what: advance(part)
@@ -56,7 +56,9 @@ def finish(
     stopped: bool = False,
     kept: Path | None = None,
 ) -> NoReturn:
-    """Print and write the table; exit with 1 if a bar is missed beyond the 95 % interval."""
+    """Print and write the table; exit with 1 if a requirement is missed beyond the 95 %
+    interval.
+    """
     if as_json:
         print_json(rows)
     else:
@@ -71,7 +73,7 @@ def finish(
 
 
 def stop_early(kept: Path | None) -> NoReturn:
-    """Report after Ctrl-C whether the same command continues; exit with 130."""
+    """Report after Ctrl-C if the same command continues the run; exit with 130."""
     goes_on = "the rest is lost without --kept" if kept is None else "repeat it to go on"
     print(f"stopped before its end: {goes_on}", file=sys.stderr)
     sys.exit(130)

@@ -1,1 +1,3 @@
-"""Reliability of silence and weak pulses over hills (`uavrt coverage`, `localize --dem`)."""
+"""Tests of coverage maps, and of positions from weak pulses over hills (`uavrt coverage`,
+`localize --dem`).
+"""

@@ -1,8 +1,9 @@
-"""Silence over hills: share of truly empty areas among those with .94 to .96.
+"""Coverage maps over hills: the share of truly empty areas among those reported empty with 0.94
+to 0.96.
 
-Tags lie anywhere on the map with equal probability, and their levels vary as the map assumes.
-For each tag that a flight does not hear, an area is drawn from those that the flight's map
-gives .94 to .96 to be empty.
+Tags are anywhere on the map with equal probability, and their levels vary as the map assumes.
+For each tag that a flight does not detect, an area is drawn from those to which the flight's
+map gives 0.94 to 0.96 to be empty.
 """
 
 from collections.abc import Callable
@@ -32,30 +33,30 @@ _Area = tuple[float, float, float, float]
 
 
 class MappedFlight(Protocol):
-    """A flight over hills, and its map."""
+    """A flight over hills, and its coverage map."""
 
     @property
     def map(self) -> Coverage:
-        """Probability of hearing a tag at each place."""
+        """Probability of detecting a tag at each place."""
 
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """True if it hears a tag with this difference of level."""
+        """True if the flight detects a tag whose level differs by this much [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silence:
-    """A method of hearing tags, whose silence is evaluated."""
+    """A method of detecting tags, whose coverage maps are tested."""
 
     experiment: str
     case: str
     flight: Callable[[np.random.Generator, int], MappedFlight]
-    """Makes a flight from a generator and the flight's number."""
+    """Makes a flight from a random generator and the flight's number."""
 
 
 FOLDERS = ("integration", "planning", "terrain")
-"""Folders of the package that the figures depend on."""
+"""Folders of the package whose code the figures depend on."""
 SILENCES = (
     Silence(
         experiment="C1",
@@ -75,13 +76,13 @@ def seek_tags(
     seed: int = 1,
     on_tag: Callable[[int], None] = lambda done: None,
 ) -> None:
-    """Draw tags until a number of them was not heard; each result is stored.
+    """Draw tags until a number of them was not detected; each result is stored.
 
-    `silent`: tags that are not heard, over all flights.
-    `kept`: receives None for a tag that was heard, else True if the area drawn was empty.
+    `silent`: required number of undetected tags, over all flights.
+    `kept`: stores None for a detected tag, else True if the area drawn was empty.
     `flights`: each over other hills.
-    `seed`: makes all that is random, with the flight's and the tag's number.
-    `on_tag`: receives the number of silent tags so far.
+    `seed`: seeds everything random, with the flight's and the tag's number.
+    `on_tag`: receives the number of undetected tags so far.
     """
     done = 0
     for number in range(flights):
@@ -100,7 +101,7 @@ def seek_tags(
 def _emptiness(
     flight: MappedFlight, areas: list[_Area], rng: np.random.Generator
 ) -> bool | None:
-    """True if an area is empty after silence; None where the tag is heard."""
+    """True if an area is empty of the undetected tag; None if the tag is detected."""
     east, north = rng.uniform(-HALF_M, HALF_M, 2)
     if flight.hears(east, north, float(rng.normal(0.0, SIGMA_DB)), rng):
         return None
@@ -109,7 +110,7 @@ def _emptiness(
 
 
 def silence_rows(kind: Silence, kept: KeptOutcomes) -> list[Row]:
-    """Count the areas that were empty; no row without silent tags."""
+    """Rows with the share of areas that were empty; none without undetected tags."""
     drawn = kept.of(f"{kind.experiment} ")
     empty = [one for one in drawn if one is not None]
     if not empty:
@@ -129,7 +130,9 @@ def silence_rows(kind: Silence, kept: KeptOutcomes) -> list[Row]:
 
 
 def probably_empty(found: Coverage, rng: np.random.Generator) -> list[_Area]:
-    """West, east, south and north of rectangles that are probably empty, after silence."""
+    """Rectangles that are probably empty after a flight without a detection: west, east, south,
+    north.
+    """
     ground = found.ground
     areas: list[_Area] = []
     for _ in range(_TRIED):

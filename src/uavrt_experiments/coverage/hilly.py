@@ -1,6 +1,6 @@
-"""Flights over hills, their coverage maps, and the pulses that they truly hear.
+"""Flights over hills, their coverage maps, and the pulses that they truly receive.
 
-The strength of each pulse comes from the simulated world, which has its own propagation.
+The strength of each pulse comes from the simulated world, which has its own propagation model.
 """
 
 from dataclasses import replace
@@ -40,10 +40,11 @@ _HEIGHT_M = 60.0
 _SPEED_M_S = 18.0
 _RATE_HZ = 3750.0
 _GROUPS_EIRP_DBM, _WHOLE_EIRP_DBM = -63.0, -68.0
-"""Powers at which about half of the tags on the map are heard."""
+"""Radiated powers [dBm] at which about half of the tags on the map are detected: by groups of
+pulses, and by whole flights."""
 _WINDOW_HZ = 60.0
 _TURN_S = 31.35
-"""Duration of 25 pulses at each stop."""
+"""Duration of 25 pulses, the turn at each stop [s]."""
 _STOPS = 3
 _TAG = Tag(
     tag_id=1,
@@ -59,7 +60,7 @@ _SHARP_TAG = replace(_TAG, interval_uncertainty_s=0.02)
 
 
 class _Land:
-    """Hills, exactly as the map has them."""
+    """Simulated hills, whose map has no error."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.hills = Hills(seed=int(rng.integers(1 << 30)), relief_m=120.0)
@@ -75,10 +76,12 @@ class _Land:
         )
         self.home_m = float(self.hills(np.zeros(1), np.zeros(1))[0])
         self.flown_m = float(height.max()) - self.home_m + 0.5 * _HEIGHT_M
-        """Height over home at which the drone clears all hills."""
+        """Height of the drone over home that clears all hills [m]."""
 
     def above_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Height of the drone, which holds that over home, above the ground beneath."""
+        """Height of the drone above the ground beneath it [m], at its constant height over
+        home.
+        """
         return np.asarray(self.home_m + self.flown_m - self.ground(east_m, north_m))
 
     def world(self, scenario: Scenario) -> World:
@@ -114,7 +117,7 @@ class GroupsOverHills:
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """True if a group of K pulses is found, by their mean energy."""
+        """True if a group of K pulses is found, drawn by their mean energy."""
         tag = SimulatedTag(
             **_listed(_TAG),
             north_m=north_m,
@@ -133,7 +136,7 @@ class GroupsOverHills:
 
 
 class WholeFlightOverHills:
-    """A flight whose samples are judged as a whole, as `uavrt integrate --dem` does.
+    """A flight whose samples are evaluated as a whole, as `uavrt integrate --dem` does.
 
     Even ones turn a directional antenna at three stops, odd ones fly lines with a whip.
 
@@ -192,7 +195,9 @@ class WholeFlightOverHills:
         )
 
     def _way(self) -> ListeningWay:
-        """Pulses of the tag for the map: the first at the start of the flight."""
+        """Path at the times of the tag's pulses, for the map; the first is at the start of the
+        flight.
+        """
         poses = self._poses(_SHARP_TAG.pulse_intervals_s[0])
         east, north = PLANE.to_local(poses.latitude_deg, poses.longitude_deg)
         return ListeningWay(
@@ -206,7 +211,7 @@ class WholeFlightOverHills:
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """True if judging the channel's samples finds it."""
+        """True if the evaluation of the channel's samples finds the tag."""
         tag = _SHARP_TAG
         true = SimulatedTag(
             **_listed(tag),
@@ -258,7 +263,7 @@ _PROPAGATION = Propagation(model="two_ray", doppler=False)
 
 
 def _over_corners(corners: _Floats, height_m: float) -> Flight:
-    """Lines between corners (east, north)."""
+    """Path along straight lines between corners (east, north)."""
     legs = []
     for before, here in pairwise(corners):
         way_m = float(np.hypot(*(here - before)))
@@ -275,7 +280,7 @@ def _over_corners(corners: _Floats, height_m: float) -> Flight:
 
 
 def _over_stops(stops: _Floats, height_m: float) -> Flight:
-    """The same with a full turn at each corner."""
+    """Path along straight lines between corners, with a full turn at each."""
     flight = _over_corners(stops, height_m)
     turn = Leg(duration_s=_TURN_S, turn_deg=360.0)
     legs = [turn]
@@ -295,7 +300,7 @@ def _budget(eirp_dbm: float) -> LinkBudget:
 
 
 def _listed(tag: Tag) -> dict[str, Any]:
-    """List entry of a simulated tag."""
+    """Tag list entry of a simulated tag."""
     return {
         "tag_id": tag.tag_id,
         "frequency_hz": tag.frequency_hz,

@@ -1,9 +1,9 @@
-"""Positions over hills, with a map of the heights and without.
+"""Positions over hills, with an elevation map and without.
 
 Surveys by strength with an upright monopole, over hills or on both sides of a ridge. The
 simulated world's own code (`uavrt.simulation.relief`) computes the loss of each pulse by the
-ground; pulses below the threshold are not heard. The map is like SRTM's: a height each 30 m,
-with errors of some metres.
+ground; pulses below the threshold are missed. The map is like SRTM's: a height each 30 m, with
+errors of some metres.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ _WAVELENGTH_M = 299_792_458.0 / FREQUENCY_HZ
 _TAG_M = 0.5
 _THRESHOLD_DB = 10.0
 _STEP_M = 9.0
-"""Distance between pulses: 6 m/s, one each 1.5 s."""
+"""Distance between pulses [m]: 6 m/s and one pulse each 1.5 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,16 +42,16 @@ class OverHillsCase:
 
     name: str
     ridge: bool = False
-    """True: one ridge through the survey; else hills to all sides."""
+    """True: one ridge through the survey; False: hills on all sides."""
     relief_m: float = 100.0
     up_m: float = 60.0
     level_db: float = 40.0
-    """SNR at 100 m on level ground."""
+    """SNR at 100 m on level ground [dB]."""
     fading_db: float = 3.0
     map_error_m: float = 3.0
-    """Standard deviation of the map's heights, constant over 60 m."""
+    """Standard deviation of the map's height errors [m], which are constant over 60 m."""
     loss_factor: float = 1.0
-    """True loss by the ground over that of diffraction."""
+    """Ratio of the true loss by the ground to that of the diffraction model."""
 
 
 CASES = (
@@ -74,7 +74,7 @@ def ridge_land(rng: Generator) -> Heights:
 def surveyed(
     rng: Generator, case: OverHillsCase, heights: Heights, tag: tuple[float, float]
 ) -> PowerTrack | None:
-    """Fly lines and hear pulses; None for too few."""
+    """Fly lines and receive pulses; None if there are too few."""
     corners = []
     for number, north in enumerate(np.arange(-300.0, 301.0, 100.0)):
         ends = (-300.0, 300.0) if number % 2 == 0 else (300.0, -300.0)
@@ -115,19 +115,21 @@ def surveyed(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneFlight:
-    """Position error, 95 % circle, and if it held the tag."""
+    """Position error [m], radius of the 95 % circle [m], and if the circle contained
+    the tag.
+    """
 
     miss_m: float
     radius_m: float
 
     @property
     def held(self) -> bool:
-        """Whether the tag was inside."""
+        """True if the 95 % circle contained the tag."""
         return self.miss_m <= self.radius_m
 
 
 def fly(rng: Generator, case: OverHillsCase) -> tuple[OneFlight, OneFlight]:
-    """One flight's position without the map, and with it."""
+    """Locate one flight's tag without the map, and with it."""
     while True:
         heights: Heights = ridge_land(rng)
         if not case.ridge:
@@ -167,10 +169,10 @@ def survey_hills(
     seed: int = 1,
     on_flight: Callable[[int], None] = lambda done: None,
 ) -> None:
-    """Fly each case repeatedly; errors and circles of both positions are kept.
+    """Fly each case repeatedly; stores errors and circles of both positions.
 
     `runs`: flights of each case.
-    `seed`: makes all that is random, with the case's and the flight's number.
+    `seed`: seeds everything random, with the case's and the flight's number.
     `on_flight`: receives the number of flights done.
     """
     for number, case in enumerate(CASES):
@@ -181,12 +183,14 @@ def survey_hills(
 
 
 def _flown(rng: Generator, case: OverHillsCase) -> list[tuple[float, float]]:
-    """Results of a flight: error and radius of both positions."""
+    """Error and 95 % radius [m] of both positions of one flight."""
     return [(one.miss_m, one.radius_m) for one in fly(rng, case)]
 
 
 def shadow_rows(kept: KeptOutcomes) -> list[Row]:
-    """Errors and circles, without the map and with it; none for cases not yet flown."""
+    """Rows with errors and circles, without the map and with it; none for cases not
+    yet flown.
+    """
     rows: list[Row] = []
     for number, case in enumerate(CASES):
         flights = kept.of(f"C2 {number} ")

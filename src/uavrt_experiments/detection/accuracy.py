@@ -27,7 +27,7 @@ _STRONG_PULSE_DB = 60.0
 
 
 def errors_of(flights: Sequence[Comparison], name: str) -> list[float]:
-    """All errors of one kind."""
+    """Collect all errors of one kind, time, frequency or SNR, from the flights."""
     return [error for flight in flights for error in getattr(flight, name)]
 
 
@@ -42,7 +42,7 @@ def rms_row(
     original: float | None = None,
     note: str = "",
 ) -> Row:
-    """Root of the mean square error."""
+    """Row with the root mean square of errors."""
     value, low, high = rms(values)
     return Row.with_interval(
         experiment,
@@ -67,7 +67,7 @@ def bias_row(
     original: float | None = None,
     at: float | None = None,
 ) -> Row:
-    """Mean error."""
+    """Row with the mean of errors."""
     low, high = mean_interval(values)
     return Row.with_interval(
         experiment,
@@ -117,7 +117,7 @@ def _level_rows(enr_db: float) -> Callable[[Sequence[Comparison]], list[Row]]:
 
 
 def _noise_case(strong: bool) -> Case:
-    """Noise density of the records, with and without a pulse of 60 dB nearby."""
+    """Case for the noise density of the records, with and without a pulse of 60 dB nearby."""
 
     def trial(rng: np.random.Generator, _: int, *, duration_s: float = 60.0) -> list[float]:
         flight = Flight(enr_db=16.0, duration_s=duration_s)
@@ -195,7 +195,9 @@ def _time_rows(
 
 
 def _prediction() -> Case:
-    """Whether the next pulse lies in the window that a confirmed one predicts."""
+    """Case for the predicted window: True if the next pulse is in the window of a confirmed
+    one.
+    """
 
     def trial(
         rng: np.random.Generator, _: int, *, duration_s: float = 120.0

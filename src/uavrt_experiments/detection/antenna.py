@@ -23,7 +23,7 @@ from uavrt_experiments.result import Row
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaFlight:
-    """A tag in the noise of a whole band."""
+    """A tag in the noise of a whole band of 3 MS/s."""
 
     offset_in_channel_hz: float = 0.0
     enr_db: float = 20.0
@@ -32,7 +32,7 @@ class AntennaFlight:
     channel: int = 7
 
     def fly(self, rng: np.random.Generator) -> Comparison:
-        """Reports against the truth at the antenna."""
+        """Fly, and compare the reported pulses with the truth at the antenna."""
         tag = THESIS_TAG
         offset_hz = 3750.0 * self.channel + self.offset_in_channel_hz
         center_hz = tag.frequency_hz - offset_hz
@@ -76,7 +76,7 @@ class AntennaFlight:
 def antenna_case(
     name: str, flight: AntennaFlight, rows: Callable[[Sequence[Comparison]], list[Row]]
 ) -> Case:
-    """Flights of one condition; their generator costs more than the chain."""
+    """Case of flights from 3 MS/s; generating the samples costs more than the chain."""
     return Case(
         name=name,
         trials=30,

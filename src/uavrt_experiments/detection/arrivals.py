@@ -1,7 +1,7 @@
 """Arrivals of a radio's samples: jittered, delayed, and with unreported losses.
 
-Arrivals only, no samples: hours of a stream in a second, for measurements by counting.
-`uavrt.simulation.airspy_rx` loses and delays real samples in the same ways.
+Only arrival times are simulated, no samples: hours of a stream in a second, for measurements of
+the clock. `uavrt.simulation.airspy_rx` loses and delays real samples in the same manner.
 """
 
 import math
@@ -14,42 +14,42 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delivery:
-    """A radio and its connection to us."""
+    """Properties of a radio and of its connection to the computer."""
 
     sample_rate_hz: float = 3_000_000.0
     rate_error_ppm: float = 0.0
     transfer_s: float = 65_536 / 3_000_000
-    """Duration of one write of the radio's program."""
+    """Duration of one write of the radio's program [s]."""
     loss_share: float = 0.0
     """Share of the samples lost without a report."""
     loss_s: float = 0.005
-    """Duration of each [s]."""
+    """Duration of each loss [s]."""
     jitter_s: float = 0.002
-    """Standard deviation of each arrival's delay."""
+    """Standard deviation of each arrival's delay [s]."""
     jitter: Literal["exponential", "normal"] = "exponential"
     stall_share: float = 0.0
-    """Share of the arrivals that are delayed."""
+    """Share of the arrivals that are delayed by a stall."""
     stall_s: tuple[float, float] = (0.05, 0.3)
-    """Shortest and longest delay; later samples arrive at its end."""
+    """Shortest and longest stall [s]; later samples arrive at its end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transfer:
-    """Samples that arrived at once."""
+    """A block of samples that arrived at once."""
 
     first: int
-    """Index of its first sample among those that arrived."""
+    """Index of the block's first sample among those that arrived."""
     count: int
     arrival_s: float
-    """Arrival time [s], the first sample having been taken at 0."""
+    """Arrival time [s] after the instant of the stream's first sample."""
 
 
 class DeliveredStream:
     """Arrivals of a stream, and the true times of its samples.
 
-    `delivery`: the radio and its connection.
-    `duration_s`: length.
-    `rng`: randomness.
+    `delivery`: properties of the radio and its connection.
+    `duration_s`: length of the stream [s].
+    `rng`: random generator.
     """
 
     def __init__(self, delivery: Delivery, duration_s: float, rng: np.random.Generator) -> None:
@@ -67,7 +67,7 @@ class DeliveredStream:
         self.losses = places[places + gap * np.arange(1, count + 1) < self._samples]
         """Indices, among the samples that arrived, before which some are missing."""
         self.gap = gap
-        """Samples of each loss."""
+        """Number of samples in each loss."""
         self.samples = self._samples - gap * len(self.losses)
         """Number of samples that arrived."""
 
@@ -77,19 +77,21 @@ class DeliveredStream:
         return self.gap * len(self.losses)
 
     def true_s(self, index: int) -> float:
-        """True time of a sample [s]; the index counts those that arrived."""
+        """True time of a sample [s], by its index among those that arrived."""
         missing = int(np.searchsorted(self.losses, index, side="right"))
         return (index + self.gap * missing) / self.true_rate_hz
 
     def since_loss_s(self, index: int) -> float:
-        """Time of a sample after the end of the last loss [s]; infinite before the first."""
+        """Time of a sample after the end of the last loss [s]; infinite before the
+        first loss.
+        """
         at = int(np.searchsorted(self.losses, index, side="right")) - 1
         if at < 0:
             return math.inf
         return (index - int(self.losses[at])) / self.true_rate_hz
 
     def transfers(self) -> Iterator[Transfer]:
-        """Arrivals in order."""
+        """Blocks in order of their arrival."""
         delivery, rng = self.delivery, self._rng
         size = round(delivery.transfer_s * delivery.sample_rate_hz)
         free_s = 0.0

@@ -34,7 +34,7 @@ _MINUTE_S = 60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beeper:
-    """A tag that is on air for the whole time."""
+    """A tag that sends for the whole time of a scene."""
 
     offset_hz: float
     enr_db: float
@@ -45,7 +45,9 @@ class Beeper:
 def regular(
     duration_s: float, interval_s: float, first_s: float, *, drift: float = 0.0
 ) -> NDArray[np.float64]:
-    """Starts of pulses whose interval grows by a part `drift` over the duration."""
+    """Start times of pulses whose interval grows by the relative amount `drift` over the
+    duration.
+    """
     number = np.arange(int(duration_s / interval_s) + 2)
     grown = 0.5 * drift * interval_s / duration_s * number**2
     starts_s = first_s + interval_s * (number + grown)
@@ -53,7 +55,9 @@ def regular(
 
 
 def five_tags(duration_s: float, rate_hz: float) -> tuple[Beeper, ...]:
-    """Five tags of .9 to 2.2 s, 8 to 30 ms: one drifts, one has two rates, one is coded."""
+    """Five tags with intervals of 0.9 to 2.2 s and pulses of 8 to 30 ms: one drifts, one has
+    two rates, one is coded.
+    """
     slow = regular(duration_s / 2.0, 1.333, 0.7)
     fast = slow[-1] + 2.0 + regular(duration_s - slow[-1] - 2.0, 2.0, 0.0)
     bursts = regular(duration_s, 5.3, 0.9)
@@ -92,9 +96,9 @@ def five_tags(duration_s: float, rate_hz: float) -> tuple[Beeper, ...]:
 
 @dataclass(slots=True, kw_only=True)
 class Scene:
-    """A sample source: noise of unit power, beepers, interference.
+    """A sample source with noise of unit power, beepers and interference.
 
-    Levels of interference are over the noise in 100 Hz.
+    Levels of interference are over the noise in 100 Hz [dB].
     """
 
     duration_s: float
@@ -103,15 +107,17 @@ class Scene:
     beepers: Sequence[Beeper] = ()
     carriers_db: Sequence[float] = ()
     voice_db: float | None = None
-    """FM voice, 2.5 kHz of deviation, with syllables and pauses."""
+    """Level of FM voice (2.5 kHz of deviation, with syllables and pauses) [dB];
+    None: no voice."""
     data_db: float | None = None
-    """Four-level data in slots of 30 ms, every second one empty."""
+    """Level of four-level data in slots of 30 ms, of which every second is empty [dB]; None: no
+    data."""
     impulses_per_s: float = 0.0
     mains_db: float = 0.0
-    """Rise of the noise in a fifth of each hundredth of a second."""
+    """Rise of the noise in a fifth of each hundredth of a second [dB]."""
     center_frequency_hz: float = CENTER_HZ
     generating_s: float = 0.0
-    """Processor time of making the samples."""
+    """Processor time used to make the samples [s]."""
     _at: int = 0
     _table: NDArray[np.complex64] | None = None
     _phases: dict[str, tuple[int, NDArray[np.float64]]] = field(default_factory=dict)
@@ -122,7 +128,7 @@ class Scene:
         return round(self.duration_s * self.sample_rate_hz)
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing; a scene has nothing to close."""
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Make the next block."""
@@ -178,7 +184,7 @@ class Scene:
         return math.sqrt(10.0 ** (level_db / 10.0) * 100.0 / self.sample_rate_hz)
 
     def _carriers(self) -> NDArray[np.complex64]:
-        """Sum of the carriers over a block, in each of which they have whole cycles."""
+        """Sum of the carriers over a block, which contains whole cycles of each."""
         if self._table is None:
             at = np.arange(_BLOCK)
             total = np.zeros(_BLOCK, np.complex128)
@@ -199,7 +205,7 @@ class Scene:
         return wave
 
     def _phase(self, kind: str, at: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Cycles of a modulated signal about its centre, made a minute at a time."""
+        """Phase of a modulated signal about its centre [cycles], made a minute at a time."""
         minute = int(at[0] / self.sample_rate_hz // _MINUTE_S)
         known = self._phases.get(kind)
         if known is None or known[0] != minute:
@@ -213,7 +219,7 @@ class Scene:
 
 
 def _voice_hz(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Frequency of FM voice about its centre: noise of 300 to 3000 Hz in syllables."""
+    """Frequency of FM voice about its centre [Hz]: noise of 300 to 3000 Hz in syllables."""
     frequencies = np.fft.rfftfreq(count, 1.0 / _AUDIO_HZ)
     sound = np.fft.rfft(rng.standard_normal(count))
     sound *= ((frequencies > 300.0) & (frequencies < 3000.0)) / np.maximum(frequencies, 300.0)
@@ -225,7 +231,7 @@ def _voice_hz(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
 
 
 def _data_hz(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Frequency of four-level data of 4000 symbols a second."""
+    """Frequency of four-level data of 4000 symbols a second about its centre [Hz]."""
     symbols = rng.integers(0, 4, count // 2 + 1)
     return np.repeat(1296.0 * symbols - 1944.0, 2)[:count]
 
@@ -238,7 +244,7 @@ class FiveResult:
     wrong: tuple[str, ...]
     doubtful: tuple[str, ...]
     cpu_share: float
-    """Processor time over the duration, without that of making the samples."""
+    """Processor time over the duration, without the time to make the samples."""
 
 
 def five(
@@ -274,7 +280,7 @@ def five(
 
 
 def _compare(measurement: Measurement, tags: Sequence[Beeper]) -> tuple[int, list[str]]:
-    """Count the tags with all values right; describe the other trains."""
+    """Count the tags whose values are all right; describe the other trains."""
     intervals_s = ((1.254,), (0.9,), (1.333, 2.0), (5.3,), (2.2,))
     right, wrong = 0, []
     left = dict(enumerate(tags))
@@ -309,7 +315,7 @@ def _compare(measurement: Measurement, tags: Sequence[Beeper]) -> tuple[int, lis
 def ghosts(
     hours: float, rate_hz: float, *, seed: int = 1, at_once_s: float = 600.0
 ) -> dict[str, list[Train]]:
-    """Search bands without beepers, ten minutes at a time; all trains are false."""
+    """Search bands without beepers, ten minutes at a time; every train found is false."""
     kinds: dict[str, Callable[[Scene], None]] = {
         "noise": lambda scene: None,
         "impulses": lambda scene: setattr(scene, "impulses_per_s", 8.0),
@@ -348,14 +354,14 @@ def trains_of(scene: Scene) -> list[Train]:
 
 
 def named(scene: Scene, tags: Sequence[Tag], frequency_window_hz: float) -> list[Beep]:
-    """Name what beeps in a scene, as `uavrt detect` does."""
+    """Identify senders of pulses in a scene, as `uavrt detect` does."""
     return searched_blocks(blocks_of(scene), tags, frequency_window_hz)
 
 
 def searched_blocks(
     blocks: Iterable[IQBlock], tags: Sequence[Tag], frequency_window_hz: float
 ) -> list[Beep]:
-    """Name what beeps in blocks that are the whole band."""
+    """Identify senders of pulses in blocks that are the whole band."""
     search: BeepSearch | None = None
     for block in blocks:
         if search is None:
@@ -367,10 +373,10 @@ def searched_blocks(
 
 
 def names_right(tries: int, what: str, *, seed: int = 1) -> float:
-    """Share of tags of 20 dB whose offset (`offset`) or interval (`rate`) is named.
+    """Share of tags of 20 dB whose `offset` (frequency) or `rate` (interval) is identified.
 
-    The offset is up to 1800 Hz and must be named within 10 intervals. The interval is .3 to
-    2.5 s and must be named within 20 pulses.
+    The offset is up to 1800 Hz and must be identified within 10 intervals. The interval is 0.3
+    to 2.5 s and must be identified within 20 pulses.
     """
     right = 0
     for number in range(tries):
@@ -414,7 +420,7 @@ def names_right(tries: int, what: str, *, seed: int = 1) -> float:
 
 
 def named_live(rate_hz: float, duration_s: float, *, enr_db: float, seed: int) -> int:
-    """Count how many of five unlisted beepers of .5 to 2 s are named while a stream runs.
+    """Number of five unlisted beepers of 0.5 to 2 s that are identified while a stream runs.
 
     They are anywhere in the radio's band; the tags' band is a quarter of it, as in flight.
     """

@@ -1,11 +1,11 @@
-"""Many seeded trials on several processes, and their rows.
+"""Many seeded trials on several processes, and the rows made of them.
 
 A trial is a function of its own random generator, seeded by the campaign's seed, the case and
-the trial's number: the same rows come from any number of processes.
+the trial's number: any number of processes gives the same rows.
 
-600 trials begin with the 50 of the short run, so a surprise can be examined by itself. The
-figure decides if a bar is met. Where the bar lies within the 95 % interval, the verdict says
-so, and only bars outside it fail the command.
+600 trials begin with the 50 of the short run, so a surprise can be examined separately. The
+figure decides if a requirement (bar) is met. If the bar is inside the 95 % interval, the
+verdict says so; only bars outside it make the command fail.
 """
 
 import math
@@ -27,13 +27,15 @@ from uavrt_experiments.detection.catalogue import EXPERIMENTS
 from uavrt_experiments.result import Row
 
 _CHUNK_S = 3.0
-"""CPU time that a process takes at once: short against the whole, long against a message."""
+"""CPU time of one chunk of trials [s]: short against the whole, long against a message."""
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chunk:
-    """Consecutive trials of a case, by name: a case itself cannot be sent."""
+    """Consecutive trials of a case, identified by names, because a case itself cannot be
+    pickled.
+    """
 
     experiment: str
     case: int
@@ -43,13 +45,13 @@ class Chunk:
 
 
 _SHORT_S = 0.6
-"""CPU time of a case's short form, if one trial takes no longer."""
+"""CPU time of a case's short form, if one trial takes no longer [s]."""
 
 
 def short_rows(case: Case, seed: int) -> list[Row]:
-    """Do a case's short form: a second of CPU time that shows a bar missed grossly.
+    """Run a case's short form, which detects gross misses of a bar in a second of CPU time.
 
-    Unless the case says otherwise it is a few of its own trials.
+    Unless the case defines another form, it is a few of its own trials.
     """
     brief = case.short or case
     count = brief.least if case.short else min(case.least, int(_SHORT_S / case.seconds))
@@ -63,7 +65,7 @@ def short_rows(case: Case, seed: int) -> list[Row]:
 
 
 def run_chunk(chunk: Chunk) -> list[Any]:
-    """Run a chunk's trials, in any process."""
+    """Run a chunk's trials in the calling process."""
     case = EXPERIMENTS[chunk.experiment].cases[chunk.case]
     name = zlib.crc32(f"{chunk.experiment} {case.name}".encode())
     return [
@@ -81,14 +83,12 @@ def run_experiments(
     case: str = "",
     on_progress: Callable[[float, str], None] = lambda part, what: None,
 ) -> list[Row]:
-    """Run experiments and make their rows.
+    """Run experiments and make their rows, in the order of the experiments.
 
     `trials`: decisions for each point of a Pd curve; everything else in proportion.
-    `workers`: processes; 1: this one only.
+    `workers`: number of processes; 1: only this one.
     `case`: only cases with this in their names.
-    `on_progress`: takes the share done, by the CPU time that was expected, and what was done
-    last.
-    Returns: in the order of the experiments.
+    `on_progress`: receives the share done, by expected CPU time, and the name of the last case.
     """
     chosen = list(experiments)
     cases = {

@@ -9,7 +9,7 @@ import numpy as np
 from uavrt_experiments.result import Row
 
 FULL_TRIALS = 600
-"""Decisions for each point of a Pd curve at full size; `Case.trials` refer to it."""
+"""Decisions for each point of a Pd curve at full size; `Case.trials` is relative to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,23 +18,23 @@ class Case:
 
     name: str
     trials: int
-    """Trials at full size."""
+    """Number of trials at full size."""
     seconds: float
-    """Approximate CPU time of one trial, for the shares of the processes and the progress
-    bar."""
+    """Approximate CPU time of one trial [s], to share the work and for the progress bar."""
     trial: Callable[[np.random.Generator, int], Any]
-    """Runs a trial from a generator and the trial's number; returns a picklable outcome."""
+    """Runs one trial from a generator and the trial's number; returns a picklable outcome."""
     rows: Callable[[Sequence[Any]], list[Row]]
-    """Makes rows from all outcomes, ordered by number."""
+    """Makes rows from all outcomes, in order of the trials' numbers."""
     least: int = 1
-    """Trials at any size."""
+    """Smallest number of trials, whatever the requested size."""
     alone: bool = False
-    """True for a time measurement: run when no other process works."""
+    """True for a time measurement, which runs while no other process works."""
     short: "Case | None" = None
-    """Replacement in the tests, where few of its own trials take long or show little."""
+    """Short form for the tests, if few of the case's own trials take long or show little; else
+    None."""
 
     def count(self, trials: int) -> int:
-        """Trials of this case for a given number per point of a Pd curve."""
+        """Number of trials of this case for a given number per point of a Pd curve."""
         return max(self.least, round(self.trials * trials / FULL_TRIALS))
 
 

@@ -1,4 +1,4 @@
-"""E18: random bursts on air, without a tag and with one."""
+"""E18: random bursts of other transmitters, without a tag and with one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,22 +27,22 @@ from uavrt_experiments.statistics import count_interval
 STRETCH_S = 200.0
 _SHORT_STRETCH_S = 15.0
 _SHORT_ALONE_S = 50.0
-"""Duration of the short form with one tag, absent or present."""
+"""Duration of the short form with one tag, absent or present [s]."""
 _INTERVALS_S = (1.05, 1.254, 1.4, 1.63, 1.9)
-"""Of the absent tags, ± 60 ms each."""
+"""Intervals of the absent tags [s], known to ± 60 ms."""
 _WINDOWS_HZ = (500.0, WHOLE_CHANNEL_HZ)
 _TAG_HZ = 100.0
 _TAG_DB = 14.0
 _COVERED = 0.3
-"""Share of a pulse's energy in a simultaneous burst above which it counts as covered."""
+"""Share of a pulse's energy in a simultaneous burst above which the pulse counts as covered."""
 _COVERED_AT_ITS_FREQUENCY = 0.05
 _MOST_CONFIRMED = 3.0
-"""Pulses of five absent tags in 200 s."""
+"""Largest allowed number of confirmed pulses of five absent tags in 200 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absent:
-    """Reports of a tag that is absent."""
+    """Number of reports of an absent tag."""
 
     pulses: int
     confirmed: int
@@ -96,7 +96,7 @@ def absent_together(
 def tag_among_bursts(
     scene: Scene, rng: np.random.Generator, index: int, stretch_s: float = STRETCH_S
 ) -> Comparison:
-    """A tag among bursts; only pulses that no burst covers count as true."""
+    """Search for a tag among bursts; only pulses that no burst covers count as true."""
     flight = Flight(
         enr_db=_TAG_DB,
         duration_s=stretch_s,
@@ -156,7 +156,7 @@ def _absent_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
 
 
 def _together_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
-    """All absent tags in one search: each trial is a scene, not a tag."""
+    """Case with all absent tags in one search; each trial is a scene, not a tag."""
 
     def rows(outcomes: Sequence[Absent]) -> list[Row]:
         counts = [o.confirmed for o in outcomes]
@@ -195,7 +195,7 @@ def _together_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
 def _per_scene(
     counts: Sequence[int], name: str, most: float | None, original: float | None
 ) -> Row:
-    """Counts of single tags, summed for all of them."""
+    """Sum the counts of single tags over the tags of a scene."""
     share = len(_INTERVALS_S) / len(counts)
     low, high = count_interval(counts)
     what = "pulses" if most is None else "pulses confirmed"
@@ -266,7 +266,8 @@ _SCENES: dict[str, tuple[tuple[Scene, ...], float]] = {
         3.0,
     ),
 }
-"""Scenes of 20 to 35 dB, and the pulses that the original confirmed in one like them."""
+"""Scenes with bursts of 20 to 35 dB, and the pulses that the original confirmed in a similar
+one."""
 
 E18 = Experiment(
     name="E18",

@@ -20,21 +20,22 @@ from uavrt_experiments.statistics import count_interval
 RATE_HZ = 7500.0
 WINDOW_HZ = 500.0
 THEORY_DB = {1: 8.7, 3: 5.2, 10: 1.7}
-"""ENR for Pd .5 at 2e-4 false identities in an hour for each code, aligned, by bursts."""
+"""Theoretical ENR [dB] for Pd 0.5 at 2e-4 false identities per hour and code, by number of
+bursts."""
 PULSE_THEN_GAPS_DB = 11.6
-"""The same if each pulse is detected by itself, and then the gaps are compared."""
+"""ENR [dB] for Pd 0.5 if each pulse is detected by itself and then the gaps are compared."""
 _SLACK_DB = 1.0
 _BLOCK = 655
 _GAP_SLOP_S = 1.5e-3
 _PULSE_LEVEL = 8.0
-"""Energy, in noise energies, of a pulse that is detected by itself: noise makes 1.9 a second in
-the window, and of those 2e-4 identities in an hour, with gaps 1.5 ms off together."""
+"""Energy, in noise energies, of a pulse that is detected by itself. Noise makes 1.9 of these a
+second in the window, and of those 2e-4 identities an hour, with gaps 1.5 ms off together."""
 _RAISED = 1.0
-"""False identities in an hour and code for counting: at 1e-4 there would be none."""
+"""Allowed false identities per hour and code while counting; at 1e-4 there would be none."""
 
 
 def some_codes(rng: np.random.Generator, count: int) -> list[Tag]:
-    """Typical codes: gaps of 18 to 75 ms, all 4 ms apart or more."""
+    """Typical codes: gaps of 18 to 75 ms, all at least 4 ms apart."""
     tags: list[Tag] = []
     while len(tags) < count:
         gaps_s = tuple(float(round(gap, 4)) for gap in rng.uniform(0.018, 0.075, 3))
@@ -102,7 +103,7 @@ def find(
 
 
 def pulse_then_gaps(tag: Tag, samples: NDArray[np.complex64]) -> bool:
-    """True if a code is found the usual way: pulses by themselves, then their gaps."""
+    """True if a code is found the usual way: by single pulses and then their gaps."""
     cells = Cells(
         sample_rate_hz=RATE_HZ,
         pulse_width_s=tag.pulse_width_s,
@@ -131,17 +132,19 @@ def pulse_then_gaps(tag: Tag, samples: NDArray[np.complex64]) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """Detection of bursts of one strength."""
+    """Detection of bursts of one strength by two methods."""
 
     enr_db: float
     matched: bool
-    """Found by our detector."""
+    """True if our detector found the code."""
     by_pulses: bool
-    """Found by pulses, then gaps, in any of the bursts."""
+    """True if single pulses and their gaps found the code, in any of the bursts."""
 
 
 def hear(rng: np.random.Generator, bursts: int, enr_db: float) -> Heard:
-    """Let a tag of a random code send some bursts, with its own crystal error."""
+    """Simulate several bursts of a random code, with its own crystal error, and
+    search for it.
+    """
     (tag,) = some_codes(rng, 1)
     off_s = rng.uniform(-0.5, 0.5) * tag.interval_uncertainty_s
     interval_s = tag.pulse_intervals_s[0] + off_s
@@ -222,11 +225,11 @@ def _curve(bursts: int, levels_db: tuple[float, ...], per_level: int, seconds: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mistaken:
-    """False identities in a stretch."""
+    """Count of false identities in a stretch."""
 
     code_hours: float
     wrong: int
-    """Tags that were reported and did not send, each once."""
+    """Tags that were reported but did not send, each counted once."""
 
 
 def mistake(
@@ -238,11 +241,11 @@ def mistake(
     listed: bool = True,
     unlisted: bool = True,
 ) -> Mistaken:
-    """Search noise for 50 codes, maybe with a listed tag in it, and an unlisted one.
+    """Search noise for 50 codes, optionally with a listed and an unlisted tag in it.
 
-    `strong_db`: of the tags that send; None for noise alone.
-    `nominal`: False identities allowed in an hour and code, instead of the case's default.
-    `listed`, `unlisted`: which of both tags send.
+    `strong_db`: level of the tags that send; None for noise alone.
+    `nominal`: allowed false identities per hour and code, instead of the case's default.
+    `listed`, `unlisted`: True if that tag sends.
     """
     tags = some_codes(rng, 51)
     samples = noise(rng, round(seconds * RATE_HZ))

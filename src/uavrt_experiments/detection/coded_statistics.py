@@ -1,7 +1,7 @@
 """False identities near unlisted coded tags, for hundreds of hours: statistics, no samples.
 
-Times and strengths of the pulses on air are drawn, and from them the energies at the places of
-each listed code that some of them hit. The evaluation of these energies is the detector's own.
+Times and strengths of the pulses present are drawn, and from them the energies at the places of
+each listed code that some of them hit. The detector's own code evaluates these energies.
 """
 
 from collections.abc import Sequence
@@ -13,42 +13,35 @@ from numpy.typing import NDArray
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.evidence import evidence, evidence_of_sums, required_evidence
-from uavrt.detection.coded.identity import STEPS, Sighting, Sightings
-from uavrt.detection.coded.judging import (
-    ASIDE_NOISE_S,
-    ASIDE_S,
-    LEAST_EVIDENCE,
-    could_be,
-    least_pulses,
-    scores_of,
-)
-from uavrt.detection.coded.limits import FALSE_PER_HOUR, amplitude_limit, sum_limit
-from uavrt.detection.coded.sums import STRETCHES
+from uavrt.detection.coded.identity import Sighting, Sightings
+from uavrt.detection.coded.judging import could_be, least_pulses, scores_of
+from uavrt.detection.coded.limits import amplitude_limit, sum_limit
+from uavrt.detection.coded.tuning import IDENTITY, LIKELIHOOD, LIMITS, SHAPE, SUMS
 from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 
 WIDTH_S = 0.0025
 _WINDOW_HZ = 1000.0
 _CHOICES = 7
-"""Independent cells of noise among which the search chooses, at each place."""
+"""Number of independent cells of noise among which the search chooses at each place."""
 _SHIFTS_S = (-6e-4, 0.0, 6e-4)
-"""Times tried about that of a pulse."""
+"""Time offsets tried around that of a pulse [s]."""
 _LOOKS = 20
 """Number of independent choices for several bursts, whose interval is searched too."""
 _COLUMN_S = 1.4e-4
-"""Half of a column: the largest common offset of all pulses from the cells."""
+"""Largest common offset of all pulses from the cells, half of a column [s]."""
 _LEAST = 0.2
-"""Least share of a pulse's amplitude at which others count with it."""
+"""Least share of a pulse's amplitude at which other pulses are counted with it."""
 _ALIKE = 0.3
 """Least ratio of the weakest to the second weakest place that is searched."""
 _ROW_HZ = 125.0
 _CLIPS = {3: 15.75, 10: 10.0}
-"""Limit of a cell in sums of this number of bursts."""
+"""Limit of a cell [noise powers] in sums of this number of bursts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stranger:
-    """A coded tag that is on air and not listed."""
+    """A coded tag that sends but is not listed."""
 
     tag: Tag
     enr_db: float
@@ -59,7 +52,9 @@ class Stranger:
 def codes_and_strangers(
     rng: np.random.Generator, codes: int = 50, strangers: int = 10
 ) -> tuple[list[Tag], list[Stranger]]:
-    """Draw listed codes, 5 ms apart or more, and tags of others, 9 ms from all of them."""
+    """Draw listed codes at least 5 ms apart, and unlisted tags whose codes are 9 ms from all of
+    them.
+    """
     listed: list[NDArray[np.float64]] = []
     others: list[NDArray[np.float64]] = []
     while len(listed) < codes:
@@ -99,13 +94,15 @@ def _places_s(tag: Tag) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OnAir:
-    """Pulses of the strangers, in order of time, and pairs of them within a burst's length."""
+    """Pulses of the unlisted tags, in order of time, and pairs of them within a
+    burst's length.
+    """
 
     times_s: NDArray[np.float64]
     amplitudes: NDArray[np.float64]
     offsets_hz: NDArray[np.float64]
     apart_s: NDArray[np.float64]
-    """From the first to the second pulse of each pair, sorted."""
+    """Time from the first to the second pulse of each pair [s], sorted."""
     pairs: NDArray[np.intp]
 
 
@@ -159,12 +156,16 @@ class _Found:
 
 
 def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: float) -> _Found:
-    """Bursts for one code: at least two of the pulses on air at its places."""
+    """Candidate bursts for one code: at least two of the pulses present are at its places."""
     places_s = _places_s(tag)
     stretch_s = GAP_TOLERANCE_S * places_s / places_s[-1]
     limits = {
         count: sum_limit(
-            tag, bandwidth_hz=_WINDOW_HZ, bursts=1, pulses=count, false_per_hour=FALSE_PER_HOUR
+            tag,
+            bandwidth_hz=_WINDOW_HZ,
+            bursts=1,
+            pulses=count,
+            false_per_hour=LIMITS.false_per_hour,
         )
         for count in range(least_pulses(len(places_s)), len(places_s) + 1)
     }
@@ -190,7 +191,7 @@ def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: f
     judged = evidence(
         energies, np.ones(energies.shape, np.bool_), foreign_per_hour=foreign_per_hour
     )
-    taken = straight & (judged.over_unlisted >= LEAST_EVIDENCE)
+    taken = straight & (judged.over_unlisted >= LIKELIHOOD.least_log)
     taken &= scores_of(energies, judged.own, limits) >= 1.0
     order = np.flatnonzero(taken)[begin_s[taken].argsort()]
     return _Found(
@@ -209,7 +210,7 @@ def _levels(
     places_s: NDArray[np.float64],
     stretch_s: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Amplitude of the strongest pulse at each place, and its distance from it."""
+    """Amplitude of the strongest pulse at each place, and its time offset from the place."""
     levels = np.zeros((len(begin_s), len(places_s)))
     away_s = np.zeros(levels.shape)
     best = np.zeros(levels.shape)
@@ -236,11 +237,11 @@ def _searched(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Energies at the largest sum, as in the detector's search over stretch and time.
 
-    Also returns if no pulse lies off its place unlike the others.
+    Also returns True if no pulse is farther off its place than the others.
     """
     best = np.zeros(levels.shape)
     straight = np.zeros(len(levels), np.bool_)
-    for part in STRETCHES:
+    for part in SUMS.stretches:
         for shift_s in _SHIFTS_S:
             moved_s = shift_s + part * stretch_s
             off_s = away_s - moved_s
@@ -252,7 +253,7 @@ def _searched(
             best[better] = energies[better]
             sent = (heard > 1.0)[better]
             usual_s = (off_s[better] * sent).sum(axis=1) / np.maximum(sent.sum(axis=1), 1)
-            allowed_s = ASIDE_S + ASIDE_NOISE_S / np.maximum(levels[better], 1.0)
+            allowed_s = SHAPE.aside_s + SHAPE.aside_noise_s / np.maximum(levels[better], 1.0)
             aside = sent & (np.abs(off_s[better] - usual_s[:, None]) > allowed_s)
             straight[better] = ~aside.any(axis=1)
     return best, straight
@@ -260,10 +261,10 @@ def _searched(
 
 def _confirmed(tag: Tag, found: _Found, foreign_per_hour: float) -> bool:
     """True if the detector would confirm a tag by such bursts."""
-    required = required_evidence(foreign_per_hour, FALSE_PER_HOUR)
+    required = required_evidence(foreign_per_hour, LIMITS.false_per_hour)
     open_ = found.unlisted >= required
     # Only bursts that others lie in step with can be confirmed by these.
-    for step in range(1, STEPS + 1):
+    for step in range(1, IDENTITY.steps + 1):
         window_s = 1e-3 + step * tag.interval_uncertainty_s
         wanted_s = found.times_s + step * tag.pulse_intervals_s[0]
         low = np.searchsorted(found.times_s, wanted_s - window_s)
@@ -304,7 +305,9 @@ def _summed(
     windows: int,
     foreign_per_hour: float,
 ) -> bool:
-    """True if sums of several bursts of a stranger in step with a code are mistaken for it."""
+    """True if sums of several bursts of an unlisted tag, in step with a code, are mistaken for
+    it.
+    """
     places_s, sent_s = _places_s(tag), _places_s(one.tag)
     clip = _CLIPS[bursts]
     least = amplitude_limit(
@@ -312,10 +315,10 @@ def _summed(
         bandwidth_hz=_WINDOW_HZ,
         bursts=bursts,
         pulses=bursts * len(places_s),
-        false_per_hour=FALSE_PER_HOUR,
+        false_per_hour=LIMITS.false_per_hour,
     )
     in_step = 2.0 * (tag.interval_uncertainty_s + 1e-3) / tag.pulse_intervals_s[0]
-    required = required_evidence(foreign_per_hour, FALSE_PER_HOUR)
+    required = required_evidence(foreign_per_hour, LIMITS.false_per_hour)
     for aligned in range(len(places_s)):
         for sent in range(len(sent_s)):
             away_s = np.abs(
@@ -345,15 +348,15 @@ def _summed(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Confusions:
-    """Falsely confirmed listed tags, of some hours."""
+    """Counts of listed tags that were falsely confirmed in a number of hours."""
 
     code_hours: float
     claims: int
-    """Bursts that match a listed code."""
+    """Number of bursts that match a listed code."""
     wrong: int
-    """Falsely confirmed tags in each hour."""
+    """Number of falsely confirmed tags in each hour."""
     wrong_by_sums: int
-    """Tags falsely confirmed by sums of several bursts."""
+    """Number of tags falsely confirmed by sums of several bursts."""
 
 
 def confusions(
@@ -364,9 +367,10 @@ def confusions(
     strangers: int = 10,
     foreign_per_hour: float | None = None,
 ) -> Confusions:
-    """Count the listed tags that are confirmed while only unlisted ones are on air.
+    """Count the listed tags that are confirmed while only unlisted ones send.
 
-    `foreign_per_hour`: the detector's rate of unlisted bursts; the true one by default.
+    `foreign_per_hour`: the detector's estimate of the rate of unlisted bursts; by default the
+    true one.
     """
     listed, others = codes_and_strangers(rng, codes, strangers)
     seconds = 3600.0 * hours

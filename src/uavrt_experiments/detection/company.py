@@ -35,32 +35,34 @@ _OWN_DB = 16.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Company:
-    """Result of a flight with a neighbour."""
+    """Result of a flight with a neighbour in the channel."""
 
     true: int
     confirmed: int
     foreign: int
-    """Confirmed pulses of the neighbour under our tag's number, once ours was confirmed."""
+    """Number of the neighbour's pulses confirmed under our tag's number after ours was
+    confirmed."""
     foreign_before: int
-    """The same before: a single track is the nearest to the nominal frequency."""
+    """Number confirmed before ours was confirmed, when the only track is the nearest to the
+    nominal frequency."""
     listed: bool
     """True if the neighbour was among the other signals at the end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Neighbour:
-    """Another tag in the channel."""
+    """Another tag in the channel, and its flights."""
 
     apart_hz: float
     levels_db: tuple[float, ...]
-    """Over ours; flights take turns."""
+    """Levels of the neighbour over our tag's [dB]; flights use them in turn."""
     interval_s: float = 1.254
     head_start_s: float = 0.0
-    """Time for which it is on air before ours begins."""
+    """Time for which the neighbour sends before our tag begins [s]."""
     duration_s: float = 120.0
 
     def fly(self, rng: np.random.Generator, index: int) -> Company:
-        """One flight."""
+        """Run one flight with the neighbour."""
         level = self.levels_db[index % len(self.levels_db)]
         duration_s = self.duration_s + self.head_start_s
         own = pulse_train(
@@ -125,7 +127,7 @@ def _is_of(pulse: Pulse, truth: Sequence[TruePulse], center_hz: float) -> bool:
 
 
 def _detect_listing(samples: Samples, center_hz: float) -> tuple[list[Pulse], list[float]]:
-    """Pulses, and the frequencies of the other signals at the stream's end."""
+    """Detected pulses, and the frequencies of the other signals at the stream's end."""
     detector = PulseDetector(
         replace(THESIS_TAG, frequency_hz=center_hz + _OWN_HZ),
         sample_rate_hz=RATE_HZ,
@@ -243,16 +245,16 @@ class RateCount:
 
     true: int
     right: int
-    """Pulses confirmed at the rate at which they were sent."""
+    """Number of pulses confirmed at the rate at which they were sent."""
     wrong: int
-    """Pulses confirmed at the other rate, or where none was sent."""
+    """Number of pulses confirmed at the other rate, or where none was sent."""
     lost_at_switch: int
-    """Of the six pulses about a switch."""
+    """Number of undetected pulses among the six around a switch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoRates:
-    """A tag that may change its rate once."""
+    """A tag with two rates that may change its rate once."""
 
     intervals_s: tuple[float, float]
     sent: tuple[int, ...]
@@ -261,7 +263,7 @@ class TwoRates:
     duration_s: float = 120.0
 
     def fly(self, rng: np.random.Generator, index: int) -> RateCount:
-        """One flight."""
+        """Run one flight with the tag."""
         tag = replace(
             THESIS_TAG, pulse_intervals_s=self.intervals_s, interval_uncertainty_s=0.03
         )

@@ -20,22 +20,22 @@ from uavrt_experiments.statistics import count_interval
 Noise = Callable[[np.random.Generator, int], NDArray[np.complex64]]
 STRETCH_S = 300.0
 _CONFIRMED_PER_DECISION = 0.0005
-"""Most groups confirmed falsely per decision interval (§10 E1)."""
+"""Largest allowed number of falsely confirmed groups per decision interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FalseAlarms:
-    """Reports of a detector without a tag."""
+    """Counts of a detector's reports without a tag."""
 
     intervals: float
-    """Decision intervals searched."""
+    """Number of decision intervals searched."""
     groups: int
     confirmed: int
-    """Groups with a confirmed pulse among them."""
+    """Number of groups with a confirmed pulse among them."""
 
 
 def detected_groups(pulses: Sequence[Pulse]) -> tuple[int, int]:
-    """Distinct groups above the threshold, and those with a confirmed pulse."""
+    """Number of distinct groups above the threshold, and of those with a confirmed pulse."""
     detected = {
         (p.rate, p.group_sequence) for p in pulses if p.detection_status != "subthreshold"
     }
@@ -51,7 +51,7 @@ def count_false(
     frequency_window_hz: float = WHOLE_CHANNEL_HZ,
     stretch_s: float = STRETCH_S,
 ) -> FalseAlarms:
-    """Search one stretch without a tag."""
+    """Search one stretch without a tag and count false groups."""
     samples = make(rng, round(stretch_s * RATE_HZ))
     pulses, _ = detect(samples, tag, frequency_window_hz=frequency_window_hz)
     groups, confirmed = detected_groups(pulses)
@@ -71,7 +71,7 @@ def false_alarm_row(
     original: float | None = None,
     at: float | None = None,
 ) -> Row:
-    """Found over nominal."""
+    """Row with the ratio of found to nominal false alarms."""
     intervals = sum(o.intervals for o in outcomes)
     groups = sum(o.groups for o in outcomes)
     expected = intervals * probability
@@ -93,7 +93,7 @@ def false_alarm_row(
 def confirmed_row(
     outcomes: Sequence[FalseAlarms], *, experiment: str, case: str, most: float
 ) -> Row:
-    """Groups confirmed falsely, in a decision interval."""
+    """Row with the falsely confirmed groups per decision interval."""
     intervals = sum(o.intervals for o in outcomes)
     confirmed = sum(o.confirmed for o in outcomes)
     low, high = count_interval([o.confirmed for o in outcomes])
@@ -122,7 +122,7 @@ def false_alarm_case(
     original: float | None = None,
     at: float | None = None,
 ) -> Case:
-    """Stretches of one kind of noise."""
+    """Case with stretches of one kind of noise."""
     probability = tag.false_alarm_probability
 
     def rows(outcomes: Sequence[FalseAlarms]) -> list[Row]:
@@ -168,7 +168,8 @@ NOISES: dict[str, Noise] = {
     "hum": partial(coloured_noise, hum=True),
 }
 _STRETCHES = {0.05: 60, 0.01: 72, 0.001: 180}
-"""5050, 6050 and 15 100 decision intervals: 250, 60 and 15 groups expected."""
+"""Number of stretches by nominal probability: 5050, 6050 and 15 100 decision intervals, with
+250, 60 and 15 groups expected."""
 
 
 def _cases() -> tuple[Case, ...]:

@@ -31,7 +31,8 @@ STRONG, MIRROR, THIRD = (
     replace(THESIS_TAG, tag_id=tag_id, frequency_hz=CENTER_HZ + multiple * _OWN_HZ)
     for tag_id, multiple in ((2, 1.0), (4, -1.0), (6, -3.0 + RATE_HZ / _OWN_HZ))
 )
-"""The third is where -3 times the strong one's distance is seen at this rate."""
+"""The strong tag, a tag at its mirror frequency, and one at -3 times its distance from the
+centre (aliased at this sample rate)."""
 _LISTED = STRONG, MIRROR, THIRD
 _CARRIER_HZ = -11_000.0
 _SECOND_HZ = 9_000.0
@@ -43,45 +44,47 @@ WITH_CARRIER, SECOND, WITH_SECOND = (
         (12, 2.0 * _OWN_HZ - _SECOND_HZ),
     )
 )
-"""Places of a nonlinear receiver's products: 2 f1 - f2 of the strong tag and another signal."""
+"""Tags at a nonlinear receiver's product 2 f1 - f2 of the strong tag and a carrier; the second
+tag; and a tag at the product with it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Haunted:
-    """Result of a flight."""
+    """Result of a flight with a strong tag and its ghosts."""
 
     strong: int
     strong_confirmed: int
     true: int
-    """Pulses of the tag at a ghost's place that the strong one's did not hit."""
+    """Pulses of the tag at a ghost's place that do not coincide with the strong tag's."""
     confirmed: int
-    """Confirmed pulses among these."""
+    """Number of confirmed pulses among the true ones."""
     false: int
-    """Confirmed pulses of the other tags that they did not send."""
+    """Number of confirmed pulses of the other tags that they did not send."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ghosts:
-    """A strong tag through a receiver that is not ideal, quantised to 8 bits."""
+    """A strong tag through a nonlinear receiver with 8-bit quantization."""
 
     strong_db: float
     steps: float
     """Step of the converter, in standard deviations of the noise's real part."""
     image_db: float | None = None
     curve: float = 0.0
-    """Third-order coefficient of the receiver: compression of the strongest signal."""
+    """Third-order coefficient of the receiver, as the compression of the strongest signal."""
     carrier_db: float | None = None
-    """Level of a steady carrier, over the noise of a sample."""
+    """Level of a steady carrier over the noise of a sample [dB]; None: no carrier."""
     second_db: float | None = None
-    """Level of another tag whose pulses coincide with the strong one's for a minute."""
+    """Level of another tag whose pulses coincide with the strong one's for a minute [dB]; None:
+    no such tag."""
     place: Tag = MIRROR
-    """Tag at a ghost's place."""
+    """Tag listed at a ghost's place."""
     there_db: float | None = None
-    """Level of that tag; None: it is silent."""
+    """Level of the tag at a ghost's place [dB]; None: it is silent."""
     duration_s: float = 60.0
 
     def fly(self, rng: np.random.Generator, index: int) -> Haunted:
-        """One flight."""
+        """Run one flight with the strong tag."""
         strong = self._train(rng, STRONG, 1.254, self.strong_db)
         there = (
             [] if self.there_db is None else self._train(rng, self.place, 1.28, self.there_db)
@@ -130,7 +133,7 @@ class Ghosts:
     def _second(
         rng: np.random.Generator, strong: list[TruePulse], enr_db: float
     ) -> list[TruePulse]:
-        """Pulses whose middles coincide with another tag's, a tenth of a millisecond off."""
+        """Pulses whose middles coincide with another tag's within a tenth of a millisecond."""
         middle = len(strong) / 2
         return [
             replace(

@@ -24,7 +24,7 @@ from uavrt_experiments.result import Row
 from uavrt_experiments.statistics import Z95, level_for
 
 _COST_S = {1: 0.006, 2: 0.01, 5: 0.035, 8: 0.1, 12: 1.45}
-"""CPU time of a decision of the whole channel."""
+"""CPU time of a decision in the whole channel [s], by K."""
 
 
 def _summed(k: int) -> Case:
@@ -74,7 +74,7 @@ def long_tag(k: int, jitter_s: float) -> Tag:
 
 
 def long_decision(k: int, jitter_s: float, *, drifting: bool = False) -> Decision:
-    """Decision with the largest allowed errors: interval, jitter, frequency, drifts."""
+    """Decision with the largest allowed errors of interval, jitter, frequency and drifts."""
     return Decision(
         tag=long_tag(k, jitter_s),
         frequency_window_hz=100.0,
@@ -120,7 +120,9 @@ def _long(k: int, jitter_s: float) -> Case:
 
 
 def _drifting(k: int) -> Case:
-    """Decisions with and without drift take turns; the same seeds would not pair them."""
+    """Case in which decisions with and without drift take turns; the same seeds would not pair
+    them.
+    """
     bar = _LONG_BARS[k, 0.002]
     levels = (bar - 2.0, bar - 1.25, bar - 0.5)
     kinds = [
@@ -176,7 +178,7 @@ false groups."""
 
 
 def _alarms(k: int, stretches: int, stretch_s: float, seconds: float) -> Case:
-    """False alarms at this K, since many of them would lower the ENR."""
+    """Case for the false alarms at this K, because many of them would lower the ENR."""
     tag = long_tag(k, 0.002) if k >= 20 else replace(THESIS_TAG, k=k)
     where = "± 100 Hz" if k >= 20 else "whole channel"
 

@@ -1,4 +1,4 @@
-"""Everything that is not the tag: carriers, impulses, coloured noise."""
+"""Interference: carriers, impulses, coloured noise."""
 
 import math
 
@@ -18,13 +18,12 @@ def carrier(
     modulation_hz: float = 1.3,
     bin_s: float = 0.02,
 ) -> NDArray[np.complex64]:
-    """A continuous carrier.
+    """Samples of a continuous carrier, shape (count,).
 
-    `count`: samples.
-    `offset_hz`: frequency relative to the channel's centre, at the start.
-    `level_db`: power over the noise in one bin of `bin_s`: what the spectrogram shows.
-    `modulation`, `modulation_hz`: depth and frequency of an amplitude modulation.
-    Returns: shape (count,).
+    `count`: number of samples.
+    `offset_hz`: frequency relative to the channel's centre, at the start [Hz].
+    `level_db`: power over the noise in one bin of `bin_s`, as in the spectrogram [dB].
+    `modulation`, `modulation_hz`: depth and frequency [Hz] of an amplitude modulation.
     """
     t = np.arange(count) / sample_rate_hz
     amplitude = math.sqrt(10.0 ** (level_db / 10.0) / (bin_s * sample_rate_hz))
@@ -44,12 +43,11 @@ def impulses(
     sample_rate_hz: float = 3750.0,
     regular: bool = False,
 ) -> NDArray[np.complex64]:
-    """Bursts of wideband noise.
+    """Samples of bursts of wideband noise, shape (count,).
 
     `per_s`: mean number in a second.
-    `level_db`: power of a sample of a burst over the noise power of a sample.
+    `level_db`: power of a sample of a burst over the noise power of a sample [dB].
     `regular`: evenly spaced, as a serial port makes them, instead of at random.
-    Returns: shape (count,).
     """
     wave = np.zeros(count, np.complex64)
     length = max(1, round(length_s * sample_rate_hz))
@@ -75,12 +73,11 @@ def coloured_noise(
     hum: bool = False,
     sample_rate_hz: float = 3750.0,
 ) -> NDArray[np.complex64]:
-    """Noise of about unit power with a shaped spectrum.
+    """Noise of about unit power with a shaped spectrum, shape (count,).
 
-    `tilt_db`: difference of the density between the channel's two edges.
+    `tilt_db`: difference of the density between the channel's two edges [dB].
     `edge`: fall by 40 dB from 1600 Hz to the edge, as behind a channelizer.
     `hum`: noise lines 1.5 Hz wide at multiples of 100 Hz, 12 dB in a bin.
-    Returns: shape (count,).
     """
     spectrum = rng.standard_normal((count, 2)) @ np.array([1.0, 1j]) * math.sqrt(0.5)
     frequency = np.fft.fftfreq(count, 1.0 / sample_rate_hz)

@@ -21,16 +21,17 @@ from uavrt_experiments.result import Row
 
 Samples = NDArray[np.complex64]
 Interfere = Callable[[np.random.Generator, int, int], Samples]
-"""Makes a number of samples of interference of a numbered kind."""
+"""Makes a given number of samples of the interference with a given number."""
 _LEVELS_DB = (10.0, 20.0, 40.0, 60.0)
-"""Levels of a carrier, in a bin of 50 Hz."""
+"""Levels of a carrier over the noise in a bin of 50 Hz [dB]."""
 _TAG_HZ = 350.0
 _TAG_DB = 14.0
 _SHORT_STRETCH_S = 40.0
 _FALSE_TWICE = 2.0
-"""Most false alarms, over the nominal ones."""
+"""Largest allowed ratio of false alarms to the nominal ones."""
 _CONFIRMED_IN_300_S = 0.084
-"""None in 300 s (§10 E10), measured over hours: twice the limit of E1 for noise alone."""
+"""Largest allowed number of falsely confirmed groups in 300 s, measured over hours: twice the
+limit of E1 for noise alone."""
 
 
 def _alarm_case(
@@ -43,7 +44,7 @@ def _alarm_case(
     confirmed_bar: float | None,
     rounds: int = 6,
 ) -> Case:
-    """Stretches with interference alone, of several kinds in turn."""
+    """Case with stretches of interference alone, of several kinds in turn."""
 
     def trial(
         rng: np.random.Generator, index: int, stretch_s: float = STRETCH_S
@@ -101,7 +102,7 @@ def _tag_case(
     rounds: int = 4,
     short_s: float = _SHORT_STRETCH_S,
 ) -> Case:
-    """A tag in interference of several kinds in turn."""
+    """Case with a tag in interference of several kinds in turn."""
 
     def trial(rng: np.random.Generator, index: int, duration_s: float = 120.0) -> Comparison:
         flight = Flight(
@@ -133,10 +134,10 @@ def _tag_case(
 
 @dataclass(frozen=True, slots=True)
 class Carrier:
-    """A carrier at each of the levels.
+    """Interference by a carrier at each of the levels.
 
-    `offset_hz`: from a random whole bin of 50 Hz, or from zero.
-    `anywhere`: whether the bin is random.
+    `offset_hz`: offset from a random whole bin of 50 Hz, or from zero [Hz].
+    `anywhere`: true if the bin is random.
     """
 
     offset_hz: float
@@ -147,7 +148,7 @@ class Carrier:
     levels_db: Sequence[float] = _LEVELS_DB
 
     def __call__(self, rng: np.random.Generator, count: int, kind: int) -> Samples:
-        """A carrier of the level's number."""
+        """Samples of a carrier with the level of the given number."""
         bin_hz = 50.0 * float(rng.integers(-30, 31)) if self.anywhere else 0.0
         return carrier(
             rng,
@@ -160,9 +161,9 @@ class Carrier:
 
 
 class Impulses:
-    """Impulses at each level, of each length.
+    """Interference by impulses at each level, of each length.
 
-    `regular`: as a serial port makes them.
+    `regular`: evenly spaced, as a serial port makes them.
     """
 
     KINDS = tuple((level, length) for level in (25.0, 40.0) for length in (1e-3, 5e-3))
@@ -172,7 +173,7 @@ class Impulses:
         self._regular = regular
 
     def __call__(self, rng: np.random.Generator, count: int, kind: int) -> Samples:
-        """Impulses with a kind's level and length."""
+        """Samples of impulses with the level and length of the given number."""
         level, length = self.KINDS[kind]
         return impulses(
             rng,

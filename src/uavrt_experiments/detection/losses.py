@@ -30,9 +30,9 @@ from uavrt_experiments.statistics import quantile, share_of
 Frames = list[tuple[Samples, int]]
 Disturb = Callable[[np.random.Generator, Frames], Frames]
 FRAME = 1024
-"""Samples of a datagram of the original's channelizer: 273 ms."""
+"""Number of samples in a datagram of the original's channelizer: 273 ms."""
 FLIGHT_FRAME = 326
-"""Samples of a block of our own channelizer at 3750 S/s: 87 ms."""
+"""Number of samples in a block of our own channelizer at 3750 S/s: 87 ms."""
 _ENR_DB = 16.0
 _DURATION_S = 180.0
 _SHORT_S = 60.0
@@ -42,12 +42,12 @@ _SLEW = 200e-6
 
 
 def lose(share: float) -> Disturb:
-    """Drop frames."""
+    """Drop random frames."""
     return lambda rng, frames: [f for f in frames if rng.uniform() >= share]
 
 
 def repeat(share: float) -> Disturb:
-    """Repeat frames."""
+    """Repeat random frames."""
     return lambda rng, frames: [
         f for frame in frames for f in (frame,) * (1 + (rng.uniform() < share))
     ]
@@ -70,20 +70,20 @@ def reorder(share: float) -> Disturb:
 
 
 def hole(at_s: float) -> Disturb:
-    """Drop three seconds from some time on."""
+    """Drop the frames of three seconds, from a given time on."""
     low = START_NS + ns_from_s(at_s)
     return lambda rng, frames: [f for f in frames if not low <= f[1] < low + ns_from_s(_HOLE_S)]
 
 
 def stamp_backwards(rng: np.random.Generator, frames: Frames) -> Frames:
-    """Date a frame in the middle half a second earlier."""
+    """Stamp a frame in the middle half a second too early."""
     at = len(frames) // 2
     wrong = (frames[at][0], frames[at][1] - 500_000_000)
     return [*frames[:at], wrong, *frames[at + 1 :]]
 
 
 def stamp_jump(at_s: float) -> Disturb:
-    """The clock is set 1000 s forward at some time."""
+    """Set the clock 1000 s forward at a given time."""
     at = START_NS + ns_from_s(at_s)
     return lambda rng, frames: [
         (s, t + ns_from_s(_JUMP_S) if t >= at else t) for s, t in frames
@@ -91,7 +91,7 @@ def stamp_jump(at_s: float) -> Disturb:
 
 
 def slew(rng: np.random.Generator, frames: Frames) -> Frames:
-    """A clock that runs 200 ppm fast."""
+    """Stamp the frames with a clock that runs 200 ppm fast."""
     return [(s, START_NS + round((t - START_NS) * (1.0 + _SLEW))) for s, t in frames]
 
 
@@ -107,11 +107,11 @@ class Disturbed:
     disturb: Disturb
     frame: int = FRAME
     when: Callable[[TruePulse], float] = lambda pulse: pulse.start_s
-    """Time of a pulse by the frames [s]."""
+    """Time of a pulse on the clock of the frames [s]."""
     duration_s: float = _DURATION_S
 
     def fly(self, rng: np.random.Generator) -> Comparison:
-        """Reports against the truth, lost pulses counted."""
+        """Run one flight and compare the reports with the truth; lost pulses are counted."""
         flight = Flight(enr_db=_ENR_DB, duration_s=self.duration_s)
         samples, truth = flight.samples(rng)
         frames = self.disturb(rng, list(blocks_of(samples, block=self.frame)))
@@ -127,7 +127,7 @@ def _case(
     loss: Callable[[float], float] = lambda _: 0.0,
     published: float | None = None,
 ) -> Case:
-    """Flights with disturbed frames; the share that they lose may depend on their length."""
+    """Case with disturbed frames; the share that they lose may depend on their length."""
 
     def flights_of(duration_s: float, least: int) -> Case:
         flown = replace(disturbed(duration_s), duration_s=duration_s)
@@ -161,7 +161,7 @@ def _lost_case(percent: int) -> Case:
 
 
 def _after_a_hole() -> Case:
-    """Time from the end of a hole to the first pulse confirmed after it."""
+    """Time from the end of a hole to the first pulse confirmed after it [s]."""
     tag = THESIS_TAG
 
     def trial(
@@ -194,7 +194,9 @@ def _after_a_hole() -> Case:
 
 
 def _deafness() -> Case:
-    """Detection of the very first pulse of a stream, and delay of the first report."""
+    """Case for the detection of the very first pulse of a stream, and the delay of the first
+    report.
+    """
 
     def trial(rng: np.random.Generator, _: int) -> float:
         flight = Flight(enr_db=20.0, duration_s=12.0)

@@ -11,7 +11,7 @@ from uavrt_experiments.detection.signals import noise
 
 Samples = NDArray[np.complex64]
 _SLOPE_HZ = 100.0
-"""Width of a neighbour's edge: a transmitter's filter falls within it."""
+"""Width of a neighbour's edge [Hz], within which a transmitter's filter falls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Neighbour:
     sample_rate_hz: float = 3750.0
 
     def __call__(self, rng: np.random.Generator, count: int) -> Samples:
-        """Its signal without the noise of the receiver, shape (count,)."""
+        """The neighbour's signal without the noise of the receiver, shape (count,)."""
         keyed = self.off_s > 0.0
         wave = noise(rng, count)
         if keyed and not self.clicks:
@@ -53,7 +53,9 @@ class Neighbour:
 def _keying(
     rng: np.random.Generator, count: int, on_s: float, off_s: float, rate_hz: float
 ) -> NDArray[np.float32]:
-    """One while a transmitter sends, zero in its pauses; lengths differ by half."""
+    """One while a transmitter sends, zero in its pauses, whose lengths differ by half; shape
+    (count,).
+    """
     on = np.zeros(count)
     at = -rng.uniform(0.0, on_s + off_s) * rate_hz
     while at < count:
@@ -68,10 +70,10 @@ def _keying(
 class MainsSparks:
     """Noise of a power line, which sparks at twice the mains frequency.
 
-    `per_s`: 100 or 120.
+    `per_s`: sparks in a second, 100 or 120.
     `duty`: share of the time with a spark.
-    `level_db`: mean density over that of the noise.
-    `varying`: whether the strength differs from spark to spark.
+    `level_db`: mean density over that of the noise [dB].
+    `varying`: true if the strength differs from spark to spark.
     """
 
     per_s: float
@@ -81,7 +83,7 @@ class MainsSparks:
     sample_rate_hz: float = 3750.0
 
     def __call__(self, rng: np.random.Generator, count: int) -> Samples:
-        """Its noise without that of the receiver, shape (count,)."""
+        """The power line's noise without that of the receiver, shape (count,)."""
         cycles = np.arange(count) * (self.per_s / self.sample_rate_hz)
         # The mains frequency wanders.
         cycles += np.cumsum(rng.standard_normal(count)) * 1e-3 + rng.uniform()

@@ -1,6 +1,6 @@
-"""Random bursts in the channel: hoppers, slots of a frame, speech.
+"""Random bursts of other transmitters in the channel: hoppers, slots of a frame, speech.
 
-Levels are the ENR that a burst of the length of the tag's pulse has at its own frequency.
+Levels are the ENR of a burst with the length of the tag's pulse at its own frequency [dB].
 """
 
 import math
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Samples = NDArray[np.complex64]
 Scene = Callable[[np.random.Generator, int], Samples]
-"""Makes a number of samples of the signals on air, without noise."""
+"""Makes a number of samples of the transmitters, without noise."""
 LEVELS_DB = (20.0, 35.0)
 _PULSE_S = 0.020
 _EDGE_S = 0.5e-3
@@ -47,7 +47,7 @@ class Hopper:
     """Bursts at random times and frequencies.
 
     `per_s`: mean number in a second in the whole channel.
-    `dwell_s`: shortest and longest.
+    `dwell_s`: shortest and longest duration of a burst [s].
     """
 
     per_s: float
@@ -58,7 +58,7 @@ class Hopper:
     def __call__(
         self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
     ) -> Samples:
-        """Samples of the signal."""
+        """Samples of the hopper's signal."""
         samples = np.zeros(count, np.complex64)
         duration_s = count / sample_rate_hz
         for start_s in rng.uniform(0.0, duration_s, rng.poisson(self.per_s * duration_s)):
@@ -76,13 +76,13 @@ class Hopper:
 
 @dataclass(frozen=True, slots=True)
 class Slots:
-    """Slots of a frame on one frequency, each sent in or not at random.
+    """Slots of a frame on one frequency, each used or not at random.
 
-    `frame_s`: from a slot to the next of the same user.
-    `slot_s`: length of a burst.
+    `frame_s`: time from a slot to the next of the same user [s].
+    `slot_s`: length of a burst [s].
     `busy`: share of the frames in which the slot is used.
-    `users`: their slots lie at different places of the frame, with levels and frequencies (± 20
-    Hz) of their own.
+    `users`: number of users, with slots at different places of the frame, and their own levels
+    and frequencies (± 20 Hz).
     """
 
     frame_s: float
@@ -96,7 +96,7 @@ class Slots:
     def __call__(
         self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
     ) -> Samples:
-        """Samples of the signal."""
+        """Samples of the users' signals."""
         samples = np.zeros(count, np.complex64)
         duration_s = count / sample_rate_hz
         for _ in range(self.users):
@@ -119,12 +119,13 @@ class Slots:
 
 @dataclass(frozen=True, slots=True)
 class Voice:
-    """Speech of one sideband: syllables of harmonics of a pitch that glides, in overs.
+    """Speech of one sideband: syllables of harmonics of a gliding pitch, in overs (spells of
+    speech).
 
     `per_s`: syllables in a second of an over.
-    `over_s`, `pause_s`: mean lengths of an over and of the silence after it.
-    `syllable_s`: shortest and longest.
-    `lowest_hz`: where the speech's zero lies, relative to the channel's centre.
+    `over_s`, `pause_s`: mean lengths of an over and of the silence after it [s].
+    `syllable_s`: shortest and longest syllable [s].
+    `lowest_hz`: frequency of the speech's zero relative to the channel's centre [Hz].
     """
 
     per_s: float
@@ -138,7 +139,7 @@ class Voice:
     def __call__(
         self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
     ) -> Samples:
-        """Samples of the signal."""
+        """Samples of the speech's signal."""
         samples = np.zeros(count, np.complex64)
         duration_s = count / sample_rate_hz
         at = float(rng.exponential(self.pause_s))

@@ -16,34 +16,34 @@ from uavrt_experiments.result import Row
 from uavrt_experiments.statistics import share_by_flight
 
 _COLLISION_S = 0.04
-"""Pulses closer than this hide each other."""
+"""Distance in time below which two pulses hide each other [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """Result of a flight."""
+    """Result of a flight with several listed tags."""
 
     true: int
-    """Pulses that no other tag's hit."""
+    """Number of pulses that do not coincide with another tag's."""
     confirmed: int
-    """Confirmed pulses among these, under the number of their sender."""
+    """Number of confirmed pulses among the true ones, under the number of their sender."""
     wrong: int
-    """Pulses confirmed as another tag's, without a note of ambiguity."""
+    """Number of pulses confirmed as another tag's, without a note of ambiguity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneBand:
-    """Tags listed at one frequency, some of them on the air."""
+    """Tags listed at one frequency, some of which send."""
 
     intervals_s: tuple[tuple[float, ...], ...]
-    """One or two rates of each tag; it sends at the last."""
+    """One or two intervals of each tag [s]; it sends at the last."""
     levels_db: tuple[float | None, ...]
-    """Level of each tag; None: it is silent."""
+    """Level of each tag [dB]; None: it is silent."""
     uncertainty_s: float = 0.06
     duration_s: float = 120.0
 
     def fly(self, rng: np.random.Generator, index: int) -> Heard:
-        """One flight; in every second one the tags are listed the other way around."""
+        """Run one flight; in every second one the tags are listed in reverse order."""
         tags = [
             replace(
                 THESIS_TAG,

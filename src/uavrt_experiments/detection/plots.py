@@ -1,4 +1,4 @@
-"""The curves: Pd and recall by ENR, pulses summed, false alarms."""
+"""Plots of the results: Pd and recall by ENR, pulses summed, false alarms."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,9 +20,9 @@ _ORIGINAL = "C3"
 
 
 def require_matplotlib() -> None:
-    """Check for matplotlib before minutes of work.
+    """Check that matplotlib is installed, before minutes of work.
 
-    Raises `UsageError`: there is no matplotlib.
+    Raises `UsageError`: it is not installed.
     """
     with needs_extra("analysis", "drawing the curves", otherwise=", or give --no-plots"):
         import matplotlib.figure  # noqa: F401
@@ -48,7 +48,7 @@ def draw_all(directory: Path, rows: Sequence[Row]) -> list[Path]:
 
 
 def _with_bars(axes: "Axes", rows: Sequence[Row], label: str, **style: object) -> None:
-    """Figures with their intervals."""
+    """Plot figures with their intervals as error bars."""
     figures = np.array([row.figure for row in rows])
     ends = np.array([[r.figure - r.low, r.high - r.figure] for r in rows]).T
     at = [row.at for row in rows]
@@ -65,7 +65,7 @@ def _finish(
 
 
 def draw_pd(figure: "Figure", rows: Sequence[Row]) -> bool:
-    """Pd of single decisions by ENR, with the original and the bounds."""
+    """Plot Pd of single decisions by ENR, with the original and the bounds."""
     ours = sorted(
         (r for r in rows if r.quantity == "Pd" and r.case.startswith("K = 3, pf 1 %")),
         key=lambda row: row.at or 0.0,
@@ -90,7 +90,7 @@ def draw_pd(figure: "Figure", rows: Sequence[Row]) -> bool:
 
 
 def draw_summed(figure: "Figure", rows: Sequence[Row]) -> bool:
-    """ENR for Pd .5 by the number of pulses summed."""
+    """Plot the ENR for Pd 0.5 by the number of pulses summed."""
     ours = sorted(
         (r for r in rows if r.quantity == "ENR for Pd 0.5, dB" and r.at is not None),
         key=lambda row: row.at or 0.0,
@@ -114,7 +114,7 @@ def draw_summed(figure: "Figure", rows: Sequence[Row]) -> bool:
 
 
 def draw_tracking(figure: "Figure", rows: Sequence[Row]) -> bool:
-    """Confirmed recall of 300 s by ENR."""
+    """Plot the confirmed share of the pulses of 300 s by ENR."""
     ours = sorted(
         (r for r in rows if r.experiment == "E4" and r.at is not None),
         key=lambda row: row.at or 0.0,
@@ -130,7 +130,7 @@ def draw_tracking(figure: "Figure", rows: Sequence[Row]) -> bool:
 
 
 def draw_false_alarms(figure: "Figure", rows: Sequence[Row]) -> bool:
-    """False groups found by the share that was asked for."""
+    """Plot the false groups found by the nominal share."""
     ours = [r for r in rows if r.experiment == "E1" and r.at is not None]
     if not ours:
         return False

@@ -27,30 +27,30 @@ from uavrt_experiments.result import Row
 from uavrt_experiments.statistics import quantile, share_of
 
 _RATE_HZ = 7500.0
-"""Sample rate of a channel in flight."""
+"""Sample rate of a channel in flight [Hz]."""
 _LIMIT_S = 0.5
 _PERCENT = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latencies:
-    """Time from the end of a group's last pulse to its record, by group."""
+    """Latency of each group: the time from the end of its last pulse to its record."""
 
     first_s: float | None
-    """The first group's; None: none was found."""
+    """Latency of the first group [s]; None: no group was found."""
     later_s: tuple[float, ...]
 
 
 def group_latencies(
     records: Sequence[Emission], tag: Tag, truth: Sequence[TruePulse]
 ) -> Latencies:
-    """Latency of each group: of the record of its last pulse, from the group's end.
+    """Latency of each group [s]: the record of its last pulse, counted from the group's end.
 
-    A group ends with its K-th place. If its last places hold noise alone (a strong pulse may
-    carry two weak terms of the sum), it is complete only then. If its first places do, as for a
-    tag that begins to send, it is one or two pulses, which may be below the threshold alone.
-    The first group is therefore the tag's first K received pulses; noise may be reported
-    before.
+    A group ends with its K-th place. If its last places contain only noise (a strong pulse may
+    make up for two weak terms of the sum), it is complete only then. If its first places do, as
+    for a tag that begins to send, the group is one or two pulses, which may be below the
+    threshold alone. The first group is therefore the tag's first K received pulses; noise may
+    be reported before.
     """
     near_s = 0.75 * tag.pulse_width_s
     heard = [
@@ -81,7 +81,7 @@ def _end_s(record: Emission) -> float:
 
 
 def _latency_case(name: str, *, enr_db: float, silent_s: float, barred: bool) -> Case:
-    """Streams whose tag sends from the start, or later."""
+    """Case with streams whose tag sends from the start, or later."""
 
     def trial(rng: np.random.Generator, _: int) -> Latencies:
         duration_s = silent_s + 15.0
@@ -146,7 +146,9 @@ def _cost_case(
     signal_s: float = 20.0,
     seconds: float = 0.05,
 ) -> Case:
-    """CPU time of detectors at the real-time rate, in a process without other work."""
+    """Case for the CPU time of detectors at the real-time rate, in a process without other
+    work.
+    """
 
     def trial(rng: np.random.Generator, _: int) -> float:
         samples = noise(rng, round(2.0 * signal_s * _RATE_HZ))

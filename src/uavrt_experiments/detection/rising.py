@@ -33,10 +33,10 @@ _STRETCH_S = 120.0
 _EDGE_HZ = 200.0
 """Largest distance of a transmitter's edge from the tag's frequency."""
 _SKIRT_HZ = 40.0
-"""Width over which its density falls to nothing."""
+"""Width over which a transmitter's density falls to nothing [Hz]."""
 _SOON_S = 0.1
 _LATE_S = 1.0
-"""Time after a rise from which false groups are counted as in steady noise."""
+"""Time after a rise from which false groups are counted as in steady noise [s]."""
 _SOON_MOST = 2.0
 _LATER = (0.7, 1.4)
 _CONFIRMED_MOST = 0.001
@@ -45,20 +45,21 @@ _WEAK_DB = 10.0
 _STRONG_LEAST = 0.9
 _WEAK_LOSS = 0.1
 _WEAK_LEAST = 0.5
-"""Least share of pulses, since a detector without detections even in steady noise must fail."""
+"""Least share of pulses found; a detector that finds none even in steady noise must fail."""
 _TAG_HZ = 100.0
 _INSIDE_HZ = 150.0
-"""In cases where half of the rows and the tag's own rise, no edge lies nearer than this."""
+"""Least distance of an edge from the tag's frequency, in cases where the tag's own rows rise
+[Hz]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rise:
     """Noise that rises, stays, and falls again, repeatedly.
 
-    `depth_db`: from the low level to the high one.
-    `up_s`, `down_s`: duration of the rise and the fall, linear in decibels.
-    `high_s`, `low_s`: duration of each level.
-    `first_s`: start of the first rise.
+    `depth_db`: difference between the high level and the low one [dB].
+    `up_s`, `down_s`: duration of the rise and the fall, linear in decibels [s].
+    `high_s`, `low_s`: duration of each level [s].
+    `first_s`: start of the first rise [s].
     """
 
     depth_db: float
@@ -70,11 +71,11 @@ class Rise:
 
     @property
     def period_s(self) -> float:
-        """Time between rises."""
+        """Time from a rise to the next [s]."""
         return self.up_s + self.high_s + self.down_s + self.low_s
 
     def level_db(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Level over the low one at some times, shape as given."""
+        """Level over the low one [dB] at given times, shape as given."""
         phase = (time_s - self.first_s) % self.period_s
         top = self.up_s + self.high_s
         corners = [0.0, self.up_s, top, top + self.down_s, self.period_s]
@@ -82,12 +83,14 @@ class Rise:
         return np.where(time_s < self.first_s, 0.0, level)
 
     def starts_s(self, duration_s: float) -> NDArray[np.float64]:
-        """Starts of the rises in a stretch."""
+        """Start times of the rises in a stretch [s]."""
         return np.arange(self.first_s, duration_s, self.period_s)
 
 
 def random_rise(rng: np.random.Generator) -> Rise:
-    """Rises of 1 to 20 dB within 0.01 to 5 s, levels of at least 0.5 s, periods from 2 s."""
+    """Draw a rise of 1 to 20 dB within 0.01 to 5 s, with levels of at least 0.5 s and periods
+    from 2 s.
+    """
 
     def between(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(math.log(low), math.log(high))))
@@ -114,11 +117,10 @@ def rising_noise(
     upwards: bool = True,
     sample_rate_hz: float = RATE_HZ,
 ) -> Samples:
-    """Noise of unit power that a rise adds to.
+    """Noise of unit power with an added rise, shape (count,).
 
-    `above_hz`: only what lies on one side of this edge rises; None: all.
-    `upwards`: which side.
-    Returns: shape (count,).
+    `above_hz`: edge on one side of which the noise rises [Hz]; None: all of it rises.
+    `upwards`: true if the side above the edge rises.
     """
     level = 10.0 ** (rise.level_db(np.arange(count) / sample_rate_hz) / 10.0)
     if above_hz is None:
@@ -133,8 +135,8 @@ def rising_noise(
 class Alarms:
     """False groups of one stretch, and their expected number.
 
-    A group with a pulse between 0.1 s after a rise's start and 1 s after its end is ``soon``;
-    of the others one with a pulse in the 0.1 s left out is ``at_once``; the rest is ``later``.
+    A group with a pulse between 0.1 s after a rise's start and 1 s after its end is ``soon``.
+    Of the others, one with a pulse in the 0.1 s left out is ``at_once``; the rest is ``later``.
     """
 
     soon: int
@@ -142,17 +144,17 @@ class Alarms:
     at_once: int
     confirmed: int
     intervals: float
-    """Decision intervals searched."""
+    """Number of decision intervals searched."""
     soon_nominal: float
     later_nominal: float
 
 
 def count_alarms(pulses: Sequence[Pulse], rise: Rise, tag: Tag, *, duration_s: float) -> Alarms:
-    """Sort the groups of a stretch without a tag."""
+    """Sort the groups of a stretch without a tag by their time after a rise."""
     starts_s = rise.starts_s(duration_s)
 
     def kinds(times_s: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Whether groups, shape (groups, K), are soon after a rise, and at once."""
+        """For groups, shape (groups, K): true if soon after a rise, and true if at once."""
         since = times_s[..., np.newaxis] - starts_s
         begun = since >= 0.0
         soon = (since >= _SOON_S) & (since < rise.up_s + _LATE_S)
@@ -213,7 +215,9 @@ def search_stretch(
 
 
 def alarm_rows(outcomes: Sequence[Alarms], *, case: str) -> list[Row]:
-    """False groups soon after a rise and later, over nominal; groups confirmed."""
+    """Rows with false groups soon after a rise and later, over nominal, and
+    confirmed groups.
+    """
     rows = []
     for what, counts, expected, (least, most) in (
         (
@@ -262,8 +266,8 @@ def alarm_rows(outcomes: Sequence[Alarms], *, case: str) -> list[Row]:
 class Heard:
     """Pulses of a tag in rising noise, compared with steady noise.
 
-    `steady`: share that is found in noise that stays low, and that stays high, each weighted by
-    its time.
+    `steady`: share found in noise that stays low, and in noise that stays high, each weighted
+    by its time.
     """
 
     true: int
@@ -326,7 +330,9 @@ def hear(
 def heard_rows(
     outcomes: Sequence[Heard], *, case: str, least: float | None = None
 ) -> list[Row]:
-    """Share of the pulses found; without a bar of its own, that of steady noise less 0.1."""
+    """Rows with the share of the pulses found; the default requirement is that of steady noise
+    less 0.1.
+    """
     steady = sum(o.steady for o in outcomes) / len(outcomes)
     return [
         Row.with_interval(
@@ -349,7 +355,9 @@ _RADIO_TAGS = 12
 def search_radio(
     rng: np.random.Generator, rise: Rise, *, duration_s: float = _RADIO_S
 ) -> Alarms:
-    """Search for absent tags through the whole front end, with all the band's noise rising."""
+    """Search for absent tags through the whole front end, while the noise of all the band
+    rises.
+    """
     center_hz = THESIS_TAG.frequency_hz
     tags = [
         replace(
@@ -401,7 +409,7 @@ def _alarm_case(name: str, rows: Rows, *, window_hz: float = 500.0, trials: int 
 
 
 def _known_case(name: str, rise: Rise) -> Case:
-    """One rise repeatedly, as in the first report of a throttle."""
+    """Case with one rise repeatedly, as in the first report of a throttle."""
 
     def trial(rng: np.random.Generator, _: int) -> Alarms:
         own = replace(rise, first_s=rise.first_s + float(rng.uniform(0.0, 1.0)))
@@ -455,7 +463,7 @@ def _radio_case(name: str) -> Case:
 
 
 def steps(rng: np.random.Generator) -> Rise:
-    """Steps of 20 dB up and down, one second each: the hardest required case."""
+    """Case with steps of 20 dB up and down, one second each: the hardest required case."""
     return Rise(
         depth_db=20.0,
         up_s=0.01,

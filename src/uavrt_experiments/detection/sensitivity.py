@@ -1,4 +1,4 @@
-"""E2: single decisions by ENR."""
+"""E2: probability of detection of single decisions, by ENR."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,7 +19,7 @@ Shot = tuple[float, bool]
 
 
 def points_of(shots: Sequence[Shot]) -> list[tuple[float, int, int]]:
-    """Level, hits and trials of each level."""
+    """Level [dB], hits and number of trials of each level."""
     levels = sorted({level for level, _ in shots})
     return [
         (
@@ -41,7 +41,9 @@ def curve_case(
     per_level: int = FULL_TRIALS,
     short: Case | None = None,
 ) -> Case:
-    """Decisions at several levels in turn; in short four at each, if there is no other form."""
+    """Case with decisions at several levels in turn; its default short form has four
+    at each.
+    """
 
     def trial(rng: np.random.Generator, index: int) -> Shot:
         level = levels_db[index % len(levels_db)]
@@ -63,8 +65,9 @@ def clearly_above(
 ) -> Case:
     """Short form of a curve: decisions at 1.5 dB above the required ENR.
 
-    Where half of them must be found, nine in ten or more are expected there. Few trials at the
-    bar itself show nothing: a curve fitted to misses alone reaches a half anywhere.
+    If half of them are required at the ENR, nine in ten or more are expected there. A few
+    trials at the required ENR itself show nothing, because a curve fitted only to misses may
+    reach a half anywhere.
     """
     level = bar_db + _CLEARLY_DB
 
@@ -101,7 +104,7 @@ def pd_rows(
     probability: float = 0.01,
     cells: float | None = None,
 ) -> list[Row]:
-    """Pd at each level: at least the original's."""
+    """Rows with Pd at each level; at least the original's is required."""
     rows = []
     for level, hits, trials in points_of(shots):
         rows.append(
@@ -135,7 +138,7 @@ def level_row(
     at: float | None = None,
     note: str = "",
 ) -> Row:
-    """ENR at which a curve reaches a share."""
+    """Row with the ENR [dB] at which a curve reaches a share."""
     level, low, high, _ = level_for(points_of(shots), share)
     return Row.with_interval(
         experiment,
@@ -153,7 +156,7 @@ def level_row(
 
 
 def level_of_bound(bound: Callable[[float], float], share: float) -> float:
-    """ENR at which a bound reaches a share [dB]."""
+    """ENR [dB] at which a theoretical bound reaches a share."""
     low, high = -10.0, 25.0
     for _ in range(40):
         middle = 0.5 * (low + high)

@@ -36,7 +36,7 @@ START_NS = 1_700_000_000_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePulse:
-    """One generated pulse."""
+    """One generated pulse: the truth."""
 
     start_s: float
     offset_hz: float
@@ -84,14 +84,14 @@ def pulse_train(
     interval_drift: float = 0.0,
     width_s: float = 0.02,
 ) -> list[TruePulse]:
-    """Pulses of a tag over a stretch.
+    """Make the pulses of a tag over a stretch.
 
-    `duration_s`: length of the stretch; only whole pulses.
-    `interval_s`: from pulse start to pulse start.
-    `offset_hz`: frequency relative to the channel's centre.
-    `enr_db`: ENR, or ENR as a function of time.
-    `jitter_s`: each pulse is off by a uniform error of at most this.
-    `first_s`: start of the first pulse; random within an interval when None.
+    `duration_s`: length of the stretch [s]; only whole pulses are made.
+    `interval_s`: time from pulse start to pulse start [s].
+    `offset_hz`: frequency relative to the channel's centre [Hz].
+    `enr_db`: ENR [dB], or a function of time that gives it.
+    `jitter_s`: largest error of each pulse's time, uniform [s].
+    `first_s`: start of the first pulse [s]; None: random within an interval.
     `interval_drift`: relative change of the interval from pulse to pulse.
     """
     at = rng.uniform(0.0, interval_s) if first_s is None else first_s

@@ -1,4 +1,4 @@
-"""Rows as files: JSON to continue from, CSV and Markdown to read."""
+"""Files of result rows: JSON to continue from, CSV and Markdown to read."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from uavrt_experiments.tables import HEADER, bars_kept, cells, write_csv
 
 RESULTS = "results.json"
 FOLDERS = ("detection", "dsp")
-"""Folders of the package that the figures depend on."""
+"""Folders of the package whose code the figures depend on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,18 +25,18 @@ class Origin:
     trials: int
     """Decisions for each point of a Pd curve."""
     measured: str = ""
-    """Commit, date, machine and code, as in `uavrt_experiments.measured`."""
+    """Commit, date, machine and code digest, as in `uavrt_experiments.measured`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """All available rows, and the origin of each experiment's."""
+    """All available rows, and the origin of each experiment's rows."""
 
     rows: tuple[Row, ...]
     origins: dict[str, Origin]
 
     def merged(self, other: "Results") -> "Results":
-        """These, with the other's experiments replacing those of the same name."""
+        """Combine with other results; their experiments replace those of the same name."""
         rows = [row for row in self.rows if row.experiment not in other.origins]
         order = list(EXPERIMENTS)
         both = sorted([*rows, *other.rows], key=lambda row: order.index(row.experiment))
@@ -44,7 +44,7 @@ class Results:
 
 
 def as_json(results: Results) -> dict[str, Any]:
-    """For `json.dumps`; numbers that JSON cannot hold become null."""
+    """Convert for `json.dumps`; numbers that JSON cannot represent become null."""
     return {
         "origins": {name: asdict(origin) for name, origin in sorted(results.origins.items())},
         "rows": [
@@ -60,9 +60,9 @@ def _plain(value: object) -> object:
 
 
 def read_results(path: Path) -> Results:
-    """Results of earlier runs; none when there is no such file.
+    """Read results of earlier runs; empty if the file does not exist.
 
-    Raises `ConfigError`: the file is no file of results.
+    Raises `ConfigError`: the file does not contain results.
     """
     if not path.exists():
         return Results(rows=(), origins={})
@@ -86,7 +86,7 @@ def read_results(path: Path) -> Results:
 
 
 def write_results(directory: Path, results: Results) -> list[Path]:
-    """Write JSON, CSV and Markdown; their paths."""
+    """Write results as JSON, CSV and Markdown; returns the paths."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = [directory / RESULTS, directory / "results.csv", directory / "results.md"]
     paths[0].write_text(json.dumps(as_json(results), indent=1) + "\n", encoding="utf-8")
@@ -100,7 +100,7 @@ def write_results(directory: Path, results: Results) -> list[Path]:
 
 
 def markdown(results: Results) -> str:
-    """The whole table as a page."""
+    """Format the whole table as a Markdown page."""
     parts = [
         "# What the detector reaches",
         "Written by `uavrt experiment detection`. A bar is met or not by the measured "

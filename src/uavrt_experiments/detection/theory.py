@@ -1,4 +1,4 @@
-"""Bounds for a detector of K pulses.
+"""Theoretical bounds for a detector of K pulses.
 
 Noncoherent square law, Pd = Q_K(sqrt(2 K ENR), sqrt(2 x)) with x the threshold of a sum of K
 unit exponentials.
@@ -8,19 +8,21 @@ import math
 from functools import lru_cache
 
 EFFECTIVE_CELLS = {1: 1.5e4, 2: 3.7e5, 3: 9e5, 5: 6e6, 8: 3e7, 12: 7e8}
-"""Effective hypotheses of the original's search, by K (the middle of the range given)."""
+"""Effective number of hypotheses of the original's search, by K (the middle of the stated
+range)."""
 EFFECTIVE_CELLS_TRACKER = 2.3e6
-"""The same for the default tag of the original's ground station, K = 3."""
+"""Effective number of hypotheses for the default tag of the original's ground
+station, K = 3."""
 ENR_HALF_DB = {1: 11.4, 2: 9.8, 3: 8.5, 5: 7.2, 8: 6.0, 12: 5.2}
-"""ENR for Pd .5 of the table of theory, by K: aligned pulses, full search."""
+"""Theoretical ENR [dB] for Pd 0.5, by K: aligned pulses, full search."""
 GENIE_HALF_DB = {1: 6.1, 2: 4.1, 3: 2.9, 5: 1.5, 8: 0.2, 12: -0.8}
-"""The same with time, frequency and interval known."""
+"""Theoretical ENR [dB] for Pd 0.5 with time, frequency and interval known, by K."""
 LONG_HALF_DB = {20: 1.2, 40: -0.5}
-"""Search bound of the long integration without jitter, by K."""
+"""Bound of the ENR [dB] for Pd 0.5 of the long integration without jitter, by K."""
 
 
 def erlang_tail(k: int, x: float) -> float:
-    """Chance that a sum of k unit exponentials passes x."""
+    """Probability that a sum of k unit exponentials exceeds x."""
     term = total = 1.0
     for i in range(1, k):
         term *= x / i
@@ -30,7 +32,7 @@ def erlang_tail(k: int, x: float) -> float:
 
 @lru_cache(maxsize=256)
 def erlang_threshold(k: int, probability: float) -> float:
-    """Threshold that a sum of k unit exponentials passes with a probability."""
+    """Threshold that a sum of k unit exponentials exceeds with a given probability."""
     low, high = 0.0, 1000.0
     for _ in range(80):
         middle = 0.5 * (low + high)
@@ -42,7 +44,7 @@ def erlang_threshold(k: int, probability: float) -> float:
 
 
 def detection_probability(k: int, enr_db: float, threshold: float) -> float:
-    """Marcum's Q_K: chance that k pulses of an ENR pass a threshold.
+    """Marcum's Q_K: probability that k pulses of an ENR exceed a threshold.
 
     A noncentral chi-square is a Poisson mixture of Erlang sums.
     """
@@ -57,7 +59,7 @@ def detection_probability(k: int, enr_db: float, threshold: float) -> float:
 
 
 def genie(k: int, enr_db: float, false_alarms: float = 0.01) -> float:
-    """Pd when time, frequency and interval are known."""
+    """Pd if time, frequency and interval are known."""
     return detection_probability(k, enr_db, erlang_threshold(k, false_alarms))
 
 
@@ -86,5 +88,5 @@ def snr_error_db(enr_db: float) -> float:
 
 
 def frequency_bound_hz(enr_db: float, pulse_width_s: float) -> float:
-    """Cramér and Rao's bound of the frequency of one rectangular pulse [Hz] (§10, E7)."""
+    """Cramér-Rao bound of the frequency of one rectangular pulse [Hz]."""
     return math.sqrt(6.0 / math.pow(10.0, enr_db / 10.0)) / (2.0 * math.pi * pulse_width_s)

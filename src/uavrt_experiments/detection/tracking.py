@@ -1,4 +1,4 @@
-"""E4, E8: a tag followed for minutes: weak, fading, off its interval."""
+"""E4, E8: a tag followed for minutes: weak, fading, or with a wrong interval."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,11 +15,11 @@ from uavrt_experiments.result import Row
 from uavrt_experiments.statistics import count_interval, level_for, quantile, share_by_flight
 
 SEEDS = 20
-"""Flights of a condition at full size; the bars ask for ten."""
+"""Number of flights of a condition at full size; ten are required."""
 _CPU_PER_SECOND = 0.0025
-"""CPU time of a second of the whole channel at 3750 S/s."""
+"""CPU time for a second of the whole channel at 3750 S/s [s]."""
 SHORT_S = 40.0
-"""Duration of the short forms: some thirty pulses show the commonest faults."""
+"""Duration of the short forms [s]: about thirty pulses show the commonest faults."""
 _RAMP_S = 300.0
 _RAMP_DB = (14.0, 5.0)
 
@@ -33,7 +33,7 @@ def flight_case(
     least: int = 3,
     brief: Flight | None = None,
 ) -> Case:
-    """Flights of one condition; the short form is a single one of 40 s by default."""
+    """Case with flights of one condition; the default short form is a single one of 40 s."""
     full = Case(
         name=name,
         trials=seeds,
@@ -55,7 +55,7 @@ def recall_row(
     original: float | None = None,
     at: float | None = None,
 ) -> Row:
-    """Share of the pulses that were confirmed, mean over the flights."""
+    """Row with the share of the pulses that were confirmed, as a mean over the flights."""
     return Row.with_interval(
         experiment,
         "confirmed recall",
@@ -79,7 +79,7 @@ def count_row(
     original: float | None = None,
     note: str = "",
 ) -> Row:
-    """Count of errors in a flight."""
+    """Row with the number of errors in a flight."""
     total, flights = sum(counts), len(counts)
     low, high = count_interval(counts)
     return Row.with_interval(
@@ -108,7 +108,7 @@ def flight_rows(
     original_false: float | None = None,
     at: float | None = None,
 ) -> list[Row]:
-    """Recall, and pulses confirmed falsely."""
+    """Rows with recall and falsely confirmed pulses."""
     return [
         recall_row(
             flights, experiment=experiment, case=case, least=least, original=original, at=at
@@ -181,7 +181,7 @@ def _ramp_rows(flights: Sequence[Comparison]) -> list[Row]:
 
 
 def _first_confirmed() -> Case:
-    """Time until a tag of 14 dB is confirmed, from the stream's start."""
+    """Case for the time from the stream's start until a tag of 14 dB is confirmed."""
 
     def trial(rng: np.random.Generator, _: int, *, duration_s: float = 30.0) -> float:
         flight = Flight(enr_db=14.0, duration_s=duration_s)

@@ -23,12 +23,12 @@ from uavrt_experiments.detection.signals import (
 
 Samples = NDArray[np.complex64]
 BLOCK_SAMPLES = 653
-"""About 87 ms of a 7.5 kS/s channel: how samples arrive in a flight."""
+"""Number of samples in a block, as they arrive in a flight: about 87 ms at 7.5 kS/s."""
 RATE_HZ = 3750.0
-"""Rate of the original's channels, and the default of all trials."""
+"""Rate of the original's channels [Hz], and the default of all trials."""
 WHOLE_CHANNEL_HZ = math.inf
 _RICIAN = 10.0**0.6
-"""Power of the steady part over that of the fading one: 6 dB."""
+"""Power ratio of the steady part to the fading one, 6 dB."""
 _RAMP_DB_PER_PULSE = 3.0
 
 
@@ -53,7 +53,7 @@ def detect_blocks(
     frequency_window_hz: float = WHOLE_CHANNEL_HZ,
     operating_mode: OperatingMode = OperatingMode.SEARCH_SOFT_LOCK,
 ) -> tuple[list[Pulse], PulseDetector]:
-    """Run a detector over blocks and their times; its pulses and the detector itself."""
+    """Run a detector over blocks with given times; returns its pulses and the detector."""
     detector = PulseDetector(
         tag,
         sample_rate_hz=sample_rate_hz,
@@ -81,7 +81,7 @@ def detect(
     block: int = BLOCK_SAMPLES,
     start_ns: int = START_NS,
 ) -> tuple[list[Pulse], PulseDetector]:
-    """Run a detector over samples, in blocks; its pulses and the detector itself."""
+    """Run a detector over samples, in blocks; returns its pulses and the detector."""
     return detect_blocks(
         blocks_of(samples, sample_rate_hz=sample_rate_hz, block=block, start_ns=start_ns),
         tag,
@@ -94,7 +94,7 @@ def detect(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Emission:
-    """A record, and the amount of the stream that preceded it."""
+    """A record of the detector, and the amount of the stream that preceded it [s]."""
 
     pulse: Pulse
     at_s: float
@@ -108,7 +108,7 @@ def emissions(
     frequency_window_hz: float = WHOLE_CHANNEL_HZ,
     block: int = BLOCK_SAMPLES,
 ) -> list[Emission]:
-    """Records of a detector with the stream's time of each."""
+    """Records of a detector, each with the stream's time at which it was emitted."""
     detector = PulseDetector(
         tag,
         sample_rate_hz=sample_rate_hz,
@@ -126,13 +126,13 @@ def emissions(
 
 @dataclass(slots=True)
 class Comparison:
-    """Reported pulses against the true ones."""
+    """Number of reported pulses that match the true ones, and their errors."""
 
     true: int = 0
     matched: int = 0
-    """True pulses with any report within 0.75 of a pulse width."""
+    """Number of true pulses with any report within 0.75 of a pulse width."""
     confirmed: int = 0
-    """True pulses with a confirmed report there."""
+    """Number of true pulses with a confirmed report within 0.75 of a pulse width."""
     false: int = 0
     false_confirmed: int = 0
     time_errors_s: list[float] = field(default_factory=list)
@@ -140,9 +140,9 @@ class Comparison:
     snr_errors_db: list[float] = field(default_factory=list)
     found: list[bool] = field(default_factory=list)
     sure: list[bool] = field(default_factory=list)
-    """For each true pulse, if it was found and if it was confirmed."""
+    """For each true pulse: true if it was found, and true if it was confirmed."""
     levels_db: list[float] = field(default_factory=list)
-    """ENR of each true pulse."""
+    """ENR of each true pulse [dB]."""
 
 
 def compare(
@@ -154,7 +154,7 @@ def compare(
     center_frequency_hz: float | None = None,
     confirmed_errors_only: bool = False,
 ) -> Comparison:
-    """Match reports with true pulses: within 0.75 of a pulse width and 50 Hz."""
+    """Match reports with true pulses, within 0.75 of a pulse width and 50 Hz."""
     center = tag.frequency_hz if center_frequency_hz is None else center_frequency_hz
     count = len(truth)
     result = Comparison(true=count, found=[False] * count, sure=[False] * count)
@@ -184,26 +184,28 @@ def compare(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Stretches with one decision each, as the original's segments."""
+    """Stretches of samples with one decision each, like the original's segments."""
 
     tag: Tag = THESIS_TAG
     frequency_window_hz: float = WHOLE_CHANNEL_HZ
     band_hz: float = 1500.0
-    """The tag lies anywhere within ± this."""
+    """Half-width of the range of the tag's frequency [Hz]."""
     interval_error: float = 0.8
     """Largest error of the interval, as a share of the tag's bound."""
     jitter: float = 0.5
     """Largest jitter of a pulse, as a share of the tag's bound."""
     interval_drift: float = 0.0
-    """Relative change of the interval from pulse to pulse, of random sign."""
+    """Relative change of the interval from pulse to pulse, with random sign."""
     drift_hz_per_s: float = 0.0
-    """Drift of random sign."""
+    """Drift of the frequency [Hz/s], with random sign."""
     strength: Literal["steady", "rician", "ramp"] = "steady"
 
     def stretch(
         self, rng: np.random.Generator, enr_db: float
     ) -> tuple[Samples, list[TruePulse]]:
-        """Samples with one tag of random phases, start, frequency and interval; the truth."""
+        """Samples with one tag of random phases, start, frequency and interval, and
+        the truth.
+        """
         tag = self.tag
         duration_s = decision_span_s(tag)
         sign = float(rng.choice((-1.0, 1.0)))
@@ -224,7 +226,7 @@ class Decision:
         return samples, truth
 
     def found(self, rng: np.random.Generator, enr_db: float) -> bool:
-        """True if a new detector finds the group in such a stretch."""
+        """True if a new detector finds the group in a new stretch."""
         samples, truth = self.stretch(rng, enr_db)
         pulses, _ = detect(samples, self.tag, frequency_window_hz=self.frequency_window_hz)
         return group_found(pulses, truth, self.tag)
@@ -232,7 +234,7 @@ class Decision:
     def _level(
         self, rng: np.random.Generator, enr_db: float, duration_s: float
     ) -> float | Callable[[float], float]:
-        """ENR of a pulse at a time; the mean power is that of `enr_db`."""
+        """ENR of a pulse at a time [dB]; the mean power is that of `enr_db`."""
         if self.strength == "steady":
             return enr_db
         if self.strength == "ramp":
@@ -252,7 +254,7 @@ class Decision:
 def group_found(pulses: Sequence[Pulse], truth: Sequence[TruePulse], tag: Tag) -> bool:
     """True if one of the reported groups is the tag's.
 
-    All its frequencies are within 50 Hz, and at least half of its pulses in place.
+    All its frequencies must be within 50 Hz, and at least half of its pulses in place.
     """
     groups: dict[tuple[int, int], list[Pulse]] = {}
     for pulse in pulses:
@@ -268,13 +270,13 @@ def group_found(pulses: Sequence[Pulse], truth: Sequence[TruePulse], tag: Tag) -
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A long stretch with a tag, and maybe other signals, compared with the truth."""
+    """A long stretch with a tag, optionally with other signals, compared with the truth."""
 
     enr_db: float | Callable[[float], float]
     tag: Tag = THESIS_TAG
     duration_s: float = 300.0
     interval_error_s: float | None = None
-    """None: random within ± 50 ms."""
+    """Error of the interval [s]; None: random within ± 50 ms."""
     jitter_s: float = 0.005
     offset_hz: float = 333.0
     first_s: float | None = None
@@ -282,10 +284,10 @@ class Flight:
     interval_drift: float = 0.0
     frequency_window_hz: float = WHOLE_CHANNEL_HZ
     extra: Callable[[np.random.Generator, int], Samples] | None = None
-    """Makes additional samples: interference, other tags."""
+    """Makes additional samples, such as interference or other tags; None: none."""
 
     def samples(self, rng: np.random.Generator) -> tuple[Samples, list[TruePulse]]:
-        """The samples and the truth."""
+        """Make the samples and the truth."""
         error = (
             rng.uniform(-0.05, 0.05) if self.interval_error_s is None else self.interval_error_s
         )
@@ -309,7 +311,7 @@ class Flight:
         return samples, truth
 
     def fly(self, rng: np.random.Generator) -> Comparison:
-        """Reports of a detector against the truth."""
+        """Run a detector and compare its reports with the truth."""
         samples, truth = self.samples(rng)
         pulses, _ = detect(samples, self.tag, frequency_window_hz=self.frequency_window_hz)
         return compare(pulses, truth, self.tag)

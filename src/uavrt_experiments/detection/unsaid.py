@@ -27,10 +27,10 @@ from uavrt_experiments.result import Row
 from uavrt_experiments.statistics import share_by_flight
 
 _TRANSFER_S = 65_536 / 3_000_000
-"""Duration of one write of airspy_rx."""
+"""Duration of one write of airspy_rx [s]."""
 _WITHIN_S = 0.020
 _SETTLED_S = 1.0
-"""Time after a loss from which every time must be right."""
+"""Time after a loss from which every time must be right [s]."""
 _EVERY_S = 0.37
 _STREAM_S = 120.0
 _FLIGHT_S = 180.0
@@ -39,10 +39,10 @@ _ENR_DB = 16.0
 
 
 def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[IQBlock]:
-    """Join arrivals to blocks as a source of a live stream does.
+    """Combine arrivals to blocks, as the source of a live stream does.
 
     `stream`: the arrivals.
-    `samples` (stream.samples,): those that arrived; zeros without memory when only times
+    `samples` (stream.samples,): samples that arrived; zeros without memory if only times
     matter.
     """
     rate_hz = stream.delivery.sample_rate_hz
@@ -75,7 +75,7 @@ class TimesKept:
     instants: int
     within: int
     settled: int
-    """Instants a second and more after the last loss."""
+    """Number of instants at least a second after the last loss."""
     settled_within: int
     lost: int
     found: int
@@ -84,7 +84,7 @@ class TimesKept:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unsaid:
-    """Losses that are not reported, in arrivals that are late for other reasons as well."""
+    """A radio with unreported losses, whose arrivals are also delayed for other reasons."""
 
     delivery: Delivery
 
@@ -119,7 +119,7 @@ class Unsaid:
     def fly(
         self, rng: np.random.Generator, _index: int, *, duration_s: float = _FLIGHT_S
     ) -> tuple[Comparison, Comparison]:
-        """Pulses found when losses are not reported, and when they are reported exactly."""
+        """Compare pulses found with unreported losses and with exactly reported ones."""
         flight = Flight(enr_db=_ENR_DB, duration_s=duration_s)
         samples, truth = flight.samples(rng)
         delivery = replace(self.delivery, sample_rate_hz=RATE_HZ)
@@ -146,7 +146,7 @@ class Unsaid:
 def _filled(
     samples: Samples, time_ns: int, lost: int, sample_rate_hz: float
 ) -> tuple[Samples, int]:
-    """Put zeros for what is reported as lost, as the front end does before any detector."""
+    """Replace reported losses by zeros, as the front end does before any detector."""
     if not lost:
         return samples, time_ns
     zeros = np.zeros(lost, np.complex64)

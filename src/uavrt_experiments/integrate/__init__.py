@@ -1,1 +1,1 @@
-"""Measured performance of judging whole flights: false alarms, range, place, cost."""
+"""Measured performance of the evaluation of whole flights: false alarms, range, place, cost."""

@@ -1,4 +1,4 @@
-"""All experiments on judging whole flights, and their runner."""
+"""All experiments on the evaluation of whole flights, and their runner."""
 
 import zlib
 from collections.abc import Callable, Iterable
@@ -16,7 +16,7 @@ from uavrt_experiments.result import Row
 
 EXPERIMENTS: dict[str, Experiment] = {one.name: one for one in (I1, I2, I3, I4, I5, I6, I7)}
 FOLDERS = ("integration", "detection")
-"""Folders of the package that the figures depend on."""
+"""Folders of the package whose code the figures depend on."""
 
 
 def run_all(
@@ -30,7 +30,7 @@ def run_all(
     """Run experiments and make their rows.
 
     `trials`: flights for a curve of detection; everything else in proportion.
-    `seed`: makes all that is random, with a case's name and a flight's number.
+    `seed`: seeds everything random, with a case's name and a flight's number.
     `case`: only cases with this in their names.
     `on_progress`: receives the share done, by expected CPU time, and the last case.
     """

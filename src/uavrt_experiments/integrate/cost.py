@@ -1,4 +1,4 @@
-"""I5: cost of judging a flight."""
+"""I5: cost of evaluating a whole flight."""
 
 import resource
 import time
@@ -15,7 +15,7 @@ from uavrt_experiments.result import Row
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """Cost of one tag in one flight."""
+    """Cost of evaluating one tag in one flight."""
 
     minutes: float
     cpu_s: float
@@ -25,7 +25,7 @@ class Cost:
 def cost(
     rng: np.random.Generator, minutes: float, *, slack_s: float, window_hz: float = 500.0
 ) -> Cost:
-    """Judge a flight without the tag, places included."""
+    """Measure the evaluation of a flight without the tag, places included."""
     course = turning(round(60.0 * minutes / INTERVAL_S))
     world = World(course=course, slack_s=slack_s, window_hz=window_hz)
     samples = silence(rng, course)

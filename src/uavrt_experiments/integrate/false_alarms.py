@@ -29,18 +29,18 @@ _WORLD = World(course=turning(100), slack_s=0.020, window_hz=60.0)
 """A search that takes a tenth of a second: 100 pulses, ± 20 ms, ± 60 Hz."""
 _PASS = replace(_WORLD, course=passing(100, speed_m_s=40.0))
 _LANES = replace(_WORLD, course=lawnmower(speed_m_s=40.0))
-"""Four times the real speed over the same ground: a fourth of the pulses."""
+"""Lanes over the usual ground at four times the real speed, so with a fourth of the pulses."""
 _STILL = replace(_WORLD, course=replace(passing(100, speed_m_s=0.0), name="in one place"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chance:
-    """Result of a flight without its tag."""
+    """Result of evaluating a flight without its tag."""
 
     log_expected: float
-    """Logarithm of the expected number of equally unlikely trains by noise."""
+    """Logarithm of the expected number of equally unlikely trains in noise."""
     found: bool
-    """True if found at the nominal probability."""
+    """True if the tag is reported as found at the nominal probability."""
 
 
 def flown(
@@ -49,7 +49,7 @@ def flown(
     make: Callable[[np.random.Generator, World], Samples],
     most_drift: float = 0.0,
 ) -> Chance:
-    """Judge a flight without the tag."""
+    """Evaluate a flight without the tag."""
     judged = world.judge(world.energies(make(rng, world)), NOMINAL, most_drift)
     train = judged.train
     return Chance(
@@ -69,13 +69,13 @@ def tilted(rng: np.random.Generator, world: World) -> Samples:
 
 
 def humming(rng: np.random.Generator, world: World) -> Samples:
-    """The same with lines of hum."""
+    """Noise that rises by 6 dB over the channel, with lines of hum."""
     count = round(world.course.duration_s * RATE_HZ)
     return coloured_noise(rng, count, tilt_db=6.0, hum=True)
 
 
 def neighbour(rng: np.random.Generator, world: World) -> Samples:
-    """A neighbour 30 dB above a tag of 2 dB, 500 Hz away, at the tag's interval."""
+    """A neighbour 30 dB above a tag of 2 dB, 500 Hz away, with the tag's interval."""
     samples = white(rng, world)
     other = Truth(
         east_m=0.0,
@@ -116,9 +116,9 @@ def impulses(rng: np.random.Generator, world: World) -> Samples:
 def gumbel_share(log_expected: Sequence[float], nominal: float = NOMINAL) -> Interval:
     """False alarms over nominal by the Gumbel law of the best trains, and their 95 % interval.
 
-    With all chances right, minus the logarithm of the expected number of trains as unlikely
-    follows Gumbel's law of location 0 and scale 1. Location and scale are fitted by maximum
-    likelihood; the interval is by the delta method.
+    If all chances are right, the following value has Gumbel's law of location 0 and scale 1:
+    minus the logarithm of the expected number of trains as unlikely. Location and scale are
+    fitted by maximum likelihood; the interval is by the delta method.
     """
     from scipy.stats import gumbel_r
 
@@ -153,7 +153,7 @@ def _case(
 
 
 def _rows(name: str) -> Callable[[Sequence[Chance]], list[Row]]:
-    """Make the rows of a case; only trains of noise follow Gumbel's law, not a tag's."""
+    """Make the rows of a case; only trains of noise follow Gumbel's law, not those of a tag."""
 
     def make(outcomes: Sequence[Chance]) -> list[Row]:
         count = sum(one.found for one in outcomes)
@@ -167,7 +167,7 @@ def _rows(name: str) -> Callable[[Sequence[Chance]], list[Row]]:
 def chance_rows(
     experiment: str, name: str, log_expected: Sequence[float], found: int | None = None
 ) -> list[Row]:
-    """False alarms by Gumbel's law, and counted; by default where the chance is nominal."""
+    """Rows with false alarms by Gumbel's law, and counted, by default at the nominal chance."""
     if found is None:
         found = sum(-math.expm1(-math.exp(one)) <= NOMINAL for one in log_expected)
     fitted = Row.with_interval(

@@ -1,4 +1,4 @@
-"""Flights past a weak tag: course, antenna levels, and search."""
+"""Flights past a weak tag: course, antenna levels, and search settings."""
 
 import math
 from collections.abc import Callable
@@ -48,22 +48,22 @@ class Course:
     name: str
     antenna: str
     exponent: float
-    """True path loss exponent."""
+    """True exponent of the path loss."""
     duration_s: float
     east_m: _Floats
-    """Every fifth of a second."""
+    """Position east of the origin of `PLANE` [m], every fifth of a second."""
     north_m: _Floats
     yaw_deg: _Floats
     tag_at: Place
 
     @property
     def time_s(self) -> _Floats:
-        """Times of the columns."""
+        """Times of the course's columns [s]."""
         return _steps(len(self.east_m))
 
     @property
     def poses(self) -> PoseColumns:
-        """As the autopilot reports them."""
+        """Poses of the course as the autopilot reports them."""
         latitude, longitude = PLANE.to_geodetic(self.east_m, self.north_m)
         half = np.radians(self.yaw_deg) / 2.0
         nothing = np.zeros_like(half)
@@ -78,14 +78,14 @@ class Course:
     def gain_db(
         self, east_m: float, north_m: float, pattern: AntennaPattern | None = None
     ) -> _Floats:
-        """Level of a pulse at each time, relative to the strongest."""
+        """Level of a pulse at each time, relative to the strongest [dB]."""
         level_db = self.level_db(east_m, north_m, pattern)
         return np.asarray(level_db - level_db.max())
 
     def level_db(
         self, east_m: float, north_m: float, pattern: AntennaPattern | None = None
     ) -> _Floats:
-        """Level of a pulse at each time; 0 is boresight 1 m away."""
+        """Level of a pulse at each time [dB]; 0 dB is boresight 1 m away."""
         pattern = pattern or PATTERNS[self.antenna]
         east, north = east_m - self.east_m, north_m - self.north_m
         distance = np.sqrt(east**2 + north**2 + HEIGHT_M**2)
@@ -108,7 +108,7 @@ def _around(
 
 
 def turning(pulses: int = 400, *, rate_deg_s: float = 6.0) -> Course:
-    """Turn on the spot."""
+    """Course that turns on the spot."""
     count = round(pulses * INTERVAL_S / _STEP_S) + 1
     still = np.zeros(count)
     return Course(
@@ -124,7 +124,9 @@ def turning(pulses: int = 400, *, rate_deg_s: float = 6.0) -> Course:
 
 
 def stops(number: int = 12, pulses: int = 33, *, apart_m: float = 40.0) -> Course:
-    """Turn at stops on a grid of four columns, the tag 3 km away: 0.3 dB in range at most."""
+    """Course with turns at stops on a grid of four columns; the tag is 3 km away, so the range
+    varies by 0.3 dB at most.
+    """
     each = round(pulses * INTERVAL_S / _STEP_S)
     at = np.arange(number)
     east = np.repeat((at % 4 - 1.5) * apart_m, each)
@@ -149,7 +151,7 @@ def passing(
     speed_m_s: float = 10.0,
     aside_m: float = 1000.0,
 ) -> Course:
-    """Fly straight past a tag with an antenna that hears all round."""
+    """Course straight past a tag, with an omnidirectional antenna."""
     count = round(pulses * INTERVAL_S / _STEP_S) + 1
     along = (_steps(count) - 0.5 * _STEP_S * (count - 1)) * speed_m_s
 
@@ -177,7 +179,7 @@ def lawnmower(
     legs: int = 5,
     speed_m_s: float = 10.0,
 ) -> Course:
-    """Fly lanes over a square with an antenna that hears all round.
+    """Course with lanes over a square, with an omnidirectional antenna.
 
     `tag`: 1.5 km beyond the ends of the lanes, midway between two of them, or anywhere in the
     middle of the square.
@@ -220,7 +222,7 @@ def lawnmower(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Truth:
-    """The tag of a flight."""
+    """True values of a flight's tag."""
 
     east_m: float
     north_m: float
@@ -238,14 +240,15 @@ class World:
     window_hz: float = 500.0
     jitter_s: float = 0.010
     spread_s: float | None = None
-    """Half-width within which true intervals lie; by default 0.8 of the slack."""
+    """Half-width of the range of true intervals [s]; by default 0.8 of the slack."""
     spread_hz: float | None = None
     second_s: float | None = None
-    """Second rate of the tag: it has each in one half of the flight."""
+    """Second interval of the tag [s]; it has each in one half of the flight. None: one
+    interval."""
 
     @property
     def tag(self) -> Tag:
-        """List entry of the tag."""
+        """List entry of the searched tag."""
         second = () if self.second_s is None else (self.second_s,)
         return replace(
             THESIS_TAG,
@@ -255,7 +258,7 @@ class World:
         )
 
     def truth(self, rng: np.random.Generator) -> Truth:
-        """Draw a tag."""
+        """Draw the true values of a tag."""
         east, north = self.course.tag_at(rng)
         slack = 0.8 * self.slack_s if self.spread_s is None else self.spread_s
         hertz = 0.8 * self.window_hz if self.spread_hz is None else self.spread_hz
@@ -277,10 +280,10 @@ class World:
         drift: float = 0.0,
         pattern: AntennaPattern | None = None,
     ) -> list[TruePulse]:
-        """Pulses of a tag whose strongest has a level.
+        """Pulses of a tag whose strongest pulse has a given level.
 
         `drift`: relative change of the interval over the flight.
-        `pattern`: the true one, where the table is wrong.
+        `pattern`: true antenna pattern, if the table is wrong.
         """
         course = self.course
         gain = course.gain_db(truth.east_m, truth.north_m, pattern or PATTERNS[course.antenna])
@@ -313,7 +316,7 @@ class World:
     def judge(
         self, energies: SlotEnergies, false_alarm_probability: float, most_drift: float = 0.0
     ) -> Judgement:
-        """Judge a flight as `uavrt integrate` does."""
+        """Evaluate a flight as `uavrt integrate` does."""
         places, chosen = looked_at(self.course)
         return judge(
             energies,
@@ -327,7 +330,7 @@ class World:
 
 @lru_cache(maxsize=16)
 def looked_at(course: Course) -> tuple[Places, NDArray[np.intp]]:
-    """Places around a course, and those that represent all."""
+    """Possible places around a course, and those that represent all."""
     end_ns = START_NS + round(course.duration_s * NANOSECONDS_PER_SECOND)
     pattern = PATTERNS[course.antenna]
     places = places_around(course.poses, pattern, start_ns=START_NS, end_ns=end_ns)
@@ -343,5 +346,5 @@ def add_pulses(rng: np.random.Generator, samples: Samples, pulses: list[TruePuls
 
 
 def silence(rng: np.random.Generator, course: Course) -> Samples:
-    """White noise of the length of a course."""
+    """White noise with the length of a course."""
     return noise(rng, round(course.duration_s * RATE_HZ))

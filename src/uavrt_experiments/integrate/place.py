@@ -41,21 +41,21 @@ _SECOND_S = 1.1 * INTERVAL_S
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placed:
-    """Place found for a tag."""
+    """Result of locating a tag."""
 
     held: bool
-    """True if the region of 90 % holds it."""
+    """True if the 90 % region contains the tag."""
     arc_held: bool
     off_deg: float
     bound_deg: float
     mirror: bool
-    """True if the region of 95 % also holds the place mirrored at the line flown."""
+    """True if the 95 % region also contains the place mirrored at the line flown."""
     off_m: float
-    """Distance from the nearest of the reported places."""
+    """Distance of the tag from the nearest of the reported places [m]."""
     bound_m: float
-    """Bound of its median."""
+    """Bound of the median error [m]."""
     fading_db: float
-    """Of single pulses, as the flight reports it."""
+    """Fading of single pulses, as reported by the evaluation [dB]."""
 
 
 def placed(
@@ -66,12 +66,12 @@ def placed(
     second_s: float | None = None,
     fading_db: float = 0.0,
 ) -> Placed | None:
-    """Fly, search and locate; None when it was not found.
+    """Fly, search and locate a tag; None if it was not found.
 
-    `enr_db`: of the strongest pulse.
-    `pattern_db`: difference of the true pattern from the table.
-    `second_s`: interval of the tag in the second half of the flight.
-    `fading_db`: standard deviation of single pulses' levels about the course's.
+    `enr_db`: ENR of the strongest pulse [dB].
+    `pattern_db`: difference of the true pattern from the table [dB].
+    `second_s`: interval of the tag in the second half of the flight [s].
+    `fading_db`: standard deviation of single pulses' levels about the course's [dB].
     """
     world = replace(narrow_world(course), second_s=second_s)
     pattern = PATTERNS[course.antenna]
@@ -110,7 +110,7 @@ def placed(
 
 
 def from_middle(belief: PlaceBelief, east_m: float, north_m: float) -> tuple[float, float]:
-    """A place of `PLANE` from the middle of a flight, which is not the course's."""
+    """Convert a place of `PLANE` to coordinates from the middle of a flight."""
     east, north = belief.cells.plane.to_local(*PLANE.to_geodetic(east_m, north_m))
     return float(east), float(north)
 
@@ -124,9 +124,9 @@ def _nearest_m(belief: PlaceBelief, truth: Truth) -> float:
 
 
 def position_bound_m(world: World, truth: Truth, enr_db: float, mean: float) -> float:
-    """Median error of a position by the Cramér-Rao bound, with unknown level and fall.
+    """Median error of a position [m] by the Cramér-Rao bound, with unknown level and fall.
 
-    The fall with distance is believed in as the search does (n = 2.5 ± 0.7).
+    The prior of the fall with distance is that of the search (n = 2.5 ± 0.7).
     """
     course = world.course
     at_s = np.arange(truth.first_s, course.duration_s, truth.interval_s)
@@ -152,7 +152,7 @@ def position_bound_m(world: World, truth: Truth, enr_db: float, mean: float) -> 
 
 
 def bearing_bound_deg(world: World, truth: Truth, enr_db: float, mean: float) -> float:
-    """Cramér-Rao bound of the bearing with unknown level, as a standard deviation."""
+    """Cramér-Rao bound of the bearing with unknown level, as a standard deviation [deg]."""
     course = world.course
     pattern = PATTERNS[course.antenna]
     at_s = np.arange(truth.first_s, course.duration_s, truth.interval_s)
@@ -174,7 +174,7 @@ def bearing_bound_deg(world: World, truth: Truth, enr_db: float, mean: float) ->
 
 @lru_cache(maxsize=8)
 def _information(mean: float) -> tuple[_Floats, _Floats]:
-    """Levels [dB], and Fisher's information of a slot's energy on the level [1/dB²]."""
+    """Levels [dB], and Fisher information of a slot's energy on the level [1/dB²]."""
     many = float(
         np.interp(
             mean,
@@ -196,7 +196,7 @@ def _information(mean: float) -> tuple[_Floats, _Floats]:
 
 
 def _density(energy: _Floats, strength: float, many: float) -> _Floats:
-    """Density of the largest of some exponentials and a pulse's energy."""
+    """Probability density of the largest of several exponentials and a pulse's energy."""
     from scipy.stats import ncx2
 
     x = 2.0 * np.sqrt(energy * strength)

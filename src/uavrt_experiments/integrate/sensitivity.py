@@ -1,7 +1,7 @@
-"""I2, I3: least strength of a tag; drift, gaps and losses.
+"""I2, I3: weakest level at which a tag is found; drift, gaps and losses.
 
 The search of a flight of 400 pulses takes ten seconds. For a detection curve only the cells
-near the true train matter: only they are searched, and the chance is that of the whole search.
+near the true train are searched, and the chance is that of the whole search.
 """
 
 import math
@@ -46,29 +46,29 @@ WHOLE = {"slack_s": 0.060, "window_hz": 500.0}
 NARROW = {"slack_s": 0.002, "window_hz": 60.0}
 """Narrow search around the truth."""
 _BELOW_DB = (-2.0, -1.25, -0.5, 0.25)
-"""Levels tried, from the bar."""
+"""Levels of the curve relative to the required one [dB]."""
 _ABOVE_DB = (0.0, 1.5, 3.0, 4.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """One flight past a tag."""
+    """Result of one flight past a tag."""
 
     enr_db: float
     found: bool
     known: bool | None = None
-    """True if it is found with known place and path loss; None: not computed."""
+    """True if the tag is found with known place and path loss; None: not computed."""
 
 
 def narrow_world(course: Course) -> World:
-    """Search around the truth only."""
+    """World with a search around the truth only."""
     return World(course=course, **NARROW)
 
 
 def best_train(
     world: World, energies: SlotEnergies, drift: float = 0.0, weights: Weights | None = None
 ) -> FoldedTrain:
-    """The likeliest train of a narrow search, by default of all places.
+    """The most likely train of a narrow search, by default over all places.
 
     Its chance is that of the whole search.
     """
@@ -96,8 +96,8 @@ def best_known(
 ) -> FoldedTrain:
     """The most likely train with the weights of the true place, path loss and level.
 
-    No other place is counted, and intervals only as far as they differ over the part of the
-    flight in which its pulses count. This bounds any search for a tag of unknown place.
+    No other place is counted, and intervals only to the extent that they differ over the part
+    of the flight in which its pulses count. This bounds any search for a tag of unknown place.
     """
     course = world.course
     gain = 10.0 ** (0.1 * course.gain_db(truth.east_m, truth.north_m))
@@ -120,14 +120,14 @@ def fly(
     second_s: float | None = None,
     known: bool = False,
 ) -> Heard:
-    """Fly past a tag whose strongest pulse has a level.
+    """Fly past a tag whose strongest pulse has a given level.
 
     `drift`, `searched_drift`: relative change of the interval over the flight: the tag's, and
     the largest searched.
-    `lost`: 5 % of the samples are lost, a tenth of a second at a time.
-    `missing`: a fifth of the flight is, in stretches of 20 s.
-    `second_s`: interval of the flight's second half.
-    `known`: also judge with known place.
+    `lost`: true if 5 % of the samples are lost, a tenth of a second at a time.
+    `missing`: true if a fifth of the flight is missing, in stretches of 20 s.
+    `second_s`: interval in the flight's second half [s].
+    `known`: true to evaluate also with known place.
     """
     world = replace(narrow_world(course), second_s=second_s)
     samples = silence(rng, course)
@@ -188,7 +188,7 @@ def _curve(
 def level_row(
     experiment: str, case: str, most_db: float | None, flown: Sequence[tuple[float, bool]]
 ) -> Row:
-    """The level at which half of the flights find a tag, of (level, found)."""
+    """Row with the level at which half of the flights find a tag, from (level, found)."""
     points = [
         (level, sum(found for at, found in flown if at == level), count)
         for level, count in sorted(Counter(at for at, _ in flown).items())
@@ -208,7 +208,7 @@ def level_row(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Both:
-    """Verdicts of the narrow search and of the full one."""
+    """Results of the narrow search and of the full one."""
 
     narrow: bool
     whole: bool
@@ -274,7 +274,7 @@ I2 = Experiment(
 
 
 def _ratio(rng: np.random.Generator, _: int) -> float:
-    """CPU time of a search with drift over one without."""
+    """Ratio of the CPU time of a search with drift to that of one without."""
     course = turning()
     world = World(course=course, slack_s=0.060, window_hz=250.0)
     samples = silence(rng, course)

@@ -1,4 +1,4 @@
-"""I6: several flights of one tag judged together: false alarms, sensitivity, place."""
+"""I6: several flights of one tag evaluated together: false alarms, sensitivity, place."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -35,13 +35,15 @@ from uavrt_experiments.result import Row
 _Floats = NDArray[np.float64]
 _LEVELS_DB = (3.0, 4.0, 5.0, 6.0, 7.0)
 _UNLIKE_S = 4e-5
-"""Largest difference of an interval from its mean in a flight."""
+"""Largest difference of a flight's interval from the mean [s]."""
 _TOGETHER = 0.5
-"""Share of the false-alarm probability for all flights together."""
+"""Share of the false-alarm probability that is used for all flights together."""
 
 
 def worlds(flights: int, apart_m: float = 0.0, pulses: int = 100) -> tuple[World, ...]:
-    """Turns on the spot from west to east; a search of each takes a tenth of a second."""
+    """Worlds that turn on the spot, from west to east; a search of each takes a tenth of a
+    second.
+    """
     here = turning(pulses)
     east_m = (np.arange(flights) - 0.5 * (flights - 1)) * apart_m
     courses = [replace(here, east_m=here.east_m + one) for one in east_m]
@@ -50,7 +52,7 @@ def worlds(flights: int, apart_m: float = 0.0, pulses: int = 100) -> tuple[World
 
 @lru_cache(maxsize=8)
 def _looked_at(each: tuple[World, ...]) -> tuple[list[Places], list[_Floats], NDArray[np.intp]]:
-    """Places of several flights, their gains, and those that represent all."""
+    """Possible places of several flights, their gains, and the places that represent all."""
     places = []
     for one in each:
         course = one.course
@@ -109,20 +111,20 @@ def _noise_case(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flown:
-    """Flights past one tag that rests."""
+    """Result of flights past one tag at rest."""
 
     enr_db: float
     alone: bool
-    """True if any flight finds it, at an equal part of 1 %."""
+    """True if any flight finds the tag, at an equal part of 1 %."""
     found: bool
-    """True if it is found when half of the 1 % is for all flights together."""
+    """True if the tag is found when half of the 1 % is for all flights together."""
     held: bool | None
-    """True if the region of 90 % holds it; None when all together do not find it."""
+    """True if the 90 % region contains the tag; None if all together do not find it."""
     off_m: float | None
 
 
 def fly_past(rng: np.random.Generator, each: tuple[World, ...], enr_db: float) -> Flown:
-    """Fly several times past a tag; the strongest pulse of all has a level."""
+    """Fly several times past a tag; the strongest pulse of all has a given level."""
     truth = each[0].truth(rng)
     energies, singles = [], []
     strongest = [float(one.course.level_db(truth.east_m, truth.north_m).max()) for one in each]

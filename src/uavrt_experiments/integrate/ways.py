@@ -1,4 +1,4 @@
-"""I7: judging from samples or from energies kept in flight; and strong tags."""
+"""I7: evaluation from samples or from energies kept in flight; and strong tags."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ _WORLD = World(course=turning(100), slack_s=0.020, window_hz=60.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Two:
-    """Verdicts of two methods on one flight."""
+    """Results of two methods on one flight."""
 
     first: bool
     second: bool
@@ -41,7 +41,9 @@ def _heard(rng: np.random.Generator, enr_db: float) -> Samples:
 
 
 def samples_and_energies(rng: np.random.Generator) -> Two:
-    """Judge a flight near the level from all samples, and from energies kept in flight."""
+    """Evaluate a flight near the detection level from samples, and from energies kept in
+    flight.
+    """
     samples = _heard(rng, rng.uniform(2.0, 8.0))
     growing = GrowingEnergies(
         _WORLD.tag,
@@ -59,7 +61,7 @@ def samples_and_energies(rng: np.random.Generator) -> Two:
 
 
 def ordinary_and_whole(rng: np.random.Generator) -> Two:
-    """Search a strong tag by groups of three, as in flight, and over the whole flight."""
+    """Search for a strong tag by groups of three, as in flight, and over the whole flight."""
     samples = _heard(rng, rng.uniform(13.0, 30.0))
     tag = _WORLD.tag
     detector = PulseDetector(tag, sample_rate_hz=RATE_HZ, center_frequency_hz=tag.frequency_hz)

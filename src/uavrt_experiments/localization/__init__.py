@@ -1,1 +1,1 @@
-"""The bars of bearings and positions, with intervals and bounds."""
+"""Measured performance of bearings and positions, with requirements and theoretical bounds."""

@@ -1,7 +1,7 @@
 """Experiment A1: bearings from samples through an antenna switch, against their bound.
 
-Samples as the simulator gives them at 48 kS/s, pulses of 20 ms, the switch 0.25 ms at each
-position; the detector's errors of time and frequency are put in (0.7 ms, 2.5 Hz).
+Samples as the simulator gives them at 48 kS/s, pulses of 20 ms, and a switch that stays 0.25 ms
+at each position. The detector's errors of time and frequency are added (0.7 ms, 2.5 Hz).
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ _RATE_HZ = 48_000.0
 _WAVELENGTH_M = 2.0
 _WIDTH_S = 0.020
 _EDGE_S = 0.002
-"""Time left out at each end of a pulse, as in `uavrt.analysis.measure.switched`."""
+"""Time left out at each end of a pulse [s], as in `uavrt.analysis.measure.switched`."""
 _HEADINGS_DEG: dict[str, tuple[float, ...]] = {
     "pseudo_doppler": (0.0,),
     # A pair separates right from left; a quarter turn, ahead from behind.
@@ -37,10 +37,10 @@ _HEADINGS_DEG: dict[str, tuple[float, ...]] = {
 def switched_bound_deg(
     steering: Steering, direction_deg: float, snr: float, counts: NDArray[np.float64]
 ) -> float:
-    """Cramér–Rao bound of one pulse's direction, its strength and phase unknown.
+    """Cramér–Rao bound [deg] of one pulse's direction, with unknown strength and phase.
 
     `steering`: the array.
-    `direction_deg`: from the array's nose.
+    `direction_deg`: direction from the array's nose [deg].
     `snr`: power of an element of unit amplitude over the noise, per sample.
     `counts` (elements,): samples at each position.
     """
@@ -137,7 +137,9 @@ def _heard(
 def _pulse(
     rng: Generator, switch: AntennaSwitch, enr_db: float, direction_deg: float, begin: int
 ) -> NDArray[np.complex64]:
-    """Noise of power 1, one pulse's width of it before and after the pulse."""
+    """Samples of a pulse in noise of power 1, with one pulse width of noise before
+    and after.
+    """
     width = round(_WIDTH_S * _RATE_HZ)
     noise = rng.normal(0.0, np.sqrt(0.5), (2, 3 * width))
     samples: NDArray[np.complex64] = (noise[0] + 1j * noise[1]).astype(np.complex64)
@@ -157,7 +159,7 @@ def _bound_deg(
     enr_db: float,
     directions_deg: NDArray[np.float64],
 ) -> float:
-    """Cramér–Rao bound of all pulses together, for the samples that are used."""
+    """Cramér–Rao bound [deg] of all pulses together, for the samples that are used."""
     dwell, settle = switch.dwell_samples(_RATE_HZ), switch.settle_samples(_RATE_HZ)
     used = (_WIDTH_S - 2 * _EDGE_S) * _RATE_HZ * (dwell - settle) / dwell
     counts = np.full(switch.positions, used / switch.positions)

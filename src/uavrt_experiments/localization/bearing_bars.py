@@ -25,7 +25,9 @@ _OTHERS: tuple[BearingMethod, ...] = ("pca", "pearson", "ls_linear", "ls_db")
 
 
 def known_phase(runs: int, seed: int) -> list[Row]:
-    """B1 and B2: powers read at the known time of every pulse, and the classic methods."""
+    """B1 and B2: powers measured at the known time of every pulse; our method and the classic
+    ones.
+    """
     bars = {
         RotationCase(): 2.2,
         RotationCase(snr_db=30.0, fading_db=0.5): 0.62,
@@ -46,7 +48,9 @@ def known_phase(runs: int, seed: int) -> list[Row]:
 
 
 def censored(runs: int, seed: int) -> list[Row]:
-    """B3 and B4: few pulses, strong fading; with a threshold, the bar is that for misses."""
+    """B3 and B4: few pulses and strong fading; with a threshold, the requirement is that for
+    misses.
+    """
     bars = {20: 7.6, 30: 6.2, 60: 4.3}
     results = []
     for pulses, most in ((20, 6.6), (30, 5.3)):
@@ -68,7 +72,7 @@ def censored(runs: int, seed: int) -> list[Row]:
 
 
 def wrong_pattern(runs: int, seed: int) -> list[Row]:
-    """B5: the antenna differs from its table by 1.5 dB rms, headings err by 3° and 0.2 s."""
+    """B5: the antenna differs from its table by 1.5 dB rms; headings err by 3° and 0.2 s."""
     case = RotationCase()
 
     def run(rng: Generator) -> Trial:
@@ -94,7 +98,7 @@ def wrong_pattern(runs: int, seed: int) -> list[Row]:
 
 
 def _error_after_learning(rng: Generator, case: RotationCase) -> float:
-    """Error of a sixth turn whose pattern was learnt from five turns."""
+    """Error [deg] of a sixth turn whose pattern was learnt from five turns."""
     nominal = PATTERNS[case.antenna]
     true = disturbed(rng, nominal, 1.5)
     turns = []
@@ -112,7 +116,9 @@ def _error_after_learning(rng: Generator, case: RotationCase) -> float:
 
 
 def disturbed(rng: Generator, pattern: AntennaPattern, sigma_db: float) -> AntennaPattern:
-    """The antenna as it came out on the airframe: a smooth error of some rms, six harmonics."""
+    """Antenna pattern as changed by the airframe: a smooth error of given rms, six
+    harmonics.
+    """
     angle = np.linspace(0.0, np.pi, len(pattern.e_plane_db))
     error = sum(rng.normal() * np.cos(order * angle) for order in range(1, 7))
     error = np.asarray(error) / np.sqrt(3.0) * sigma_db
@@ -158,7 +164,7 @@ def _reflection_noticed(rng: Generator, relative_db: float) -> bool:
 
 
 def _trials(runs: int, seed: int, run: Callable[[Generator], Trial]) -> list[Trial]:
-    """Trials with the same seeds for every condition and method."""
+    """Trials of a turn with the same seeds for every condition and method."""
     rng = np.random.default_rng(seed)
     return [run(rng) for _ in range(runs)]
 

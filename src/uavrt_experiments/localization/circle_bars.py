@@ -1,7 +1,7 @@
-"""Experiment L7: circles of 50 and 95 %, with errors drawn from the priors.
+"""Experiment L7: coverage of 50 and 95 % circles, with errors drawn from the priors.
 
-A circle that allows for heading errors of 1.5° is too wide for a flight with exact headings;
-over flights with such errors, it holds the stated probability.
+A circle that allows for heading errors of 1.5° is too wide for a flight with exact headings.
+Over flights with such errors, it contains the tag with the stated probability.
 """
 
 from dataclasses import dataclass, replace
@@ -10,16 +10,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.localization.position.common_errors import (
-    WALKING_M_S,
-    WALKING_SHARE,
-    WRONG_COMPASS_DEG,
-    WRONG_COMPASS_SHARE,
-)
-from uavrt.localization.position.estimate import HEADING_SIGMA_DEG, estimate_position
+from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.results import Position
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
@@ -29,7 +23,7 @@ from uavrt_experiments.result import Row
 _Floats = NDArray[np.float64]
 _PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 _OWN_DEG = 2.0
-"""Error of each bearing alone."""
+"""Independent error of each bearing [deg]."""
 _OUTLIER_SHARE = 0.05
 _HEIGHT_M = 40.0
 _SIDE_M = 300.0
@@ -48,7 +42,7 @@ class Bearings:
     unusual: bool = False
     """True: wrong compasses, walks and gross bearings are drawn too."""
     known: bool = False
-    """The estimator assumes that headings are true."""
+    """True: the estimator assumes that headings are exact."""
     judged: bool = True
 
 
@@ -60,11 +54,11 @@ class Strengths:
     heights: bool = False
     """True: the given height has an error, drawn from the prior."""
     known: bool = True
-    """The estimator assumes that heights are true."""
+    """True: the estimator assumes that heights are exact."""
     too_weak: float = 0.0
-    """Share of the pulses that are too weak to be heard."""
+    """Share of the pulses that are too weak to be detected."""
     lost: float = 0.0
-    """Share that is missed for other reasons."""
+    """Share of the pulses that are missed for other reasons."""
     judged: bool = True
 
 
@@ -93,7 +87,7 @@ STRENGTHS = (
 
 
 def circles(runs: int, seed: int) -> list[Row]:
-    """L7: coverage of the circles; no bars where the estimator allows for absent errors."""
+    """L7: coverage of the circles; no requirement if the estimator allows for absent errors."""
     results = []
     for bearings in BEARINGS:
         rng = np.random.default_rng(seed)
@@ -116,16 +110,16 @@ def _rows(name: str, within: list[tuple[bool, bool]], judged: bool) -> list[Row]
 
 
 def by_bearings(rng: Generator, case: Bearings) -> tuple[bool, bool]:
-    """True if the circles of 50 and of 95 % hold a tag with stations around it."""
+    """True if the 50 % and the 95 % circle contain a tag with stations around it."""
     east, north = _stations(rng, case)
     hops_s = np.hypot(np.diff(east), np.diff(north)) / 8.0
     time_s = np.concatenate([[0.0], np.cumsum(hops_s + 60.0)])
-    turned = rng.normal(0.0, HEADING_SIGMA_DEG) if case.headings else 0.0
+    turned = rng.normal(0.0, COMMON.heading_sigma_deg) if case.headings else 0.0
     start, velocity = rng.normal(0.0, 50.0, 2), np.zeros(2)
-    if case.unusual and rng.random() < WALKING_SHARE:
-        velocity = rng.normal(0.0, WALKING_M_S, 2)
-    elif case.unusual and rng.random() < WRONG_COMPASS_SHARE:
-        turned = rng.normal(0.0, WRONG_COMPASS_DEG)
+    if case.unusual and rng.random() < COMMON.walking_share:
+        velocity = rng.normal(0.0, COMMON.walking_m_s, 2)
+    elif case.unusual and rng.random() < COMMON.wrong_compass_share:
+        turned = rng.normal(0.0, COMMON.wrong_compass_deg)
     places = start + velocity * time_s[:, None]
     bearing = np.degrees(np.arctan2(places[:, 0] - east, places[:, 1] - north)) + turned
     bearing += rng.normal(0.0, _OWN_DEG, len(east))
@@ -139,7 +133,7 @@ def by_bearings(rng: Generator, case: Bearings) -> tuple[bool, bool]:
         sigma_deg=np.full(len(east), _OWN_DEG),
         time_s=time_s,
     )
-    heading_sigma_deg = 0.0 if case.known else HEADING_SIGMA_DEG
+    heading_sigma_deg = 0.0 if case.known else COMMON.heading_sigma_deg
     found = estimate_position(stations, heading_sigma_deg=heading_sigma_deg)
     return _within(found, places[-1])
 
@@ -155,7 +149,7 @@ def _stations(rng: Generator, case: Bearings) -> tuple[_Floats, _Floats]:
 
 
 def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
-    """True if the circles of 50 and of 95 % hold a tag below survey lines."""
+    """True if the 50 % and the 95 % circle contain a tag below survey lines."""
     tag = rng.uniform(0.0, _SIDE_M, 2)
     track = survey(rng, _SIDE_M, 50.0, _FADING_DB, 0.0, (float(tag[0]), float(tag[1])))
     if case.heights:
@@ -163,22 +157,22 @@ def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
     found = estimate_position(
         None,
         strengths_heard(rng, track, case),
-        height_sigma_m=0.0 if case.known else HEIGHT_SIGMA_M,
+        height_sigma_m=0.0 if case.known else SURVEY.height_sigma_m,
     )
     return _within(found, tag)
 
 
 def height_error_m(rng: Generator) -> float:
-    """One of the usual heights' errors, or one in ten of four times as much."""
+    """Draw a usual error of the height [m], or in one of ten cases four times as much."""
     while True:
-        sigma = HEIGHT_SIGMA_M * (4.0 if rng.random() < 0.1 else 1.0)
+        sigma = SURVEY.height_sigma_m * (4.0 if rng.random() < 0.1 else 1.0)
         error = float(rng.normal(0.0, sigma))
         if error < _HEIGHT_M - 3.0:
             return error
 
 
 def strengths_heard(rng: Generator, track: PowerTrack, case: Strengths) -> PowerTrack:
-    """Which strengths of a track are heard: too weak ones and lost ones are NaN."""
+    """Strengths of a track that are received; too weak ones and lost ones are NaN."""
     threshold_db = float(np.quantile(track.snr_db, case.too_weak)) if case.too_weak else 10.0
     missed = track.snr_db < threshold_db if case.too_weak else np.zeros(len(track.snr_db), bool)
     missed |= rng.random(len(missed)) < case.lost

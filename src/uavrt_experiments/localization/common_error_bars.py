@@ -8,14 +8,9 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.bearing.estimate import estimate_bearing
-from uavrt.localization.position.common_errors import (
-    WALKING_M_S,
-    WALKING_SHARE,
-    WRONG_COMPASS_DEG,
-    WRONG_COMPASS_SHARE,
-)
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.tuning import COMMON
 from uavrt.localization.results import Bearing, Position
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
@@ -27,22 +22,22 @@ _PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 _TURN_S = 60.0
 _FLIGHT_SPEED_M_S = 8.0
 _OWN_HEADING_DEG = 1.0
-"""Error of each turn alone, as given to `estimate_bearing`."""
+"""Independent heading error of each turn [deg], as given to `estimate_bearing`."""
 _OUTLIER_SHARE = 0.05
-"""Share of gross bearings, as `estimate_position` expects them."""
+"""Share of gross bearings, as `estimate_position` assumes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Errors:
-    """Errors of a flight."""
+    """Errors of a flight's bearings."""
 
     compass_deg: float | None = None
-    """None draws it from the prior."""
+    """Common error of the compass [deg]; None draws it from the prior."""
     drawn: bool = False
     """True: wrong compasses, walks and gross bearings are as frequent as in the priors."""
     walk_m_s: float = 0.0
     fading_correlation: float = 0.0
-    """Correlation between neighbouring pulses."""
+    """Correlation of the fading of neighbouring pulses."""
     foreign_share: float = 0.0
     """Share of another sender's pulses, of any strength."""
     stations: int = 6
@@ -67,21 +62,21 @@ CASES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A simulated flight's position and truth."""
+    """Position and truth of a simulated flight."""
 
     position: Position
     tag: tuple[float, float]
-    """Place of the tag at the last bearing."""
+    """Place of the tag at the last bearing, east and north [m]."""
 
     @property
     def miss_m(self) -> float:
-        """Distance of the position from the truth."""
+        """Distance of the position from the truth [m]."""
         east, north = _PLANE.to_local(self.position.latitude_deg, self.position.longitude_deg)
         return float(np.hypot(east - self.tag[0], north - self.tag[1]))
 
     @property
     def held(self) -> bool:
-        """Whether the circle of 95 % holds the tag."""
+        """True if the 95 % circle contains the tag."""
         return self.position.radius95_m is not None and self.miss_m <= self.position.radius95_m
 
     @property
@@ -96,17 +91,17 @@ class Flight:
 
 
 def flight(rng: Generator, errors: Errors) -> Flight:
-    """Fly turns past a tag, and find it."""
+    """Fly turns past a tag, and locate it."""
     east, north = _places(rng, errors)
     hops = np.hypot(np.diff(east), np.diff(north)) / _FLIGHT_SPEED_M_S
     time_s = np.concatenate([[0.0], np.cumsum(hops + _TURN_S)])
     compass = rng.normal(0.0, 1.5) if errors.compass_deg is None else errors.compass_deg
     start, towards = rng.normal(0.0, 50.0, 2), rng.uniform(0.0, 2.0 * np.pi)
     velocity = errors.walk_m_s * np.array([np.sin(towards), np.cos(towards)])
-    if errors.drawn and rng.random() < WALKING_SHARE:
-        velocity = rng.normal(0.0, WALKING_M_S, 2)
-    elif errors.drawn and rng.random() < WRONG_COMPASS_SHARE:
-        compass = rng.normal(0.0, WRONG_COMPASS_DEG)
+    if errors.drawn and rng.random() < COMMON.walking_share:
+        velocity = rng.normal(0.0, COMMON.walking_m_s, 2)
+    elif errors.drawn and rng.random() < COMMON.wrong_compass_share:
+        compass = rng.normal(0.0, COMMON.wrong_compass_deg)
     bearings = []
     for x, y, when in zip(east, north, time_s, strict=True):
         place = start + velocity * when
@@ -138,7 +133,7 @@ def _places(rng: Generator, errors: Errors) -> tuple[_Floats, _Floats]:
 
 
 def turn(rng: Generator, bearing_deg: float, distance_m: float, errors: Errors) -> Bearing:
-    """A turn of 60 pulses, 20 dB at 400 m, fading of 2 dB."""
+    """Simulate a turn of 60 pulses, 20 dB at 400 m, fading of 2 dB."""
     count = 60
     yaw = rng.uniform(0.0, 360.0) + np.arange(count) * 360.0 / count
     fading = rng.normal(0.0, 2.0, count)
@@ -153,7 +148,7 @@ def turn(rng: Generator, bearing_deg: float, distance_m: float, errors: Errors) 
 
 
 def common_errors(runs: int, seed: int) -> list[Row]:
-    """L6: the circle of 95 % holds the tag, or a caution says by name why it may not."""
+    """L6: the 95 % circle contains the tag, or a caution names the reason why it may not."""
     results = []
     for name, errors in CASES.items():
         rng = np.random.default_rng(seed)
@@ -184,7 +179,9 @@ def common_errors(runs: int, seed: int) -> list[Row]:
 
 
 def _held_or_warned(name: str, flights: list[Flight]) -> Row:
-    """Share of warnings among the missed: nine tenths, where fewer than .88 hold."""
+    """Row with the share of warnings among missed tags; nine tenths are required if fewer than
+    0.88 are inside.
+    """
     failed = [one for one in flights if not one.held]
     enough = len(failed) <= 0.12 * len(flights)
     warned = [float(one.warned) for one in failed] or [1.0]

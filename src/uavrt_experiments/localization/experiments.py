@@ -1,4 +1,4 @@
-"""The bars of bearings and positions, with intervals and bounds."""
+"""All experiments on bearings and positions, by name, and their runner."""
 
 from collections.abc import Callable
 
@@ -29,7 +29,7 @@ EXPERIMENTS: dict[str, Callable[[int, int], list[Row]]] = {
     "L6": common_error_bars.common_errors,
     "L7": _circles,
 }
-"""Name to experiment; each takes the number of runs and a seed."""
+"""Experiment functions by name; each takes the number of runs and a seed."""
 
 
 def run(runs: int = 200, seed: int = 1) -> list[Row]:

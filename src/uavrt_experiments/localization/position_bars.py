@@ -51,7 +51,7 @@ SQUARE = Layout(
 def crossings(runs: int, seed: int) -> list[Row]:
     """L2 and L3: crossing bearings, clean and with one gross error; all methods compared.
 
-    Headings are exact here, and the estimator assumes so; see L6 for heading errors.
+    Headings are exact here, and the estimator assumes so; L6 tests heading errors.
     """
     results = []
     for sigma, clean, spoilt, worst in ((3.0, 22.0, 24.0, 60.0), (6.0, 43.0, 60.0, 150.0)):
@@ -136,7 +136,7 @@ def _miss_m(found: Position, tag: tuple[float, float]) -> float:
 
 
 def _inside(found: Position, tag: tuple[float, float], share_held: float) -> bool:
-    """Whether the smallest region of some probability holds the tag."""
+    """True if the smallest region of a probability contains the tag."""
     grid = found.grid
     if grid is None:
         return False
@@ -152,7 +152,7 @@ def _inside(found: Position, tag: tuple[float, float], share_held: float) -> boo
 
 
 def surveys(runs: int, seed: int) -> list[Row]:
-    """L4: a monopole flown in lines at 40 m, which is known; the tag is unknown."""
+    """L4: a monopole flown in lines at a known height of 40 m; the tag is unknown."""
     cases = (
         (300.0, 50.0, 3.0, 0.0, 5.0, 10.0, 5.1),
         (300.0, 50.0, 4.0, 0.7, 12.0, 30.0, 11.0),
@@ -195,9 +195,10 @@ def survey(
     height_m: float = 40.0,
     exponent: float = 2.5,
 ) -> PowerTrack:
-    """Fly lines over a square at 6 m/s, a pulse each 1.5 s, with correlated fading.
+    """Fly lines over a square at 6 m/s, with a pulse each 1.5 s and correlated fading.
 
-    The tag is at its place in the middle of the flight. For any true height, 40 m is given.
+    The tag is at its place in the middle of the flight. The estimator gets a height of 40 m,
+    whatever the true one.
     """
     corners = []
     for number, east_m in enumerate(np.arange(0.0, side_m + 1.0, spacing_m)):
@@ -228,7 +229,7 @@ def survey(
 
 
 def _strongest_miss_m(track: PowerTrack, tag: tuple[float, float]) -> float:
-    """Distance of the tag from where six pulses in a row were strongest."""
+    """Distance of the tag from the place where six pulses in a row were strongest [m]."""
     east, north = _PLANE.to_local(track.latitude_deg, track.longitude_deg)
     mean = np.convolve(track.snr_db, np.ones(6) / 6.0, mode="valid")
     top = int(np.argmax(mean)) + 3
@@ -238,9 +239,9 @@ def _strongest_miss_m(track: PowerTrack, tag: tuple[float, float]) -> float:
 def fusion(runs: int, seed: int) -> list[Row]:
     """L5: three stations 200 m apart, tag 500 m away; bearings alone and with the levels.
 
-    The tag's strength is unknown, the path loss exponent known to 0.05, without shadowing: the
-    levels' differences then give the distance. Bearings of 2°, levels of 0.26 dB, as 60 pulses
-    with 2 dB of fading give them.
+    The tag's strength is unknown, the path loss exponent known to 0.05, without shadowing; so
+    the levels' differences give the distance. Bearings have errors of 2°, levels of 0.26 dB, as
+    from 60 pulses with 2 dB of fading.
     """
     rng = np.random.default_rng(seed)
     turns = np.radians([0.0, 120.0, 240.0])

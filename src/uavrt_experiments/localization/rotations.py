@@ -17,15 +17,16 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotationCase:
-    """Signal of a tag during a turn."""
+    """Signal and antenna of a simulated turn."""
 
     antenna: str = "RA-23K"
     pulses: int = 60
     snr_db: float = 20.0
-    """SNR on boresight."""
+    """SNR on boresight [dB]."""
     fading_db: float = 2.0
     threshold_db: float | None = None
-    """Pulses below it are missed; None reads the power at every pulse's known time."""
+    """SNR below which pulses are missed [dB]; None: the power is measured at every pulse's
+    known time."""
 
     def __str__(self) -> str:
         text = f"{self.antenna}, {self.pulses} pulses, {self.snr_db:g} dB"
@@ -39,14 +40,16 @@ class RotationCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """A bearing and its error."""
+    """Estimated bearing of a turn, and its error."""
 
     error_deg: float
     bearing: Bearing
 
     @property
     def covered(self) -> bool:
-        """Whether the 90 % interval holds the truth; a method without one says no."""
+        """True if the 90 % interval contains the truth; False for a method without
+        an interval.
+        """
         if self.bearing.interval90_deg is None:
             return False
         low, high = self.bearing.interval90_deg
@@ -70,15 +73,15 @@ def trial(
     yaw_jitter_deg: float = 0.0,
     yaw_lag_deg: float = 0.0,
 ) -> Trial:
-    """Turn once past a tag at a random bearing and estimate it.
+    """Simulate one turn past a tag at a random bearing, and estimate it.
 
-    `rng`: randomness.
-    `case`: what is heard.
+    `rng`: random generator.
+    `case`: signal and antenna.
     `method`: estimator.
     `pattern`, `believed`: the true antenna, and the one that the estimator assumes; both the
     case's by default.
-    `yaw_jitter_deg`, `yaw_lag_deg`: errors of the headings: independent for each pulse, and the
-    same for all.
+    `yaw_jitter_deg`, `yaw_lag_deg`: errors of the headings: independent for each pulse, and
+    common to all.
     """
     nominal = PATTERNS[case.antenna]
     truth = float(rng.uniform(0.0, 360.0))
@@ -104,9 +107,10 @@ def trial(
 
 
 def bound_deg(case: RotationCase) -> float:
-    """Cramér–Rao bound with unknown level, rms over the phase of the headings (§1.6).
+    """Cramér–Rao bound [deg] with unknown level, rms over the phase of the headings.
 
-    Noise power 1: V = 1 + 2 M + (0.2303 fading M)² for a pulse of expected power M.
+    For a pulse of expected power M in noise of power 1, the variance is V = 1 + 2 M + (0.2303
+    fading M)².
     """
     pattern = PATTERNS[case.antenna]
     variances = []

@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.survey_errors import FOREIGN_SHARE
+from uavrt.localization.position.tuning import SURVEY
 from uavrt.localization.results import Position
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
@@ -20,7 +20,8 @@ _SIDE_M, _SPACING_M = 300.0, 50.0
 _FADING_DB = 4.0
 _ANY_DB = 60.0
 _LASTING = (0.0, 0.3, 0.5, 0.7, 0.85, 0.93)
-"""Correlations of neighbouring pulses' fading, equally likely as in the estimator's prior."""
+"""Correlations of the fading of neighbouring pulses, equally likely as in the estimator's
+prior."""
 _LEAST_EXPONENT, _MOST_EXPONENT = 1.6, 4.5
 _HELD = 0.88
 _WARNED = 0.9
@@ -28,11 +29,11 @@ _WARNED = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A survey with a given height of 40 m."""
+    """A survey whose given height is 40 m."""
 
     name: str
     height_m: float | None = None
-    """The truth; None draws it from the prior."""
+    """True height [m]; None draws it from the prior."""
     drawn: bool = False
     """True: exponent, correlated fading and foreign pulses are drawn from the priors."""
 
@@ -46,7 +47,7 @@ CASES = (
 
 
 def flown(rng: Generator, case: Case) -> tuple[Position, bool]:
-    """The position from a survey, and whether its circle of 95 % holds the tag."""
+    """Position from a survey, and true if its 95 % circle contains the tag."""
     tag = (float(rng.uniform(0.0, _SIDE_M)), float(rng.uniform(0.0, _SIDE_M)))
     height_m = 40.0 + height_error_m(rng) if case.height_m is None else case.height_m
     usual = Propagation()
@@ -66,7 +67,7 @@ def flown(rng: Generator, case: Case) -> tuple[Position, bool]:
         exponent=exponent,
     )
     if case.drawn:
-        foreign = rng.random(len(track.snr_db)) < FOREIGN_SHARE
+        foreign = rng.random(len(track.snr_db)) < SURVEY.foreign_share
         middle_db = float(np.median(track.snr_db))
         anything = middle_db + rng.uniform(-0.5, 0.5, len(foreign)) * _ANY_DB
         track = replace(track, snr_db=np.where(foreign, anything, track.snr_db))
@@ -78,7 +79,7 @@ def flown(rng: Generator, case: Case) -> tuple[Position, bool]:
 
 
 def survey_errors(runs: int, seed: int) -> list[Row]:
-    """L7: the circle of 95 % holds the tag, or a caution says by name why it may not."""
+    """L7: the 95 % circle contains the tag, or a caution names the reason why it may not."""
     results = []
     for case in CASES:
         rng = np.random.default_rng(seed)

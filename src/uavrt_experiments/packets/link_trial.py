@@ -26,7 +26,7 @@ from uavrt_experiments.packets.radio_link import (
 )
 
 PASS_NS = 8_333_333
-"""PX4's main loop on a link of 1200 B/s (``-r 1200``)."""
+"""Time of a pass of PX4's main loop on a link of 1200 B/s (``-r 1200``) [ns]."""
 GROUND = (255, 190)
 HEARTBEAT_NS = ns_from_s(1.0)
 SILENCE_NS = ns_from_s(10.0)
@@ -35,16 +35,18 @@ TELEMETRY_FRAME = bytes(40)
 
 
 class Acknowledger(Protocol):
-    """The ground's half, as `uavrt.ground.link.delivery_receipts.Receipts`."""
+    """The ground's half of the acknowledgement, as
+    `uavrt.ground.link.delivery_receipts.Receipts`.
+    """
 
     def seen(self, payload: bytes) -> bool:
-        """True if a pulse is known."""
+        """True if a pulse has already been received."""
 
     def stored(self, payload: bytes) -> None:
         """Record that a pulse is stored."""
 
     def take(self, now_ns: int) -> Receipt | None:
-        """Receipt that is due."""
+        """Get the receipt that is due; None if none is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,29 +57,30 @@ class TrialSettings:
     radio_status: bool = True
     """True if the autopilot forwards RADIO_STATUS, as PX4 does and ArduPilot does not."""
     telemetry_bytes_s: float = 1000.0
-    """Load of the autopilot's own messages to the ground."""
+    """Load of the autopilot's own messages to the ground [B/s]."""
     forwarding: bool = True
-    """True: PX4's ring of 583 bytes, one message a pass; else the autopilot forwards all."""
+    """True: PX4's ring of 583 bytes, one message a pass; False: the autopilot forwards
+    everything."""
     gap_s: float = 0.020
     drain_s: float = 600.0
-    """Longest run after the last pulse."""
+    """Longest run after the last pulse [s]."""
     ground_restart_s: float | None = None
-    """Time at which the ground station restarts with an empty store."""
+    """Time at which the ground station restarts with an empty store [s]; None: never."""
 
 
 @dataclass(slots=True)
 class TrialResult:
-    """Result of a run."""
+    """Result of one run in virtual time."""
 
     sent: int
     received: int
     missing: tuple[int, ...]
-    """Indexes of the pulses that never arrived, or are not in the last store."""
+    """Indexes of the pulses that never arrived, or that the last store does not have."""
     latencies_s: list[float]
-    """First arrival after the pulse's time, of those received."""
+    """Time from each received pulse to its first arrival [s]."""
     sends: int
     arrivals: list[tuple[int, int]]
-    """Time of arrival [ns] and index, in order."""
+    """Time of arrival [ns] and index of each pulse, in order."""
     forwarding_dropped: int
     buffer_full: int
     lost_in_the_air: int
@@ -85,7 +88,7 @@ class TrialResult:
     duration_s: float
 
     def latency_s(self, share: float) -> float:
-        """Latency that a share of the pulses does not exceed."""
+        """Latency that a given share of the pulses does not exceed [s]."""
         ordered = sorted(self.latencies_s)
         return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
@@ -93,7 +96,7 @@ class TrialResult:
 class LinkTrial:
     """One run: pulses at given times from the drone to the ground.
 
-    `times_s`: when each pulse is ready to send.
+    `times_s`: when each pulse is ready to send [s].
     `settings`: link and autopilot.
     `acknowledger`: makes the ground's half; None for a ground station that does not
     acknowledge.
@@ -132,7 +135,7 @@ class LinkTrial:
         self._most = 0
 
     def run(self) -> TrialResult:
-        """Run to the end."""
+        """Run to the end, in virtual time."""
         settings = self._settings
         last_ns = max(self._times_ns, default=self._start_ns)
         end_ns = last_ns + ns_from_s(settings.drain_s)
@@ -185,7 +188,7 @@ class LinkTrial:
         self._pump()
 
     def _pump(self) -> None:
-        """Send as allowed; schedule the next call."""
+        """Send messages as allowed; schedule the next call."""
         now_ns = self.time.now_ns
         self._refill()
         present = self._station_ns is not None and now_ns - self._station_ns < SILENCE_NS

@@ -24,14 +24,16 @@ QGC_LINE = re.compile(
     r"PULSE tag_id:frequency_hz:time:snr:confirmed (\d+) (\d+) (\d+\.\d+) (-?[\d.]+) (\d)"
 )
 EXACT_NS = 1_000
-"""The wire's seconds as a double resolve 0.24 µs."""
+"""Largest difference of times that are equal [ns]; a double of seconds on the link resolves
+0.24 µs."""
 ROUNDED_NS = 10_000_000
-"""QGroundControl prints hundredths; the original's times went through one rounding more."""
+"""Largest difference of rounded times [ns]: QGroundControl prints hundredths of a second, and
+the original's times were rounded once more."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Seen:
-    """A pulse with the fields that both logs have."""
+    """A pulse, with the fields that both logs have."""
 
     tag_id: int
     time_ns: int
@@ -45,12 +47,12 @@ class Match:
     received: int
     missing: tuple[Seen, ...]
     repeated: int
-    """Number received twice."""
+    """Number of pulses received twice."""
     unknown: int
-    """Number received that is not in the onboard log."""
+    """Number of received pulses that are not in the onboard log."""
 
     def result(self, flight: str) -> Row:
-        """Missing pulses, compared with the thesis's flights with 10 and 20 ms."""
+        """Row with the missing pulses, compared with the thesis's flights with 10 and 20 ms."""
         return Row.counted(
             "packets",
             "pulses missing on the ground",
@@ -64,9 +66,9 @@ class Match:
 
 
 def read_log(path: Path) -> tuple[list[Seen], int]:
-    """Read any of the logs; returns its pulses and the resolution of its times [ns].
+    """Read a log of any known kind; returns its pulses and the resolution of its times [ns].
 
-    Raises `FormatError`: it is none of them.
+    Raises `FormatError`: the file is of no known kind.
     """
     if path.is_dir():
         return _seen(read_flight(path).pulse_poses), EXACT_NS
@@ -81,7 +83,7 @@ def read_log(path: Path) -> tuple[list[Seen], int]:
 
 
 def match_logs(onboard: Path, ground: Path) -> Match:
-    """Compare two logs; raises `FormatError` when one cannot be read."""
+    """Compare two logs; raises `FormatError` if one cannot be read."""
     sent, _ = read_log(onboard)
     got, tolerance_ns = read_log(ground)
     waiting: dict[int, list[int]] = defaultdict(list)

@@ -15,7 +15,7 @@ LOSSES = (0.0, 0.05, 0.2, 0.4)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelRow:
-    """Result of one run."""
+    """Result of one run over the simulated radios."""
 
     gap_s: float
     loss: float
@@ -31,7 +31,7 @@ class ModelRow:
 
     @property
     def result(self) -> Row:
-        """Missing pulses; none are allowed where the ground acknowledges."""
+        """Row with the missing pulses; none may be missing if the ground acknowledges."""
         ground = "ground acknowledges" if self.acknowledged else "plain ground"
         return Row.counted(
             "packets",

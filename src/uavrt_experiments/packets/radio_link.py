@@ -1,13 +1,12 @@
 """A pair of SiK telemetry radios in virtual time.
 
-Numbers are of the ArduPilot/SiK firmware with its defaults: serial
-port at 57 600 baud, AIR_SPEED 64, no error correction. The radios take turns: in its turn of
-114 ms one sends packets of at most 250 bytes, each of whole MAVLink frames, at 144 µs a byte;
-that makes 3167 B/s each way when both are busy, and twice that when the other has nothing to
-say. What comes from the serial port while the 1850-byte buffer is full is lost. A lost packet
-is not repeated.
+Numbers are those of the ArduPilot/SiK firmware with its defaults: serial port at 57 600 baud,
+AIR_SPEED 64, no error correction. The radios take turns. In its turn of 114 ms a radio sends
+packets of at most 250 bytes, each of whole MAVLink frames, at 144 µs a byte. That makes 3167
+B/s each way when both are busy, and twice that when the other has nothing to send. Data from
+the serial port while the 1850-byte buffer is full is lost. A lost packet is not repeated.
 
-Nothing here reads a clock: `VirtualTime` runs what is due in order, a flight of half an hour in
+Nothing here reads a clock: `VirtualTime` runs the events in order, a flight of half an hour in
 seconds.
 """
 
@@ -21,21 +20,23 @@ from dataclasses import dataclass
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SERIAL_BYTES_S = 5760.0
-"""57 600 baud, ten bits a byte."""
+"""Rate of the serial port [B/s]: 57 600 baud, ten bits a byte."""
 BYTE_NS = 144_000
 TURN_BYTES = 750
-"""A turn of 114.2 ms less synchronization and packet headers: 3167 B/s × 236.8 ms."""
+"""Bytes sent in a turn of 114.2 ms, less synchronization and packet headers: 3167 B/s × 236.8
+ms."""
 TURN_NS = 118_400_000
-"""Half of the cycle of 236.8 ms."""
+"""Duration of a turn [ns], half of the cycle of 236.8 ms."""
 YIELD_NS = 4_000_000
-"""A turn with nothing to say: a short packet that passes it on."""
+"""Duration of a turn without data [ns]: a short packet that gives the turn to the
+other radio."""
 PACKET_BYTES = 250
 BUFFER_BYTES = 1850
 STATUS_NS = ns_from_s(1.0)
 
 
 class VirtualTime:
-    """A clock that stands still until the next event."""
+    """A clock that advances from one event to the next."""
 
     def __init__(self, start_ns: int = 0) -> None:
         self.now_ns = start_ns
@@ -43,7 +44,7 @@ class VirtualTime:
         self._numbers = itertools.count()
 
     def at(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Call a function at a time, or now if that has passed."""
+        """Call a function at a time, or now if that time has passed."""
         due_ns = max(time_ns, self.now_ns)
         heapq.heappush(self._events, (due_ns, next(self._numbers), action))
 
@@ -72,16 +73,16 @@ class RadioLinkSettings:
     """Quality of the radio link."""
 
     loss: float = 0.0
-    """Probability that a packet in the air is lost, either way."""
+    """Probability that a packet on the air is lost, in either direction."""
     down_from_s: float | None = None
-    """Start of an outage in both directions."""
+    """Start of an outage in both directions [s]; None: no outage."""
     down_until_s: float | None = None
     seed: int = 1
 
 
 @dataclass(slots=True)
 class RadioCounters:
-    """Fate of the frames given to one radio."""
+    """Counts of sent, delivered and lost frames of one radio."""
 
     given: int = 0
     carried: int = 0
@@ -90,7 +91,7 @@ class RadioCounters:
 
 
 class _Radio:
-    """One end: a serial port and a send buffer."""
+    """One radio: a serial port and a send buffer."""
 
     def __init__(self, deliver: Callable[[bytes], None]) -> None:
         self.deliver = deliver
@@ -103,9 +104,9 @@ class _Radio:
 class RadioLink:
     """Two radios, "air" at the autopilot and "ground" at the laptop.
 
-    `time`: the clock.
+    `time`: the virtual clock.
     `settings`: loss and outage.
-    `to_ground`, `to_air`: receive each frame that arrives.
+    `to_ground`, `to_air`: called with each frame that arrives.
     """
 
     def __init__(
@@ -135,7 +136,7 @@ class RadioLink:
 
     @property
     def buffer_free_percent(self) -> int:
-        """RADIO_STATUS.txbuf of the radio at the autopilot."""
+        """Free buffer of the radio at the autopilot [%], as RADIO_STATUS.txbuf."""
         return 100 * (BUFFER_BYTES - self.air.used) // BUFFER_BYTES
 
     @property

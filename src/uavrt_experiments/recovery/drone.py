@@ -1,4 +1,4 @@
-"""A drone side under a stand-in for systemd, its world and ground station, and its records."""
+"""The drone side under a stand-in for systemd, with its world, ground station and records."""
 
 import os
 import signal
@@ -37,16 +37,16 @@ START_LEAD_S = 1.0
 READY_S = 30.0
 POLL_S = 0.02
 NURSERY = "nursery"
-"""The helper from which processes are forked; it has no row and no health records."""
+"""Name of the helper from which processes are forked; it has no row and no health records."""
 NURSERY_PID = "nursery_pid"
 
 
 class ServedDrone:
-    """Starts everything; follows the supervisor's records across restarts.
+    """Starts all programs; follows the supervisor's records across restarts.
 
-    `scenario`: the world.
+    `scenario`: the simulated world.
     `flights`: parent of the flight directories.
-    `workers`: detector processes.
+    `workers`: number of detector processes.
     """
 
     def __init__(self, scenario: Scenario, flights: Path, *, workers: int = 2) -> None:
@@ -57,16 +57,16 @@ class ServedDrone:
         self.health: dict[str, Health] = {}
         self.status: SystemStatus | None = None
         self.detected: set[Pulse] = set()
-        """Pulses reported to the supervisor by a detector."""
+        """Pulses that a detector reported to the supervisor."""
         self.unpromised: set[Pulse] = set()
         """Pulses not yet confirmed to be on disk when everything was killed at once."""
         self._power_cut = False
         self._of_this_life: set[Pulse] = set()
-        """Pulses since the present supervisor was first received."""
+        """Pulses received since the present supervisor's first record."""
         self.recorded: set[Pulse] = set()
-        """Pulses confirmed to be on disk by the recorder."""
+        """Pulses that the recorder confirmed to be on disk."""
         self._on_their_way: dict[PulseKey, Pulse] = {}
-        """Newest pulse of each name, since the recorder confirms by name."""
+        """Newest pulse of each name, because the recorder confirms by name."""
         self.texts: list[str] = []
         self._reader: StatusReader | None = None
 
@@ -109,7 +109,7 @@ class ServedDrone:
         self._stack.close()
 
     def stop(self) -> None:
-        """Stop the drone side in good order."""
+        """Stop the drone side in an orderly way."""
         self.manager.stop()
 
     # --------------------------------------------------------------- listening
@@ -163,7 +163,7 @@ class ServedDrone:
                 self.texts.append(record.text)
 
     def wait(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
-        """Listen until a condition holds; returns the time taken [s].
+        """Read records until a condition is true; returns the time taken [s].
 
         Raises `UavrtError`: it did not become true in time.
         """
@@ -190,7 +190,7 @@ class ServedDrone:
         return Path(named) if named else None
 
     def pid_of(self, process: str) -> int | None:
-        """Process id, as last reported."""
+        """Process id of a process, as last reported."""
         for item in self.status.processes if self.status else ():
             if item.process == process:
                 return item.pid
@@ -199,7 +199,7 @@ class ServedDrone:
         return None
 
     def processes(self) -> list[str]:
-        """Names of the supervised processes, and the helper."""
+        """Names of the supervised processes and the nursery."""
         return [p.process for p in self.status.processes] + [NURSERY] if self.status else []
 
     def signal(self, process: str, number: signal.Signals) -> None:
@@ -212,7 +212,7 @@ class ServedDrone:
             os.kill(pid, number)
 
     def cut_power(self) -> None:
-        """SIGKILL everything of the drone side at once."""
+        """Send SIGKILL to all of the drone side at once."""
         supervisor = self.pid_of("supervisor")
         if supervisor is None:
             raise UavrtError("the supervisor does not run")

@@ -1,4 +1,4 @@
-"""Results of the experiment."""
+"""Results of the recovery experiment."""
 
 import statistics
 from collections.abc import Sequence
@@ -10,41 +10,41 @@ from uavrt_experiments.result import Row
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kill:
-    """One process ended or stopped, and the recovery time of the system."""
+    """One process that was killed or stopped, and the time until the system recovered."""
 
     process: str
-    """``"power"`` for everything at once."""
+    """Name of the process; ``"power"`` for all at once."""
     how: str
-    """``"SIGKILL"``, ``"SIGSTOP"``, or ``"6 SIGKILL"`` for a burst."""
+    """Signal sent: ``"SIGKILL"``, ``"SIGSTOP"``, or ``"6 SIGKILL"`` for a burst."""
     resumed_s: float
     limit_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecoveryReport:
-    """Results of the whole experiment."""
+    """Results of the whole recovery experiment."""
 
     seed: int
     kills: tuple[Kill, ...]
     pulses_recorded: int
-    """Pulses confirmed to be on disk, all before one kill or another."""
+    """Number of pulses confirmed to be on disk before one of the kills."""
     pulses_detected: int
-    """Pulses reported to the supervisor by a detector."""
+    """Number of pulses that a detector reported to the supervisor."""
     pulses_promised: int
-    """Those and the recorded ones, less those not yet confirmed on disk when everything was
-    killed at once: none of them may be lost."""
+    """Number of pulses that may not be lost: those detected and recorded, less those not yet
+    confirmed on disk when everything was killed at once."""
     without_pose: int
-    """Pulses recorded without a pose."""
+    """Number of pulses recorded without a pose."""
     lost_from_database: int
-    """Of those promised, as in the two below."""
+    """Number of promised pulses missing in the flight's database."""
     lost_from_log: int
     lost_on_ground: int
     orphans: int
-    """Processes that outlived a killed supervisor by more than a second."""
+    """Number of processes that outlived a killed supervisor by more than a second."""
     flights: int
-    """Number of flight directories: one for any number of interruptions."""
+    """Number of flight directories; there must be one, whatever the interruptions."""
     faults: tuple[str, ...] = field(default=())
-    """Sentences on what did not recover."""
+    """Sentences about failed recoveries."""
 
     @property
     def ok(self) -> bool:
@@ -52,7 +52,7 @@ class RecoveryReport:
         return not self.faults and all(row.met for row in self.rows())
 
     def rows(self) -> list[Row]:
-        """Figures with their bars."""
+        """Table rows of the figures with their requirements."""
         found = []
         for (name, how), kills in self.groups().items():
             times = _summary([kill.resumed_s for kill in kills])
@@ -87,7 +87,7 @@ class RecoveryReport:
         return [*found, Row.counted(*orphans, most=0, note=note)]
 
     def groups(self) -> dict[tuple[str, str], list[Kill]]:
-        """Kills grouped by kind, detectors as one."""
+        """Kills grouped by kind; all detectors are one group."""
         groups: dict[tuple[str, str], list[Kill]] = {}
         for kill in self.kills:
             name = kill.process.partition("-")[0]
@@ -95,7 +95,7 @@ class RecoveryReport:
         return groups
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Get the report as a dictionary for JSON."""
         return {
             "seed": self.seed,
             "kills": len(self.kills),

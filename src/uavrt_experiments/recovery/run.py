@@ -1,15 +1,18 @@
-"""The experiment: each process in turn, at random, in bursts, the supervisor, the power.
+"""The recovery experiment: kills each process in turn, at random, in bursts; the supervisor;
+everything at once.
 
 A pulse that a detector has reported to the supervisor must reach the flight's database, its log
-and the ground station, whatever is killed. Only what was not yet said to be on disk when all
-was killed at once is not promised.
+and the ground station, whatever is killed. Only pulses that were not yet confirmed on disk when
+everything was killed at once may be lost.
 
 *Resumed* means that the new process has processed its first live block with its tags restored:
-for the receiver, a radio block later than the kill; for a detector, a block of its channels
-that is not from the backlog, with as many tags as before; for the connection, poses on the
-autopilot's time again; for the recorder, the flight open again. A supervisor or the power is
-resumed when all of these are, with the same tags. The nursery, from which processes are forked,
-has resumed when there is a new one; no other process may have ended by its death.
+
+- the receiver: a radio block later than the kill;
+- a detector: a block of its channels that is not from the backlog, with as many tags as before;
+- the connection: poses on the autopilot's time again;
+- the recorder: the flight open again;
+- the supervisor, or everything: all of these, with the same tags;
+- the nursery, from which processes are forked: a new one runs, and no other process has ended.
 """
 
 import random
@@ -42,38 +45,40 @@ from uavrt_experiments.recovery.report import Kill, RecoveryReport
 
 SIGKILL_LIMIT_S = 2.0
 STOP_SPARE_S = 2.0
-"""Time in addition to the row's silence limit, after SIGSTOP."""
+"""Time allowed after SIGSTOP in addition to the row's silence limit [s]."""
 SUPERVISOR_LIMIT_S = 10.0
 BURST, BURST_LIMIT_S = 6, SOON.delays_s[-1] + SIGKILL_LIMIT_S
-"""Kills of one process in a burst; after the last the restart policy waits its longest."""
+"""Number of kills of one process in a burst; time allowed after the last [s], when the restart
+policy waits its longest."""
 BURST_NAMES = ("connection", "recorder")
 TO_GROUND_S = 40.0
-"""Longest wait at the end for the ground station to receive everything."""
+"""Longest wait at the end for the ground station to receive everything [s]."""
 SAME_PULSE_NS = 2_000
-"""The wire has a pulse's start in a double: to a microsecond."""
+"""Largest difference of a pulse's start in two logs [ns]; on the link it is a double, exact to
+a microsecond."""
 GIVE_UP_S = 40.0
 LAST_HOPE_S = 120.0
-"""Time after which a process counts as lost."""
+"""Time after which a process counts as lost [s]."""
 ORPHAN_LIMIT_S = 1.0
 LONGEST_CUT_WAIT_S = 2.5
 HEIGHT_M = 40.0
 TURN_DEG_S = 12.0
 SECONDS_EACH = 12.0
-"""Time for each kill; determines the length of the simulated flight."""
+"""Time planned for each kill [s]; determines the length of the simulated flight."""
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Numbers of kills of each kind."""
+    """Number of kills of each kind."""
 
     kills: int = 50
     """Kills of single processes: each by SIGKILL and by SIGSTOP, then at random."""
     stops: int = 3
-    """Times that the connection is stopped (SIGSTOP) until it is replaced."""
+    """Number of times that the connection is stopped (SIGSTOP) until it is replaced."""
     bursts: int = 3
-    """Bursts of six kills of one process, each as soon as it runs again."""
+    """Number of bursts of six kills of one process, each as soon as it runs again."""
     supervisor_kills: int = 5
     power_cuts: int = 100
     seed: int = 1
@@ -81,7 +86,7 @@ class Plan:
 
 
 class Recovery:
-    """One run; see the module's text."""
+    """One run of the recovery experiment."""
 
     def __init__(self, drone: ServedDrone, plan: Plan, say: Say) -> None:
         self._drone = drone
@@ -98,7 +103,7 @@ class Recovery:
         self.directories: set[Path] = set()
 
     def run(self) -> None:
-        """Execute the plan."""
+        """Execute the plan's kills."""
         self._wait_whole(READY_S)
         self._drone.wait(lambda: len(self._drone.recorded) >= 3, READY_S, "the first pulses")
         names = [name for name in self._drone.processes() if name != "supervisor"]
@@ -129,7 +134,9 @@ class Recovery:
             self._go_on_after(self._cut_power)
 
     def _go_on_after(self, kill: Callable[[], None]) -> None:
-        """Kill; a process that did not resume in time is a fault, and the run continues."""
+        """Kill one process; if it does not resume in time, note a fault and continue
+        the run.
+        """
         try:
             kill()
         except UavrtError as error:
@@ -140,7 +147,7 @@ class Recovery:
     # ---------------------------------------------------------------- one kill
 
     def _kill_one(self, name: str, number: signal.Signals) -> None:
-        """Kill a process that has settled, to avoid the restart policy's wait."""
+        """Kill a process that has run long enough to be restarted at once."""
         settled_s = self._resumed_at_s.get(name, -SOON.settled_s) + SOON.settled_s + 0.5
         self._drone.wait(lambda: monotonic_s() >= settled_s, GIVE_UP_S, "a quiet moment")
         limit_s = SIGKILL_LIMIT_S
@@ -155,7 +162,7 @@ class Recovery:
         self._resumed_at_s[name] = monotonic_s()
 
     def _kill_again_and_again(self, name: str) -> None:
-        """Kill a process as soon as it runs, repeatedly; the last time it may recover."""
+        """Kill a process repeatedly, as soon as it runs; let it recover after the last time."""
         for number in range(BURST):
             before = self._drone.pid_of(name)
             self._drone.signal(name, signal.SIGKILL)
@@ -214,7 +221,9 @@ class Recovery:
         back: Callable[[int], bool],
         waited_s: float = 0.0,
     ) -> None:
-        """Wait until `back`; note the time since the kill, which was `waited_s` ago."""
+        """Wait until `back` is true; store the time since the kill, which was
+        `waited_s` ago.
+        """
         kill_ns = self._clock.now_ns() - ns_from_s(waited_s)
         took_s = waited_s + self._drone.wait(
             lambda: back(kill_ns), GIVE_UP_S, f"{name} after {how}"
@@ -270,12 +279,12 @@ class Recovery:
 def run_recovery(
     plan: Plan, flights: Path, *, say: Say = lambda _line: None, workers: int = 2
 ) -> RecoveryReport:
-    """Run the experiment in simulated real time.
+    """Run the recovery experiment in real time.
 
-    `plan`: numbers of kills.
+    `plan`: number of kills.
     `flights`: parent of the flight directory.
-    `say`: takes a line of progress.
-    `workers`: detector processes.
+    `say`: receives a line of progress.
+    `workers`: number of detector processes.
     Raises `UavrtError`: the system did not start.
     """
     count = plan.kills + plan.supervisor_kills + plan.power_cuts
@@ -337,7 +346,7 @@ def _wait_for_ground(drone: ServedDrone) -> set[tuple[int, int]]:
 def _not_among(
     wanted: set[tuple[int, int]], received: set[tuple[int, int]]
 ) -> set[tuple[int, int]]:
-    """Pulses, by tag and start, that were not received."""
+    """Pulses that were not received, by tag and start."""
     starts: dict[int, list[int]] = {}
     for tag_id, start_ns in sorted(received):
         starts.setdefault(tag_id, []).append(start_ns)

@@ -4,10 +4,10 @@
 ``--watchdog-s S`` and ``--restart-s S`` as options.
 
 It gives the command a ``NOTIFY_SOCKET`` and a watchdog time as systemd does (sd_notify(3),
-sd_watchdog_enabled(3)), starts it again when it ends otherwise than by ``exit 0``
-(``Restart=on-failure``), kills it when its watchdog falls silent (``WatchdogSignal=SIGKILL``),
-and says what happens as JSON lines. Unlike systemd it kills nothing that the service leaves
-behind: what an orphan does here, it does by itself.
+sd_watchdog_enabled(3)). It starts the command again unless it ended by ``exit 0``
+(``Restart=on-failure``), and kills it when it stops resetting the watchdog
+(``WatchdogSignal=SIGKILL``). It reports events as JSON lines. Unlike systemd it does not kill
+processes that the service leaves behind.
 """
 
 import argparse
@@ -31,7 +31,7 @@ class ServiceManager:
 
     `command`: program and arguments.
     `socket_path`: path of the notification socket.
-    `watchdog_s`: longest silence of the service once it is ready [s].
+    `watchdog_s`: longest time between two messages of the service once it is ready [s].
     `restart_s`: wait before a restart [s].
     """
 
@@ -50,7 +50,7 @@ class ServiceManager:
         self._stopping = True
 
     def run(self) -> int:
-        """Keep the service running until it exits with 0 or is stopped; always 0."""
+        """Keep the service running until it exits with 0 or is stopped; returns 0."""
         while True:
             code = self._one_life()
             _say("ended", exit_code=code)
@@ -101,7 +101,7 @@ def _say(event: str, **facts: object) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the stand-in."""
+    """Run the stand-in for systemd from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--watchdog-s", type=float, default=10.0)
     parser.add_argument("--restart-s", type=float, default=0.5)

@@ -1,7 +1,7 @@
-"""The second stage in a separate process: the decimated band to the channels of the tags.
+"""The second stage in a separate process: from the decimated band to the tags' channels.
 
-For the comparison of shapes (`uavrt_experiments.resources.stages`). Its first socket receives
-the band from the decimator, the others lead to the detectors.
+Used to compare shapes (`uavrt_experiments.resources.stages`). Its first socket receives the
+band from the decimator; the others lead to the detectors.
 """
 
 import itertools
@@ -21,9 +21,9 @@ from uavrt.processes.kept_channels import KeptChannels
 
 SELECT_S = 0.2
 GATHER_S = 0.002
-"""Wait for the rest of a radio block after its first datagram."""
+"""Wait for the rest of a radio block after its first datagram [s]."""
 BAND_SAMPLES = 32_768
-"""Samples of a radio block of 87 ms."""
+"""Number of band samples in a radio block of 87 ms."""
 
 
 class BandSplitter:
@@ -79,7 +79,7 @@ class BandSplitter:
             yield _joined(parts)
 
     def counters(self) -> dict[str, float]:
-        """Counts of received and lost samples."""
+        """Numbers of received and lost samples, by name."""
         return {
             "band_samples": self.samples,
             "samples_lost": self.samples_lost,
@@ -88,7 +88,7 @@ class BandSplitter:
         }
 
     def close(self) -> None:
-        """Finish the recording."""
+        """Finish the recording of the channels."""
         self._kept.close()
 
 

@@ -1,7 +1,7 @@
-"""The first stage in a separate process: radio samples to the decimated band.
+"""The first stage in a separate process: from radio samples to the decimated band.
 
-For the comparison of shapes (`uavrt_experiments.resources.stages`): the receiver does this and
-the next stage in one process.
+Used to compare shapes (`uavrt_experiments.resources.stages`); in flight the receiver does this
+and the next stage in one process.
 """
 
 from uavrt.messages import ChannelBlock, IQBlock
@@ -9,7 +9,7 @@ from uavrt.processes.receiver import Receiver, run
 
 
 class BandReceiver(Receiver):
-    """A receiver that leaves the channels, and their recording, to another process."""
+    """A receiver that leaves the channels and their recording to another process."""
 
     makes_channels = False
 
@@ -30,7 +30,7 @@ class BandReceiver(Receiver):
 
 
 def main() -> None:
-    """Receive until stopped."""
+    """Run the decimator until it is stopped."""
     run(BandReceiver)
 
 

@@ -1,4 +1,4 @@
-"""A flight with many tags at 3 MS/s, measured from outside."""
+"""A flight with many tags at 3 MS/s, whose processes are measured from outside."""
 
 import sys
 import tempfile
@@ -34,24 +34,24 @@ SHAPES_FLOWN = tuple(_SUPERVISORS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """One process at one moment, without its children."""
+    """Measurement of one process at one moment, without its children."""
 
     process: str
     cpu_s: float
-    """CPU time since its start."""
+    """CPU time since the process started [s]."""
     pss_mb: float
-    """Proportional set size: its memory, shared pages in parts."""
+    """Proportional set size [MB]: the process's memory, with its part of shared pages."""
     written_mb: float
-    """Written to disks since its start; NaN where the kernel does not count it."""
+    """Data written to disks since the process started [MB]; NaN if the kernel does not count
+    it."""
 
 
 class SteadyFlight:
-    """The real drone side on this machine and a ground station, with a simulated radio and
-    autopilot.
+    """The real drone side and a ground station, with a simulated radio and autopilot.
 
     `tags`: number of tags.
-    `workers`: detector processes; 0: the settings' default.
-    `flights`: parent of the flight directories; else a temporary folder.
+    `workers`: number of detector processes; 0: the settings' default.
+    `flights`: parent of the flight directories; by default a temporary folder.
     `shape`: stages by process; one of `SHAPES_FLOWN`.
     """
 
@@ -95,7 +95,7 @@ class SteadyFlight:
         return self
 
     def _settings(self, made: Settings) -> Settings:
-        """Settings of a drone whose radio receives all the tags, as often as possible."""
+        """Settings of a drone whose radio receives all the tags, if possible."""
         radio = RadioSettings(
             program=(
                 *(sys.executable, "-m", "uavrt_experiments.resources.steady_radio"),
@@ -145,7 +145,7 @@ class SteadyFlight:
         )
 
     def searching(self) -> list[Health]:
-        """Last records of the processes with detectors."""
+        """Last health records of the processes with detectors."""
         return [health for health in self.health.values() if "detectors" in health.counters]
 
     def stop(self) -> float:
@@ -194,7 +194,7 @@ class SteadyFlight:
                     self._replies[record.request_id] = record
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Listen until a condition holds.
+        """Read records until a condition is true.
 
         Raises `UavrtError`: it did not become true in time.
         """

@@ -1,4 +1,4 @@
-"""Results of the experiment, in the shape of the thesis's tables."""
+"""Results of the resources experiment, in the form of the thesis's tables."""
 
 import statistics
 from collections.abc import Mapping, Sequence
@@ -12,14 +12,15 @@ from uavrt_experiments.tables import aligned, drawn
 
 GROWTH_LIMIT = 0.01
 WRITTEN_LIMIT_MB_H = 40.0
-"""Limit of all processes together in an ordinary flight, for the life of a memory card."""
+"""Limit of disk writes of all processes in an ordinary flight [MB/h], for the life of a memory
+card."""
 SAMPLES_LIMIT_MB_H = 54.0
-"""Limit for a tag's kept channel: 7500 samples a second of 2 bytes."""
+"""Limit of disk writes for a tag's kept channel [MB/h]: 7500 samples a second of 2 bytes."""
 BEHIND_LIMIT_S = 2.0
 RADIO = "radio (stand-in)"
 TOGETHER = "all but the radio"
 KEEPER = "receiver"
-"""The process that records the tags' channels, which have a separate limit."""
+"""Name of the process that records the tags' channels, which have a separate limit."""
 NO_SAMPLES = "all but kept samples"
 
 
@@ -28,24 +29,26 @@ class Moment:
     """Measurement of all processes over one stretch."""
 
     minute: float
-    """End of the stretch, since the start of detection."""
+    """End of the stretch since the start of detection [min]."""
     cpu_percent: dict[str, float]
-    """Of one core, over the stretch."""
+    """CPU use over the stretch [% of one core], by process."""
     pss_mb: dict[str, float]
-    """Mean over its last 40 s."""
+    """Mean memory over the last 40 s of the stretch [MB], by process."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """Disk writes of a flight, from the start of detection on."""
+    """Disk writes of a flight since the start of detection."""
 
     mb_h: dict[str, float]
     syncs_h: float
-    """Calls of fsync an hour, by the recorder; the others make none."""
+    """Calls of fsync per hour by the recorder; other processes make none."""
 
     @property
     def together_mb_h(self) -> float:
-        """All processes but the radio's stand-in, without the kept samples [MB/h]."""
+        """Disk writes of all processes except the radio's stand-in, without the kept samples
+        [MB/h].
+        """
         return ours(self.mb_h) - self.mb_h.get(KEEPER, 0.0)
 
 
@@ -55,13 +58,13 @@ class Load:
 
     tags: int
     cpu_percent: float
-    """Of one core, all processes but the radio's stand-in."""
+    """CPU use of all processes except the radio's stand-in [% of one core]."""
     behind_s: float
-    """Age of the slowest detector's newest sample at the end."""
+    """Age of the slowest detector's newest sample at the end [s]."""
     lost_samples: float
 
     def rows(self) -> list[Row]:
-        """Figures with the bars of real time."""
+        """Rows with the figures of real-time operation and their requirements."""
         case = f"{self.tags} tags"
         return [
             Row.counted(
@@ -74,13 +77,13 @@ class Load:
 
     @property
     def real_time(self) -> bool:
-        """True if the system kept up."""
+        """True if the system processed everything in real time."""
         return all(row.met for row in self.rows())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResourceReport:
-    """Results of the whole experiment."""
+    """Results of the whole resources experiment."""
 
     tags: int
     moments: tuple[Moment, ...]
@@ -92,8 +95,8 @@ class ResourceReport:
     def growth(self) -> dict[str, float]:
         """Relative growth of each process's memory between the first moment and the last.
 
-        Forked processes share pages until one of them writes, so growth of a single process may
-        be no leak. The sum of all, without the radio's stand-in, shows leaks.
+        Forked processes share pages until one of them writes, so growth of a single process
+        need not be a leak. The sum of all, without the radio's stand-in, shows leaks.
         """
         first, last = self.moments[0].pss_mb, self.moments[-1].pss_mb
         growth = {name: last[name] / first[name] - 1.0 for name in last if first.get(name)}
@@ -105,7 +108,7 @@ class ResourceReport:
         return max((load.tags for load in self.loads if load.real_time), default=None)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Get the report as a dictionary for JSON."""
         return {
             "tags": self.tags,
             "moments": [
@@ -133,7 +136,7 @@ class ResourceReport:
         }
 
     def rows(self) -> list[Row]:
-        """Rows with bars: memory growth, disk writes, tags in real time."""
+        """Rows with requirements: memory growth, disk writes, tags in real time."""
         first, last = self.moments[0].pss_mb, self.moments[-1].pss_mb
         first, last = (pss | {TOGETHER: ours(pss)} for pss in (first, last))
         found = [
@@ -159,7 +162,7 @@ class ResourceReport:
         return found + [row for load in self.loads for row in load.rows()]
 
     def table(self) -> str:
-        """Table for a terminal: ours, then the thesis's."""
+        """Table for a terminal: our figures, then the thesis's."""
         here = {
             name: [m.cpu_percent[name] for m in self.moments]
             for name in self.moments[0].cpu_percent
@@ -180,7 +183,7 @@ class ResourceReport:
 
 
 def cpu_table(title: str, minutes: Sequence[float], rows: Mapping[str, Sequence[float]]) -> str:
-    """Table like the thesis's 5.2 and 5.4 side by side, with the bars of its figures."""
+    """Table like the thesis's 5.2 and 5.4 side by side, with its figures as requirements."""
     means = {name: statistics.fmean(values) for name, values in rows.items()}
     most = max(means.values()) or 1.0
     statistic_names = ("mean", "sd", "median", "min", "max", "range")
@@ -207,12 +210,12 @@ def summary(values: Sequence[float]) -> dict[str, float]:
 
 
 def ours(values: Mapping[str, float]) -> float:
-    """Sum over all processes but the radio's stand-in."""
+    """Sum of a value over all processes except the radio's stand-in."""
     return sum(value for name, value in values.items() if name != RADIO)
 
 
 def by_process(readings: Sequence[Reading], what: str) -> dict[str, float]:
-    """Sum a value over the readings of the same name."""
+    """Sum of a value over the readings with the same process name."""
     total: dict[str, float] = {}
     for reading in readings:
         total[reading.process] = total.get(reading.process, 0.0) + getattr(reading, what)

@@ -1,4 +1,4 @@
-"""The experiment: a long flight, then flights with an increasing number of tags."""
+"""The resources experiment: a long flight, then flights with an increasing number of tags."""
 
 import statistics
 from collections.abc import Callable
@@ -21,34 +21,34 @@ from uavrt_experiments.resources.thesis import MINUTES
 
 THESIS_MINUTES = float(MINUTES[-1])
 STRETCH = 0.5
-"""Part of the time since the last moment for the CPU share; the first stretch also leaves out
-the start."""
+"""Share of the time since the last moment over which CPU use is measured; this leaves out the
+start."""
 
 MEMORY_S = 40.0
-"""Averaging time of memory, a reading a second: two of the periods after which a process frees
-memory (`uavrt.heap`). A detector's varies by 1 MB in each."""
+"""Averaging time of memory [s], with a reading a second: two of the periods after which a
+process frees memory (`uavrt.heap`). A detector's memory varies by 1 MB in each."""
 
 SYNCS = "disk_syncs"
-"""The recorder's count of fsync; no other process calls it while a flight goes on."""
+"""Name of the recorder's count of fsync; no other process calls it during a flight."""
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Duration and load."""
+    """Duration and load of the experiment."""
 
     minutes: float = THESIS_MINUTES
-    """Wall time; the moments of measurement scale with it."""
+    """Duration of the long flight [min]; the moments of measurement scale with it."""
     tags: int = 1
     loads: tuple[int, ...] = (100, 200, 400, 800, 1600)
-    """Numbers of tags to try, until real time is lost; empty: leave it out."""
+    """Numbers of tags to try until real time is lost; empty: no such flights."""
     load_s: float = 40.0
-    """Duration of each."""
+    """Duration of each of these flights [s]."""
 
 
 def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceReport:
-    """Run the experiment in real time.
+    """Run the resources experiment in real time.
 
     Raises `UavrtError`: the drone side did not start, or ended by itself.
     """
@@ -100,7 +100,7 @@ def _long_flight(plan: Plan, say: Say) -> tuple[list[Moment], Written, float]:
 
 
 def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) -> Moment:
-    """Measure between two times."""
+    """Measure all processes between two times."""
     _fly_until(flight, start_s)
     before, before_s = by_process(flight.readings(), "cpu_s"), monotonic_s()
     _fly_until(flight, end_s - MEMORY_S)
@@ -117,7 +117,7 @@ def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) 
 
 
 class _DiskMeter:
-    """Disk writes from now on."""
+    """Counts disk writes from its creation on."""
 
     def __init__(self, flight: SteadyFlight) -> None:
         self._flight = flight
@@ -151,9 +151,9 @@ def run_shapes(
     """Fly the same load in each shape of the table of processes.
 
     `tags`: number of tags.
-    `seconds`: duration of each measurement.
-    `workers`: detectors of the shape that flies; 0: the settings' default.
-    `say`: takes a line of progress.
+    `seconds`: duration of each measurement [s].
+    `workers`: number of detectors in the shape that flies; 0: the settings' default.
+    `say`: receives a line of progress.
     Raises `UavrtError`: one of them did not start, or found nothing.
     """
     found = []

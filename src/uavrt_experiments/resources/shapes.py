@@ -1,4 +1,4 @@
-"""Cost of the borders between processes: the same flight in each shape of the table."""
+"""Cost of boundaries between processes: the same flight in each shape of the process table."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,24 +9,27 @@ from uavrt_experiments.tables import aligned
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapeFlight:
-    """One shape's flight."""
+    """Measurement of a flight in one shape."""
 
     shape: ShapeFlown
     processes: int
-    """Number with supervisor, nursery, connection and recorder; without the radio's program."""
+    """Number of processes with supervisor, nursery, connection and recorder, without the
+    radio's program."""
     start_s: float
-    """Time until all detectors worked."""
+    """Time until all detectors worked [s]."""
     cpu_percent: float
-    """Percent of one core, all of them."""
+    """CPU use of all processes [% of one core]."""
     chain_cpu_percent: float
-    """Percent of one core between radio and pulses: the rest is the same in all shapes."""
+    """CPU use of the processes between radio and pulses [% of one core]; the rest is the same
+    in all shapes."""
     pss_mb: float
     latency_p50_ms: float
-    """Age of a radio block's last sample when the slowest process had searched it."""
+    """Median age of a radio block's last sample when the slowest process had
+    searched it [ms]."""
     latency_p99_ms: float
     lost_samples: float
     pulses: float
-    """Pulses recorded until the end."""
+    """Number of pulses recorded until the end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,11 +41,11 @@ class ShapesReport:
     shapes: tuple[ShapeFlight, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Get the report as a dictionary for JSON."""
         return asdict(self)
 
     def rows(self) -> list[list[str]]:
-        """For a table; see `HEADER`."""
+        """Table rows for the columns of `HEADER`."""
         return [
             [
                 one.shape,
@@ -75,5 +78,5 @@ HEADER = (
     "start s",
     "lost",
 )
-"""``chain``: the processes between radio and pulses; p50, p99: age of a radio block's last
-sample when it had been searched."""
+"""Column headings. ``chain %``: CPU of the processes between radio and pulses; p50, p99: age of
+a radio block's last sample when it had been searched."""

@@ -1,8 +1,8 @@
 """The supervisor with decimator, channelizer and detector in separate processes.
 
-This shape never flies: it measures the cost of the borders between processes (the thesis asks
-it of executors in §2.2.1). ``python -m uavrt_experiments.resources.stages SETTINGS_JSON
-[TAGS_JSON]``.
+This shape never flies. It measures the cost of boundaries between processes (the thesis asks
+about the cost of executors in §2.2.1). ``python -m uavrt_experiments.resources.stages
+SETTINGS_JSON [TAGS_JSON]``.
 """
 
 import sys
@@ -36,7 +36,7 @@ STAGES = (
         samples_to="channelizer",
     ),
 )
-"""Rows in start order, replacing those that fly."""
+"""Rows of the process table in start order, in place of those that fly."""
 
 
 if __name__ == "__main__":

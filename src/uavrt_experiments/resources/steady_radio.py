@@ -22,15 +22,15 @@ BLOCK = 65_536
 NOISE = 1 << 22
 WIDTH_S, INTERVAL_S = 0.020, 1.254
 PULSE_ENR = 100.0
-"""20 dB."""
+"""ENR of each pulse as a power ratio, 20 dB."""
 NOISE_RMS = 0.01
 
 
 def steady_tags(count: int, center_frequency_hz: float) -> tuple[Tag, ...]:
     """Tags like the thesis's, spread over the channels.
 
-    Up to 101 stand 2390 Hz apart within ± 120 kHz; more repeat the frequencies, each time
-    shifted by a third of that.
+    Up to 101 are 2390 Hz apart within ± 120 kHz; more repeat the frequencies, each time shifted
+    by a third of that.
     """
     return tuple(
         Tag(
@@ -50,7 +50,7 @@ def steady_tags(count: int, center_frequency_hz: float) -> tuple[Tag, ...]:
 
 
 class SteadySignal:
-    """Noise cut at random places from a long piece, and every fourth tag's pulses."""
+    """Noise cut at random places from a long piece, with pulses of every fourth tag."""
 
     def __init__(self, tags: int, center_frequency_hz: float) -> None:
         self._random = np.random.default_rng(7)

@@ -26,4 +26,4 @@ DELL_CPU: dict[str, tuple[float, ...]] = {
     "netcat": (0.7, 0.3, 0.3, 0.7, 0.3, 0.3, 0.3),
 }
 EXTRAPOLATED_TAGS = 10
-"""Detectors that the thesis takes as the UDOO's theoretical maximum (end of §5.2)."""
+"""Number of detectors that the thesis gives as the UDOO's theoretical maximum (end of §5.2)."""

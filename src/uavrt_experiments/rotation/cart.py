@@ -2,8 +2,8 @@
 
 A cart at 35°10'29.5" N, 111°39'26.5" W points at the tag, stands, turns once in a minute and
 stands again: 76 s in all, as from 17:46:19 to 17:47:35. Samples go through the front end and
-the detector; the autopilot's poses go as MAVLink bytes through the frame parser and the ring.
-The tag's distance is not in the text: 60 m is assumed.
+the detector. The autopilot's poses go as MAVLink bytes through the frame parser and the stored
+poses. The thesis does not give the tag's distance; 60 m is assumed.
 """
 
 import math
@@ -27,32 +27,33 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, wrap_degrees_360
 from uavrt_experiments.simulated_source import SimulatedSource
 
 MAGNETIC_HEADING_DEG = 351.0
-"""Heading of the tag in the thesis."""
+"""Magnetic heading of the tag from the cart in the thesis [deg]."""
 DECLINATION_DEG = 10.0
-"""Declination at Flagstaff in 2023, rounded; the autopilot's headings are true."""
+"""Declination at Flagstaff in 2023 [deg], rounded; the autopilot's headings are true."""
 BEARING_DEG = wrap_degrees_360(MAGNETIC_HEADING_DEG + DECLINATION_DEG)
 STILL_S, TURN_S = 8.0, 60.0
 DISTANCE_M = 60.0
 LEAD_S = 120.0
-"""Time from the program's start to the recording's, in which the cart may have been turned."""
+"""Time from the program's start to the recording's [s], in which the cart may have
+been turned."""
 _POSE_HZ = 50
 _BOOT_MS = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cart:
-    """Parameters that differ from run to run."""
+    """Parameters of the test that differ from run to run."""
 
     walls: tuple[Wall, ...] = ()
     mismatch_deg: float = 0.0
-    """Angle between the polarizations of tag and antenna."""
+    """Angle between the polarizations of tag and antenna [deg]."""
     erp_dbm: float = -72.0
-    """A 30 dB pulse on boresight at 60 m."""
+    """Radiated power of the tag [dBm]; -72 gives a pulse of 30 dB on boresight at 60 m."""
     seed: int = 1
 
     @property
     def scenario(self) -> Scenario:
-        """The world."""
+        """The simulated world with these parameters."""
         return Scenario(
             name="rotation test",
             seed=self.seed,
@@ -99,7 +100,7 @@ def building(bearing_deg: float, distance_m: float, reflection: float) -> Wall:
 
 
 def heard(scenario: Scenario, sample_rate_hz: float) -> list[Pulse]:
-    """Samples of the world through front end and detector."""
+    """Pulses that front end and detector find in the world's samples."""
     center_hz = scenario.tag[0].frequency_hz + 1000.0
     source = SimulatedSource(
         scenario, center_frequency_hz=center_hz, sample_rate_hz=sample_rate_hz
@@ -120,7 +121,9 @@ def heard(scenario: Scenario, sample_rate_hz: float) -> list[Pulse]:
 
 
 def with_poses(scenario: Scenario, pulses: Sequence[Pulse]) -> list[PulsePose]:
-    """Poses as attached by our chain: from MAVLink bytes, interpolated at the pulse."""
+    """Pulses with poses as our chain attaches them: from MAVLink bytes, interpolated at the
+    pulse.
+    """
     ring = PoseRing()
     writer, parser = FrameWriter(1, 1), FrameParser()
     step_ns = NANOSECONDS_PER_SECOND // _POSE_HZ

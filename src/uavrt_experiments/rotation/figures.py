@@ -1,4 +1,6 @@
-"""Figures 5.16 and 5.17 repeated: yaw over time and SNR over yaw, one row for each reading."""
+"""Figures 5.16 and 5.17 of the thesis repeated: yaw over time and SNR over yaw, a row for each
+log.
+"""
 
 from collections.abc import Sequence
 from html import escape
@@ -10,7 +12,7 @@ from uavrt.units import wrap_degrees_180
 from uavrt_experiments.rotation.reading import Reading
 
 Row = tuple[str, Reading, float | None]
-"""Name, reading, true bearing of the tag [deg]."""
+"""Name, the log as read, and the true bearing of the tag [deg]."""
 
 
 def rotation_page(title: str, rows: Sequence[Row], texts: Sequence[Sequence[str]]) -> str:

@@ -40,7 +40,7 @@ def original_poses(pulses: Sequence[Pulse], samples: Sequence[Pose]) -> list[Pul
 
 
 def text_time_s(time_ns: int) -> float:
-    """Time after a way through text without padding: .019 s becomes .19 s.
+    """Time [s] after conversion through text without padding: .019 s becomes .19 s.
 
     >>> text_time_s(1_019_828_320)
     1.1982832

@@ -21,22 +21,22 @@ _BIN_DEG = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reading:
-    """One log of one turn."""
+    """Results from one log of one turn."""
 
     time_s: _Floats
-    """(n,) time after the first pulse."""
+    """Time of each pulse after the first [s], shape (n,)."""
     yaw_deg: _Floats
-    """(n,) as logged, [0, 360)."""
+    """Heading of each pulse as logged [deg], in [0, 360), shape (n,)."""
     snr_db: _Floats
     peak_deg: float
     """Heading where the pulses are strongest, as an eye takes it from the figure: of arcs of
     10° those within 1 dB of the best; each counts once, however long the cart stood there."""
     pca_deg: float
-    """Bearing by the original's estimator."""
+    """Bearing by the original's estimator [deg]."""
     bearing: Bearing
     """Bearing by our estimator."""
     covered_deg: float
-    """Arc of headings with pulses."""
+    """Arc of headings with pulses [deg]."""
 
     def shift_deg(self, bearing_deg: float) -> float:
         """Angle of the strongest pulses from the tag's bearing, [-180, 180)."""
@@ -44,7 +44,7 @@ class Reading:
 
 
 def read_turn(pulse_poses: Sequence[PulsePose], *, antenna: str = "RA-23K") -> Reading:
-    """Read a log; pulses without a pose are left out.
+    """Read a log of one turn; pulses without a pose are left out.
 
     Raises `UsageError`: no pulse has a pose and an SNR.
     """
@@ -67,10 +67,11 @@ def read_turn(pulse_poses: Sequence[PulsePose], *, antenna: str = "RA-23K") -> R
 
 
 def doubled(reading: Reading, first_heading_deg: float, *, antenna: str = "RA-23K") -> Bearing:
-    """Undo half poses: twice the change since the first pulse, added to its true heading.
+    """Correct half-way headings: twice the change since the first pulse, added to its true
+    heading.
 
     A half-way heading is (first + true) / 2, give or take 180° where the shorter arc changes
-    sides; twice its change is the true change whatever the first pose was.
+    sides. Twice its change is the true change, whatever the first pose was.
     """
     change = 2.0 * (reading.yaw_deg - reading.yaw_deg[0])
     yaw = wrap_degrees_360(first_heading_deg + change)
@@ -78,7 +79,7 @@ def doubled(reading: Reading, first_heading_deg: float, *, antenna: str = "RA-23
 
 
 def wrapped(angle_deg: float) -> float:
-    """Wrap to [-180, 180)."""
+    """Wrap an angle to [-180, 180) degrees."""
     return wrap_degrees_180(angle_deg)
 
 

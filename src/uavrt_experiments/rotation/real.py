@@ -1,4 +1,4 @@
-"""The same reading of a real rotation: figures, bearing, and plausibility of its poses."""
+"""Evaluation of a real rotation: figures, bearing, and plausibility of its poses."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,20 +26,21 @@ class RealRotation:
     reading: Reading
     start_time_s: float
     turned_deg: float | None
-    """Total turn of the vehicle by its own poses; None without them."""
+    """Total turn of the vehicle by its own poses [deg]; None without them."""
     pose_error_deg: float | None
-    """Rms of pulse headings against the vehicle's poses, a constant offset taken out."""
+    """Rms difference of pulse headings from the vehicle's, without a constant offset [deg]."""
     half_error_deg: float | None
-    """The same against half-way headings."""
+    """Rms difference of pulse headings from half-way headings, without a constant
+    offset [deg]."""
     original: bool
     recovered: Bearing | None
-    """Bearing with half-way headings corrected; None when not requested or not needed."""
+    """Bearing with corrected half-way headings; None if not requested or not needed."""
     bearing_deg: float | None
-    """The tag's true bearing, when it was given."""
+    """The tag's true bearing [deg]; None if it was not given."""
 
     @property
     def half_way(self) -> bool:
-        """True if the poses are half-way ones."""
+        """True if the logged poses are half-way ones."""
         if self.original:
             return True
         if self.pose_error_deg is None or self.half_error_deg is None:
@@ -47,7 +48,7 @@ class RealRotation:
         return self.half_error_deg < 0.5 * self.pose_error_deg
 
     def lines(self) -> list[str]:
-        """Lines of the report."""
+        """Lines of the report on this rotation."""
         reading, found = self.reading, self.reading.bearing
         lines = [
             f"tag {self.tag_id}: {len(reading.snr_db)} pulses in {reading.time_s[-1]:.0f} s, "
@@ -97,9 +98,9 @@ def real_rotations(
 ) -> list[RealRotation]:
     """Read the rotations of a flight or an old log: one for each tag and turn.
 
-    A log in which no turn is found is taken as one turn.
+    A log in which no turn is found is treated as one turn.
 
-    Raises `FormatError`: it is neither a flight nor a log.
+    Raises `FormatError`: the file is neither a flight nor a log.
     Raises `UsageError`: no pulse has a pose.
     """
     survey = read_survey(path, ReadAs(antenna=antenna))
@@ -149,7 +150,9 @@ def _rotation(
 def _against_vehicle(
     survey: Survey, reading: Reading, first_ns: int
 ) -> tuple[float | None, float | None, float | None]:
-    """Turn of the vehicle, and rms of the pulse headings against it and against half of it."""
+    """Turn of the vehicle [deg], and rms of the pulse headings against it and against half of
+    it.
+    """
     if survey.kind != "flight" or len(survey.track) < 10:
         return None, None, None
     times = np.array(
@@ -166,7 +169,7 @@ def _against_vehicle(
 
 
 def _misfit(difference_deg: NDArray[np.float64], period_deg: float) -> float:
-    """Rms of angles about their circular mean."""
+    """Rms deviation of angles from their circular mean [deg]."""
     turns = np.exp(2j * np.pi * difference_deg / period_deg)
     rest = np.angle(turns * np.conj(turns.mean())) * period_deg / (2.0 * np.pi)
     return float(np.sqrt(np.mean(rest**2)))

@@ -25,56 +25,59 @@ THESIS_SHIFT_DEG = 50.0
 SHIFT_TOLERANCE_DEG = 15.0
 ONE_WALL = building(bearing_deg=70.0, distance_m=25.0, reflection=-0.8)
 AWAY_DEG = 100.0
-"""Heading from the tag at the original program's start that gives a shift of 50°."""
+"""Heading away from the tag at the original program's start that gives a shift of 50° [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Case:
-    """One combination of causes and its result."""
+    """One combination of possible causes and its result."""
 
     name: str
     wall: bool
     original: bool
     first_off_deg: float | None
-    """Heading from the tag's at the original program's start; None with our poses."""
+    """Heading away from the tag at the original program's start [deg]; None with our poses."""
     reading: Reading
 
     @property
     def shift_deg(self) -> float:
-        """Angle of the strongest pulses from the tag's bearing."""
+        """Angle of the strongest pulses from the tag's bearing [deg]."""
         return self.reading.shift_deg(BEARING_DEG)
 
     @property
     def like_figure_16(self) -> bool:
-        """Yaw rises, falls and returns: a full turn that is logged within a half circle."""
+        """True if the yaw rises, falls and returns: a full turn logged within a half circle."""
         return self.reading.covered_deg < 200.0
 
     @property
     def like_figure_17(self) -> bool:
-        """The pattern is shifted by about 50°."""
+        """True if the pattern is shifted by about 50°."""
         return abs(abs(self.shift_deg) - THESIS_SHIFT_DEG) <= SHIFT_TOLERANCE_DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WallSurvey:
-    """Effect of reflections alone: shares of random walls."""
+    """Effect of reflections alone, as shares of random walls."""
 
     walls: int
     shifted: float
-    """Share that shifts the strongest pulses by 35° to 65°, with true poses."""
+    """Share of walls that shift the strongest pulses by 35° to 65°, with true poses."""
     shifted_and_folded: float
-    """Share that also keeps the yaw within a half circle."""
+    """Share of walls that also keep the yaw within a half circle."""
     shifted_original: float
-    """Share with such a shift, with the original's poses and its start at the tag."""
+    """Share of walls with such a shift, with the original's poses and its start
+    facing the tag."""
     flagged: float
-    """Share of shifts above 15° with true poses that our bearing marks as ambiguous, or has
+    """Share of shifts above 15° with true poses that our bearing marks as ambiguous, or gets
     right within 15°."""
     median_deg: float
-    """Median of the shift's size, true poses."""
+    """Median size of the shift with true poses [deg]."""
 
 
 def cases(sample_rate_hz: float, seed: int = 1) -> list[Case]:
-    """Run the turn from samples, with and without the wall, and read it with each pose."""
+    """Run the turn from samples, with and without the wall, and evaluate it with each kind of
+    pose.
+    """
     found = []
     for wall in (False, True):
         scenario = Cart(walls=(ONE_WALL,) if wall else (), seed=seed).scenario
@@ -91,9 +94,10 @@ def cases(sample_rate_hz: float, seed: int = 1) -> list[Case]:
 
 
 def start_sweep(steps: Sequence[float], seed: int = 1) -> list[tuple[float, float]]:
-    """Shift with the original's poses over its heading from the tag at the program's start.
+    """Shift with the original's poses, over the heading away from the tag at the program's
+    start.
 
-    Pulses with their true times and levels, without a detector.
+    Pulses have their true times and levels, without a detector.
     """
     scenario = Cart(seed=seed).scenario
     pulses = true_pulses(scenario, np.random.default_rng(seed))
@@ -150,7 +154,7 @@ def polarization_table(
     """Bearing errors from samples under polarization mismatch, open field and wall.
 
     Returns: each (mismatch, pulses, error, pulses with wall, error with wall), in degrees; an
-    error is None when fewer than three pulses were heard.
+    error is None if fewer than three pulses were received.
     """
     rows = []
     for mismatch in mismatches_deg:
@@ -168,7 +172,7 @@ def polarization_table(
 
 
 def true_pulses(scenario: Scenario, rng: np.random.Generator) -> list[Pulse]:
-    """Ideal pulses, their power measured in noise: |√(E/N₀) + noise|² - 1."""
+    """Ideal pulses with their power measured in noise: |√(E/N₀) + noise|² - 1."""
     end_ns = scenario.start_time_ns + ns_from_s(scenario.duration_s)
     found = []
     for truth in World(scenario).truth(scenario.start_time_ns, end_ns):
@@ -225,7 +229,7 @@ def _like(shift_deg: float) -> bool:
 
 
 def _reflects(scenario: Scenario, wall: Wall) -> bool:
-    """True if the tag too stands before the wall."""
+    """True if the tag is also in front of the wall."""
     tag = scenario.tag[0]
     facing = np.radians(wall.facing_deg)
     before = (tag.north_m - wall.north_m) * np.cos(facing)

@@ -1,4 +1,4 @@
-"""The experiment's tables and verdict, as lines of text."""
+"""Tables and verdict of the rotation experiment, as lines of text."""
 
 from collections.abc import Sequence
 
@@ -43,14 +43,14 @@ def legend_lines() -> list[str]:
 
 
 def sweep_lines(sweep: Sequence[tuple[float, float]]) -> list[str]:
-    """Shift over the heading at the program's start."""
+    """Lines on the shift over the heading at the program's start."""
     lines = ["heading from the tag at the original's start → shift of the strongest pulses:"]
     lines.append("  ".join(f"{away:.0f}° → {shift:+.0f}°" for away, shift in sweep))
     return lines
 
 
 def wall_lines(survey: WallSurvey) -> list[str]:
-    """Effect of reflections alone."""
+    """Lines on the effect of reflections alone."""
     return [
         f"{survey.walls} random walls, 8 to 60 m away, reflecting 30 to 90 % of the field:",
         f"  true poses: median shift {survey.median_deg:.1f}°; by 35° to 65° in "
@@ -66,7 +66,7 @@ def wall_lines(survey: WallSurvey) -> list[str]:
 def polarization_lines(
     table: Sequence[tuple[float, int, float | None, int, float | None]],
 ) -> list[str]:
-    """Bearing error under polarization mismatch."""
+    """Lines on the bearing error under polarization mismatch."""
     lines = [["mismatch", "open field", "wall"]]
     lines += [
         [f"{mismatch:.0f}°", _error(pulses, error), _error(with_wall, error_with_wall)]
@@ -77,7 +77,7 @@ def polarization_lines(
 
 
 def verdict_lines(cases: Sequence[Case], survey: WallSurvey) -> list[str]:
-    """Cause of the thesis's figures, decided by the numbers of this run."""
+    """Lines on the cause of the thesis's figures, decided by the numbers of this run."""
     folded = [case for case in cases if case.like_figure_16]
     both = [case for case in folded if case.like_figure_17]
     started_there = [case for case in cases if case.first_off_deg == 0.0]

@@ -1,1 +1,1 @@
-"""Comparison of planners: published tables, paired seeds, bars."""
+"""Comparison of planners in published scenarios, with paired seeds and requirements."""

@@ -1,26 +1,26 @@
-"""What no search could do better: bounds of its errors and of the time that it takes.
+"""Bounds that no search can beat, for its errors and its time.
 
-*Error*: the posterior Cramér–Rao bound along the way that was flown, for whoever knows each
-tag's strength and the law of its levels:
+*Error*: the posterior Cramér–Rao bound along the path flown, with known strength of each tag
+and known law of its levels:
 
-    J(k+1) = (Q + J(k)⁻¹)⁻¹ + gradient gradientᵀ / σ²
+J(k+1) = (Q + J(k)⁻¹)⁻¹ + gradient gradientᵀ / σ²
 
-with the gradient of the true level over the tag's place: 10 n / (ln 10 · r) along the distance,
-and the antenna's slope. It begins with the variance of the area, and ends when the tag is
-called found. What bounds the mean square of errors is the inverse of the *mean* information of
-all tags (van Trees); the mean of inverses does not, and errors do fall below it.
+Here the gradient is that of the true level over the tag's place: 10 n / (ln 10 · r) along the
+distance, and the antenna's slope. J begins with the variance of the area, and ends when the tag
+is reported as found. The inverse of the *mean* information of all tags bounds the mean square
+of errors (van Trees). The mean of inverses does not; some errors are below it.
 
 *Time*: a tag is found once its stop rule holds, and each rule needs an amount of information
-(the trace of J) that no drone gets sooner than
+(the trace of J). Two ideal drones bound the time to get it:
 
-- whoever flies straight to it, and gets from each pulse the most information possible there,
-  with whatever heading;
-- whoever flies no farther than needed past all tags: in T seconds each must come so near that T
-  pulses from there suffice. No way past all is shorter than the shortest tree between the start
-  and circles so wide.
+- one flies straight to the tag, and gets from each pulse the most information possible there,
+whatever its heading;
+- one flies no farther than needed past all tags: in T seconds it must come so near to each that
+T pulses from there suffice. No such path is shorter than the shortest tree between the start
+and circles of that size.
 
-Turning, doubts of existence and unknown strengths take more. The bounds are for whoever has no
-luck: of many runs, a cloud is now and then smaller than the information that it is of.
+Turning, doubts of existence and unknown strengths take more time. The bounds are for average
+luck: of many runs, a cloud is sometimes smaller than its information allows.
 """
 
 import math
@@ -38,19 +38,19 @@ from uavrt_experiments.search.world import World
 
 _Floats = NDArray[np.float64]
 _STEP_M = 0.5
-"""Half of the step of a numerical gradient."""
+"""Half of the step of a numerical gradient [m]."""
 _CHI2_95 = -2.0 * math.log(0.05)
 _DISTANCES = 60
 _HEADINGS = 61
 
 
 def heard_share(below_sigmas: float) -> float:
-    """Share of a level's information that is left where low ones are not heard.
+    """Share of a level's information that remains if low levels are missed.
 
-    A received level gives its value, silence that it was below the threshold (Tobit's
-    model).
+    A received level gives its value, a missed pulse only that the level was below the threshold
+    (Tobit's model).
 
-    `below_sigmas`: threshold minus mean level, over the fading's standard deviation.
+    `below_sigmas`: threshold minus mean level, in standard deviations of the fading.
     """
     u = below_sigmas
     if abs(u) > 8.0:
@@ -68,13 +68,12 @@ def pulse_information(
     threshold_db: float = -math.inf,
     missed_share: float = 0.0,
 ) -> _Floats:
-    """Fisher information [1/m²] of one pulse on the place of its tag.
+    """Fisher information [1/m²] of one pulse on the place of its tag, shape (2, 2).
 
-    `level_db`: mean level that is received of a tag at a place, shape (2,): east and north.
-    `sigma_db`: fading.
-    `threshold_db`: lower levels are not heard.
-    `missed_share`: pulses that are missed whatever their level.
-    Returns: shape (2, 2).
+    `level_db`: mean level received from a tag at a place, shape (2,): east and north [dB].
+    `sigma_db`: standard deviation of the fading [dB].
+    `threshold_db`: level below which pulses are missed [dB].
+    `missed_share`: share of pulses that are missed whatever their level.
     """
     steps = _STEP_M * np.eye(2)
     slope = np.array(
@@ -87,7 +86,7 @@ def pulse_information(
 
 
 def after_a_second(information: _Floats, walk_m_per_root_s: float) -> _Floats:
-    """What is left of information [1/m²], shape (2, 2), when a tag has walked for a second."""
+    """Remaining information [1/m²], shape (2, 2), after a tag has walked for a second."""
     if walk_m_per_root_s == 0.0:
         return information
     walked = walk_m_per_root_s**2 * np.eye(2)
@@ -97,13 +96,15 @@ def after_a_second(information: _Floats, walk_m_per_root_s: float) -> _Floats:
 def least_rms_m(information: _Floats) -> float:
     """Least root mean square of errors [m].
 
-    `information` (tags, 2, 2): of each, in 1/m².
+    `information` (tags, 2, 2): information on each tag's place [1/m²].
     """
     return float(np.sqrt(np.trace(np.linalg.inv(information.mean(axis=0)))))
 
 
 def least_mean_m(information: _Floats) -> float:
-    """Mean length [m] of normal errors that are as small as can be; see `least_rms_m`."""
+    """Mean length [m] of normal errors with the smallest possible covariance, as in
+    `least_rms_m`.
+    """
     from scipy.special import ellipe
 
     least, most = np.linalg.eigvalsh(information.mean(axis=0))
@@ -113,9 +114,10 @@ def least_mean_m(information: _Floats) -> float:
 class LeastErrors:
     """The posterior Cramér–Rao bound of each tag along a flight.
 
-    Over hills there is none: who knew them exactly could learn from their edges alone.
+    Over hills there is none, because exactly known edges of hills could locate a tag by
+    themselves.
 
-    `world`: as it is in each second of the flight.
+    `world`: the world in each second of the flight.
     """
 
     def __init__(self, scenario: Scenario, world: World) -> None:
@@ -124,9 +126,9 @@ class LeastErrors:
         self._known = dict.fromkeys(tags, _of_area(scenario))
 
     def hear(self, states: Sequence[VehicleState]) -> None:
-        """Take a second in which drones were here.
+        """Add the information of a second.
 
-        `states`: of each drone.
+        `states`: state of each drone.
         """
         truth = self._truth
         for tag_id, known in self._known.items():
@@ -135,7 +137,9 @@ class LeastErrors:
             self._known[tag_id] = left + sum(self._pulse(tag_id, state) for state in states)
 
     def of(self, tag_id: int) -> tuple[float, float, float] | None:
-        """What can be known of a tag by now [1/m²]: east, both, north. The tag is done."""
+        """Attainable information on a tag's place so far [1/m²]: east, both, north. Ends the
+        tag's bound.
+        """
         known = self._known.pop(tag_id, None)
         if known is None:
             return None
@@ -162,9 +166,9 @@ def _of_area(scenario: Scenario) -> _Floats:
 
 
 def needed_information(stop: StopRule) -> float | None:
-    """Trace of the least information [1/m²] with which a stop rule holds; None: not known.
+    """Trace of the least information [1/m²] with which a stop rule holds; None: unknown.
 
-    Of all clouds that a rule takes the round one needs least.
+    Of all clouds that satisfy a rule, the round one needs least.
     """
     match stop:
         case DeterminantStop():
@@ -177,11 +181,11 @@ def needed_information(stop: StopRule) -> float | None:
 
 
 def tree_m(start_m: _Floats, circles_m: _Floats, radii_m: _Floats) -> float:
-    """Length of the shortest tree from a start to circles: no way past all is shorter.
+    """Length [m] of the shortest tree from a start to circles; no path past all is shorter.
 
-    `start_m` (starts, 2): where drones begin; several count as one that is at all of them.
-    `circles_m` (circles, 2): their middles.
-    `radii_m`: shape (circles,).
+    `start_m` (starts, 2): starts of the drones; several count as one that is at all of them.
+    `circles_m` (circles, 2): centres.
+    `radii_m`: radii, shape (circles,).
     """
     between = np.linalg.norm(circles_m[:, None] - circles_m[None], axis=2)
     between = np.maximum(between - radii_m[:, None] - radii_m[None], 0.0)
@@ -199,9 +203,9 @@ def tree_m(start_m: _Floats, circles_m: _Floats, radii_m: _Floats) -> float:
 def least_time_s(
     scenario: Scenario, stop: StopRule, seed: int, starts: Sequence[VehicleState]
 ) -> float | None:
-    """Time before which no search of a drawn world ends; None: unknown.
+    """Time [s] before which no search of a drawn world ends; None: unknown.
 
-    `seed`: of the run.
+    `seed`: seed of the run.
     `starts`: start of each drone.
     """
     needed = needed_information(stop)
@@ -228,10 +232,10 @@ def least_time_s(
 
 
 class MostInformative:
-    """Most information of a pulse at a distance or beyond it, whatever the heading.
+    """Greatest information of a pulse at a distance or beyond it, whatever the heading.
 
-    `distances_m` (n,): over ground, rising from 0.
-    `information`: the most there, as traces [1/m²].
+    `distances_m` (n,): distances over ground, rising from 0 [m].
+    `information`: greatest trace at each [1/m²].
     """
 
     def __init__(self, distances_m: _Floats, information: _Floats) -> None:
@@ -239,7 +243,7 @@ class MostInformative:
         self._most = np.maximum.accumulate(information[::-1])[::-1]
 
     def at(self, distances_m: _Floats) -> _Floats:
-        """Information at distances, rounded up."""
+        """Greatest information at given distances [1/m²], rounded up."""
         place = np.searchsorted(self._distances, distances_m, side="right") - 1
         return np.asarray(self._most[place])
 
@@ -254,10 +258,10 @@ class MostInformative:
 def most_informative(
     scenario: Scenario, exponent: float, level_1m_db: float
 ) -> MostInformative:
-    """Look at all distances in a scenario, and turn the antenna in each.
+    """Evaluate all distances in a scenario, with all headings of the antenna.
 
-    `exponent`: drawn for a run.
-    `level_1m_db`: of the strongest tag: a weaker one adds nothing.
+    `exponent`: path loss exponent drawn for a run.
+    `level_1m_db`: level of the strongest tag at 1 m [dB]; a weaker one adds nothing.
     """
     truth = scenario.truth
     distances, level, along, across = _levels_around(scenario)
@@ -273,7 +277,8 @@ def most_informative(
 
 @lru_cache(maxsize=32)
 def _levels_around(scenario: Scenario) -> tuple[_Floats, _Floats, _Floats, _Floats]:
-    """Distances, and at each (and each heading): level of a tag of 0 dB, and its slopes [dB/m].
+    """Distances, and for each (and each heading) the level of a tag of 0 dB and its slopes
+    [dB/m].
 
     Slopes are along the distance and across it, for the scenario's exponent.
     """

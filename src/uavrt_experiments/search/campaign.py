@@ -1,4 +1,6 @@
-"""Many runs on a few processes; paired seeds, the same runs from any number of processes."""
+"""Many runs on several processes, with paired seeds; any number of processes gives the same
+runs.
+"""
 
 import math
 import signal
@@ -22,12 +24,12 @@ from uavrt_experiments.search.scenario import PUBLISHED, THAN_PUBLISHED, Contend
 from uavrt_experiments.search.table import Flown
 
 FOLDERS = ("localization", "planning")
-"""Folders of the package that the figures depend on."""
+"""Folders of the package whose code the figures depend on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """One run, by names: so it can be sent to another process."""
+    """One run, described by names, so that it can be sent to another process."""
 
     scenario: str
     contender: Contender
@@ -38,7 +40,7 @@ class Run:
 def plan(
     name: str, runs: int, seed: int, particles: int, *, baselines: bool = True
 ) -> list[Run]:
-    """Runs of a scenario: ours, and of each baseline a share with the same seeds."""
+    """Runs of a scenario: ours, and a share for each baseline with the same seeds."""
     scenario = SCENARIOS[name]
     planned = []
     for contender in scenario.contenders:
@@ -57,14 +59,14 @@ def plan(
 
 
 def made_with() -> str:
-    """Code that stored outcomes depend on."""
+    """Digest of the code that stored outcomes depend on."""
     ours = digest(("search",), Path(uavrt_experiments.__file__).parent)
     theirs = digest(("ground", "guidance", "processes", "simulation", "terrain", *FOLDERS))
     return f"code {theirs} and {ours}"
 
 
 def flown(run: Run) -> Outcome:
-    """Fly a run and bound its time, in any process."""
+    """Fly a run and compute the bound of its time, in any process."""
     scenario, who = SCENARIOS[run.scenario], run.contender
     case = flown_case(scenario, who)
     if who.as_drones:
@@ -83,10 +85,10 @@ def fly_all(
     workers: int = 1,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> list[Flown]:
-    """Fly runs, and group them by contender in their order.
+    """Fly runs, and group them by planner in their order.
 
     `kept`: stored runs are not flown again, and each flown one is stored at once.
-    `workers`: processes; 1 flies in this one.
+    `workers`: number of processes; 1 flies in this one.
     `on_progress`: receives the number of runs done.
     """
     kept = KeptOutcomes() if kept is None else kept
@@ -101,7 +103,7 @@ def fly_all(
 
 
 def so_far(planned: list[Run], kept: KeptOutcomes) -> list[Flown]:
-    """Group the stored runs by contender, in their order."""
+    """Stored runs grouped by planner, in their order."""
     groups: dict[Contender, list[Outcome]] = {}
     for run in planned:
         for stored in kept.of(_name(run)):
@@ -137,5 +139,7 @@ def _each(planned: list[Run], workers: int) -> Iterator[tuple[Run, Outcome]]:
 
 
 def _leave_interrupts() -> None:
-    """Ignore Ctrl-C, which reaches all processes of a terminal; the first ends the others."""
+    """Ignore Ctrl-C, which reaches all processes of a terminal; the main process ends the
+    others.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)

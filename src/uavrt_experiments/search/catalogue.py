@@ -1,4 +1,4 @@
-"""The rows T1 to T10: scenarios, contenders, bars."""
+"""The tables T1 to T10: scenarios, planners, requirements."""
 
 from dataclasses import replace
 
@@ -24,12 +24,12 @@ from uavrt_experiments.search.terrain import Hills
 
 _BASELINES = ("closest", "shannon", "renyi", "lawnmower", "rotation_points")
 _WIDE = ("closest", "shannon", "renyi", "lawnmower", "lavapilot")
-"""Planners for several square kilometres: turning at each point of a grid would take hours."""
+"""Planners for several square kilometres; turning at each point of a grid would take hours."""
 _HARD = ("closest", "renyi", "lawnmower")
 
 
 def _all(*planners: str) -> tuple[Contender, ...]:
-    """Ours with both stop rules, and the others."""
+    """Our planner with both stop rules, and the others."""
     return (
         Contender(planner="mi_rate"),
         Contender(planner="mi_rate", stop="ours"),
@@ -38,7 +38,7 @@ def _all(*planners: str) -> tuple[Contender, ...]:
 
 
 def _others(*planners: str) -> tuple[Contender, ...]:
-    """Planners with the paper's stop rule, Rényi with both filters."""
+    """Other planners with the paper's stop rule; Rényi's with both filters."""
     return (
         *(Contender(planner=name) for name in planners),
         *((PUBLISHED,) if "renyi" in planners else ()),
@@ -51,7 +51,7 @@ _TRACKERBOTS = Multirotor(
 
 
 def _trackerbots(name: str, title: str, threshold_db: float, *bars: Bar) -> Scenario:
-    """The table of TrackerBots (Nguyen and others, Journal of Field Robotics 2019)."""
+    """Scenario of TrackerBots (Nguyen and others, Journal of Field Robotics 2019)."""
     return Scenario(
         name=name,
         title=title,
@@ -158,8 +158,8 @@ T3 = Scenario(
 
 
 def _conservationbots(name: str, tags: int, time_s: float) -> Scenario:
-    """ConservationBots on flat ground; the places of only five animals are known, so they are
-    drawn.
+    """Scenario of ConservationBots on flat ground; places are drawn, because only five animals'
+    are known.
     """
     return Scenario(
         name=name,

@@ -1,8 +1,8 @@
 """Search flights by the guide's parts (`Seeker`, `Pilot`, `SharedSearch`) on simulated drones.
 
 The drone's own objects decide, with the arguments that the guide gives them. A table adds what
-is known of its animals before the flight. One drone flies alone; several share their ways
-through the ground station's `GivenWays`.
+is known of its animals before the flight. One drone flies alone; several get their paths
+assigned by the ground station's `GivenWays`.
 """
 
 import math
@@ -15,14 +15,14 @@ import numpy as np
 
 from uavrt.attitude import from_euler_deg
 from uavrt.ground.link.given_ways import GivenWays
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.neighbours import SEPARATION
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.search_task import Equipment
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.guidance.shared_search import SharedSearch
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.messages import (
@@ -56,15 +56,16 @@ from uavrt_experiments.search.terrain import PLANE
 from uavrt_experiments.search.world import FREQUENCY_HZ, World
 
 FLAVOURS: tuple[Flavour, ...] = ("px4", "ardupilot")
-"""Autopilots of runs with even and odd seeds."""
+"""Autopilots of runs with even and with odd seeds."""
 STEP_S = 0.05
 _STEPS = round(1.0 / STEP_S)
 _START_GAP_M = 30.0
 """Distance between drones that start at one corner [m]."""
 _HEARD_DB = 11.4
-"""SNR from which a drone expects single pulses; a table's threshold is put there."""
+"""SNR from which a drone expects to detect single pulses [dB]; a table's threshold is set to
+it."""
 _ALL_HEARD_DB = 200.0
-"""Added to a table's levels where every pulse is heard."""
+"""Offset added to a table's levels if every pulse is received [dB]."""
 _FENCE_M, _BATTERY_WH = 5000.0, 1e6
 _GREETING_S = 3.0
 """Time in which several drones receive each other's courses before they begin [s]."""
@@ -72,20 +73,20 @@ _BETWEEN = np.linspace(0.0, 1.0, 11)
 
 
 class Aircraft(Protocol):
-    """A simulated drone that executes its pilot's commands."""
+    """Interface of a simulated drone that executes its pilot's commands."""
 
     vehicle: FlyingVehicle
     pilot: Pilot | None
     time_s: float
 
     def now(self) -> VehicleNow | None:
-        """State as the guide receives it."""
+        """Present state as the guide receives it."""
 
     def step(self) -> None:
-        """Advance by `STEP_S`."""
+        """Advance the drone by `STEP_S`."""
 
     def confirm(self, order: Order) -> None:
-        """Let the operator confirm an order."""
+        """Confirm an order as the operator."""
 
 
 Maker = Callable[[Flavour, Frame, Limits, VehicleState], Aircraft]
@@ -118,7 +119,7 @@ class Direct:
         self._sent, self._turned_deg = 0, 0.0
 
     def now(self) -> VehicleNow:
-        """See `Aircraft`."""
+        """Present state; see `Aircraft`."""
         vehicle, plane = self.vehicle, self.vehicle.plane
         latitude, longitude = vehicle.latitude_longitude()
         return VehicleNow(
@@ -141,7 +142,7 @@ class Direct:
         )
 
     def step(self) -> None:
-        """See `Aircraft`."""
+        """Advance the drone; see `Aircraft`."""
         self.time_s += STEP_S
         self.vehicle.advance(STEP_S)
         self._turned_deg += abs(self.vehicle.heading.rate_deg_s) * STEP_S
@@ -153,7 +154,7 @@ class Direct:
             self.vehicle.command(command)
 
     def confirm(self, order: Order) -> None:
-        """See `Aircraft`."""
+        """Confirm an order; see `Aircraft`."""
 
 
 def _command_of(wish: Wish) -> VehicleCommand:
@@ -180,7 +181,7 @@ def _command_of(wish: Wish) -> VehicleCommand:
 
 
 def starts_of(scenario: Scenario, contender: Contender) -> dict[int, VehicleState]:
-    """Start places of the drones, by number; each 10 m above the one before."""
+    """Start places of the drones, by number; each is 10 m above the one before."""
     east, north = scenario.east_m, scenario.north_m
     start = start_of(scenario)
     x, y = scenario.start_m
@@ -197,7 +198,7 @@ def starts_of(scenario: Scenario, contender: Contender) -> dict[int, VehicleStat
 
 
 def limits_of(scenario: Scenario) -> Limits:
-    """Settings of a drone that flies a table."""
+    """Guidance settings of a drone that flies a table's scenario."""
     rule = scenario.keep_away
     return Limits(
         lowest_m=5.0,
@@ -216,7 +217,7 @@ def raised_db(scenario: Scenario) -> float:
 
 
 class _AtOnce(SearchThread):
-    """Runs each job of the search at once, without a thread."""
+    """Runs each planning job of the search immediately, without a thread."""
 
     def _start(self) -> None:
         pass
@@ -227,9 +228,9 @@ class _AtOnce(SearchThread):
 
 
 class Drone:
-    """One drone, and its received pulses.
+    """One drone of a search, and its received pulses.
 
-    `number`: from 0.
+    `number`: number of the drone, from 0.
     """
 
     def __init__(
@@ -245,7 +246,7 @@ class Drone:
         self._limits, self._equipment = limits, equipment
         self.shared = SharedSearch(1000 * (number + 1))
         self.found: dict[int, tuple[float, float, float]] = {}
-        """Latitude, longitude and 95 % radius of tags found since the last check."""
+        """Latitude, longitude [deg] and 95 % radius [m] of tags found since the last check."""
         self.decision_s: list[float] = []
         self._planner: _AtOnce | None = None
         self._pilot: Pilot | None = None
@@ -270,13 +271,13 @@ class Drone:
         return ns_from_s(self.aircraft.time_s)
 
     def begin(self) -> None:
-        """Give and confirm the order."""
+        """Give and confirm the order to search."""
         now, order = self.aircraft.now(), self._order
         assert now is not None
         self.shared.begin(now.time_s)
         self.shared.check(now, order.height_m or now.altitude_relative_m)
-        manners = MANNERS[self.aircraft.vehicle.flavour]
-        seeker = Seeker(order, self._tags, now, self._limits, manners, self._equipment)
+        behaviour = BEHAVIOURS[self.aircraft.vehicle.flavour]
+        seeker = Seeker(order, self._tags, now, self._limits, behaviour, self._equipment)
         self.aircraft.confirm(order)
         self._pilot = Pilot(order, seeker.plan, self._limits, waits=True)
         self.aircraft.pilot = self._pilot
@@ -311,16 +312,16 @@ class Drone:
         )
 
     def think(self) -> None:
-        """Decide where to fly when it is due, as the guide does."""
+        """Decide where to fly if a decision is due, as the guide does."""
         now, planner, pilot = self.aircraft.now(), self._planner, self._pilot
         if now is None or planner is None or pilot is None:
             return
-        pilot.among = self.shared.has_others(now.time_s)
+        pilot.shared = self.shared.has_others(now.time_s)
         planner.place(self.time_ns, now)
         if self.shared.waits:
             self._await_path(planner, now)
         elif now.began and pilot.ended is None and planner.is_time(now, idle=pilot.idle):
-            others, began = self.shared.thinks(now.time_s), time.process_time()
+            others, began = self.shared.begin_decision(now.time_s), time.process_time()
             planner.ask(self.time_ns, now, idle=pilot.idle, others=others)
             self.decision_s.append(time.process_time() - began)
             self._take_thoughts(now)
@@ -362,7 +363,7 @@ class Drone:
     def send_course(self, ways: GivenWays) -> bool:
         """Send the drone's course to the station when due; True if others need it now."""
         now, shared = self.aircraft.now(), self.shared
-        if now is None or not shared.speaks(now.time_s):
+        if now is None or not shared.must_report(now.time_s):
             return False
         every_s = PATH_REQUEST_S if shared.waits else COURSE_S
         if now.time_s - self._course_s < every_s:
@@ -396,8 +397,8 @@ def _pulse(tag: Tag, time_ns: int, snr_db: float) -> Pulse:
 class FlightOfDrones:
     """Drones that search a world until every tag is found or the time is over.
 
-    `contender`: number and start places of the drones.
-    `make`: makes each drone; `Direct` executes at once.
+    `contender`: planner, number and start places of the drones.
+    `make`: makes each drone; `Direct` executes commands at once.
     """
 
     def __init__(
@@ -460,7 +461,7 @@ class FlightOfDrones:
         )
 
     def flown(self) -> Outcome:
-        """Fly it."""
+        """Fly the search and return its outcome."""
         if len(self.drones) > 1:
             for _ in range(round(_GREETING_S / STEP_S)):
                 self._step()
@@ -487,7 +488,7 @@ class FlightOfDrones:
         )
 
     def _ways_m(self) -> tuple[tuple[float, float], ...]:
-        """Places of all drones, with a gap after each but the last."""
+        """Positions of all drones over time [m], with a gap after each but the last."""
         first, *others = self.paths
         more = (place for path in others for place in ((np.nan, np.nan), *path))
         return (*first, *more)

@@ -28,17 +28,17 @@ from uavrt_experiments.search.world import FREQUENCY_HZ, Heard, World
 
 _Floats = NDArray[np.float64]
 _INJECTION = 0.1
-"""TrackerBots replaces a tenth of the particles in a tenth of the steps."""
+"""Share of particles that TrackerBots replaces, and share of steps in which it does so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """A tag that a run called found."""
+    """A tag that a run reported as found."""
 
     tag_id: int
     time_s: float
     error_m: float | None
-    """None: there is no such tag."""
+    """Distance of the tag from the reported place [m]; None: there is no such tag."""
     radius95_m: float
     information: tuple[float, float, float] | None = None
     """Attainable information on its place by then [1/m²]: east, both, north."""
@@ -46,28 +46,28 @@ class Judged:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """Result of a run."""
+    """Result of one search."""
 
     seed: int
     time_s: float
-    """Time until the last tag was found, or the limit."""
+    """Time until the last tag was found, or the limit [s]."""
     distance_m: float
     judged: tuple[Judged, ...]
     lost: int
-    """Present tags that were not found."""
+    """Number of present tags that were not found."""
     nearest_m: float
-    """Least distance of the drone from any animal, over ground."""
+    """Least distance of a drone from any animal, over ground [m]."""
     too_near_s: int
-    """Seconds within the radius to keep."""
+    """Time within the distance to keep from animals [s]."""
     decision_s: tuple[float, ...]
-    """Processor time of each decision."""
+    """Processor time of each decision [s]."""
     path_m: tuple[tuple[float, float], ...]
     ends_m: tuple[tuple[float, float], ...]
-    """Final places of the tags."""
+    """Final places of the tags, east and north [m]."""
     apart_m: float = float("inf")
-    """Least distance of two drones, over ground."""
+    """Least distance of two drones, over ground [m]."""
     least_time_s: float | None = None
-    """Bound of the time of any search of this world."""
+    """Bound of the time of any search of this world [s]; None: unknown."""
 
     @property
     def complete(self) -> bool:
@@ -76,13 +76,13 @@ class Outcome:
 
     @property
     def mean_error_m(self) -> float:
-        """Mean error of found tags that are present; NaN without any."""
+        """Mean error of found tags that are present [m]; NaN without any."""
         errors = [one.error_m for one in self.judged if one.error_m is not None]
         return float(np.mean(errors)) if errors else float("nan")
 
 
 def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
-    """Prior of each tag; known strengths are those of the world."""
+    """Prior of each tag; strengths known to the searcher are those of the world."""
     truth, known = scenario.truth, scenario.known
     prior = TagPrior(
         area=Area(west_m=0.0, east_m=scenario.east_m, south_m=0.0, north_m=scenario.north_m),
@@ -152,14 +152,16 @@ def pattern_of(truth: Truth) -> AntennaPattern | None:
 
 
 def _share(believed: float | None, true: float) -> float:
-    """Share with a thousandth for events that the searcher does not expect at all."""
+    """Share of an event that the searcher assumes; at least 0.001, so that no event is
+    impossible.
+    """
     return max(true if believed is None else believed, 1e-3)
 
 
 def fly(
     scenario: Scenario, contender: Contender, seed: int, *, particles: int = 10_000
 ) -> Outcome:
-    """Fly one run; the easier case for a contender that is marked so."""
+    """Fly one run; a planner marked `easier` flies the easier case."""
     return _Flight(flown_case(scenario, contender), contender, seed, particles).flown()
 
 
@@ -175,12 +177,12 @@ def start_of(scenario: Scenario) -> VehicleState:
 
 
 def flown_case(scenario: Scenario, contender: Contender) -> Scenario:
-    """Scenario for a contender; the easier case where it is marked so."""
+    """Scenario that a planner flies; the easier case if it is marked so."""
     return (scenario.easier or scenario) if contender.easier else scenario
 
 
 def planner_of(contender: Contender) -> Planner:
-    """Planner by name, or with a contender's settings."""
+    """Make a planner by name, or with its settings for this comparison."""
     if contender.planner == "shannon" and contender.turn_s > 0.0:
         return Shannon(rotation_s=contender.turn_s)
     return any_planner(contender.planner)
@@ -247,7 +249,7 @@ class _Flight:
         )
 
     def _done(self) -> bool:
-        """True if every present tag is found; only then a table's clock stops."""
+        """True if every present tag is found, which stops the clock of a table."""
         found = sum(self.world.exists(one.tag_id) for one in self.judged)
         return found == self.scenario.tags or self.second >= self.scenario.limit_s
 
@@ -337,7 +339,7 @@ def judged(found: Found, tag_id: int, world: World, least: LeastErrors) -> Judge
 def reachable(
     vehicle: Vehicle, state: VehicleState, action: FlyTo, wind: Wind, within_s: float
 ) -> FlyTo:
-    """Nearest place on the path where a drone that must brake stands still."""
+    """Nearest place on the path where a drone that must brake can stop."""
     whole = float(
         vehicle.durations(state, np.array([action.east_m]), np.array([action.north_m]), wind)[0]
     )

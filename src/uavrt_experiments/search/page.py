@@ -15,11 +15,11 @@ _SECTION = re.compile(r"<!-- begin ([\w-]+) -->\n.*?<!-- end \1 -->\n", re.DOTAL
 
 
 def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured: str) -> str:
-    """Markdown of a table; figures that miss their bar are bold.
+    """Format a table as Markdown; figures that miss their requirement are bold.
 
     `rows`: as `results` makes them.
-    `command`: command that repeats it.
-    `measured`: line on the measured code.
+    `command`: command that repeats the table.
+    `measured`: line about the measured code.
     """
 
     def cell(one: Row) -> str:
@@ -34,9 +34,9 @@ def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured
 def put_section(page: Path, name: str, text: str) -> None:
     """Put a table into the page, in place of its earlier one; the rest stays.
 
-    Tables are in the order of the catalogue; then comes that of the real processes.
+    Tables are in the order of the catalogue; that of the real processes is last.
 
-    `name`: of the table.
+    `name`: name of the table.
     """
     old = page.read_text(encoding="utf-8") if page.exists() else ""
     sections = {found[1]: found[0] for found in _SECTION.finditer(old)}

@@ -8,9 +8,9 @@ from uavrt_experiments.search.table import Flown
 
 
 def draw(scenario: Scenario, flown: list[Flown], path: Path) -> None:
-    """Draw the first run of each contender into one picture.
+    """Draw the first run of each planner into one picture.
 
-    `path`: of the PNG or SVG file.
+    `path`: path of the PNG or SVG file.
     """
     import matplotlib as mpl
 

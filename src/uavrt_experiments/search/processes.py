@@ -1,8 +1,8 @@
 """Several searches by the real processes, whose pulses come from samples.
 
-They are repeated flights of `uavrt demo --search` in worlds drawn from the seed: supervisor,
-processes and order are those of a flight, radio and autopilot are simulated. A flight that
-fails is kept as such, with its reason.
+Each flight is one of `uavrt demo --search` in a world drawn from the seed: supervisor,
+processes and order are those of a flight; radio and autopilot are simulated. A failed flight is
+stored with its reason.
 """
 
 import math
@@ -29,13 +29,13 @@ from uavrt_experiments.search.table import figure_text
 from uavrt_experiments.tables import aligned, markdown
 
 PROCESSES = "processes"
-"""Name of the table."""
+"""Name of the table of searches by real processes."""
 PROCESS_FOLDERS = ("detection", "dsp", "guidance", "localization", "planning")
-"""Folders of the package that the figures depend on."""
+"""Folders of the package whose code the figures depend on."""
 LIMIT_S = 600.0
-"""Time limit of each search, as in the demo."""
+"""Time limit of each search [s], as in the demo."""
 _FALSE_RADII = 3.0
-"""Error, in 95 % radii, beyond which an animal counts as found falsely."""
+"""Error, in 95 % radii, beyond which a find counts as false."""
 _CASE = "mi_rate, our stop"
 _HEADS = (
     *("seed", "found", "time, s", "error of each animal, m (95 % radius)"),
@@ -51,7 +51,7 @@ class RealFlight:
     animals: int
     """Number of animals present."""
     summary: SearchSummary | None = None
-    """None: the flight failed."""
+    """The demo's summary of the flight; None: the flight failed."""
     failure: str = ""
 
     @property
@@ -61,7 +61,7 @@ class RealFlight:
 
     @property
     def time_s(self) -> float:
-        """Time until all were found; the limit where they were not."""
+        """Time until all animals were found [s]; the limit if they were not."""
         if self.summary is None or self.found < self.animals:
             return LIMIT_S
         return max(one.found_s or 0.0 for one in self.summary.tags.values())
@@ -79,9 +79,9 @@ class RealFlight:
 
 
 def drawn_world(seed: int) -> Scenario:
-    """The demo's world with its animals elsewhere: each turned about home by some angle.
+    """The demo's world with each animal rotated about home by a random angle.
 
-    `seed`: of the angles and of everything random in the world.
+    `seed`: seed of the angles and of everything random in the world.
     """
     world = search_world(None, limit_s=LIMIT_S, seed=seed, coded=False)
     turns = np.random.default_rng((seed, 5)).uniform(0.0, 360.0, len(world.tag))
@@ -109,9 +109,9 @@ def fly_for_real(
 ) -> None:
     """Fly searches one after another, and store each result.
 
-    `seed`: of the first; each other has the next.
+    `seed`: seed of the first; each following one has the next.
     `kept`: stored flights are not flown again.
-    `say`: takes a line of progress.
+    `say`: receives a line of progress.
     `on_progress`: receives the number of flights done.
     """
     for number in range(flights):
@@ -130,7 +130,7 @@ def _name(seed: int) -> str:
 
 
 def _flown(world: Scenario, say: Callable[[str], None]) -> dict[str, Any]:
-    """Fly one; the recording is deleted."""
+    """Fly one search; its recording is deleted."""
     summary, failure = None, ""
     with TemporaryDirectory(prefix="uavrt-searches-") as work:
         try:
@@ -158,9 +158,9 @@ def largest(values: NDArray[np.float64]) -> float:
 
 
 def process_rows(flights: Sequence[RealFlight]) -> list[Row]:
-    """Rows of the figures over all flights, with their bars.
+    """Rows of the figures over all flights, with their requirements.
 
-    `flights`: a failed one has found none of its animals.
+    `flights`: a failed one counts as having found no animals.
     """
     found = [float(n < one.found) for one in flights for n in range(one.animals)]
     errors = [pair for one in flights for pair in one.errors]
@@ -221,7 +221,7 @@ def _figure_lines(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def process_section(flights: Sequence[RealFlight], rows: Sequence[Row]) -> str:
-    """Draw the flights and their figures for a terminal."""
+    """Format the flights and their figures for a terminal."""
     parts = (flight_lines(flights), _figure_lines(rows))
     return "\n\n".join(aligned([heads, *lines]) for heads, lines in parts)
 
@@ -229,10 +229,11 @@ def process_section(flights: Sequence[RealFlight], rows: Sequence[Row]) -> str:
 def process_page(
     flights: Sequence[RealFlight], rows: Sequence[Row], command: str, code: str
 ) -> str:
-    """Both as Markdown; figures that miss their bar are bold.
+    """Format the flights and their figures as Markdown; figures that miss their requirement are
+    bold.
 
     `rows`: as `process_rows` makes them.
-    `command`, `code`: command that repeats it, and line on the code.
+    `command`, `code`: command that repeats the table, and line about the code.
     """
     heads, lines = _figure_lines(rows)
     for line, one in zip(lines, rows, strict=True):

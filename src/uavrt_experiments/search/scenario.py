@@ -1,4 +1,4 @@
-"""A search of a published table or a bar of ours."""
+"""Scenarios of searches, from published tables or of our own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,40 +21,41 @@ STOPS: tuple[Stop, ...] = ("paper", "ours")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """The true world. Levels are in the paper's unit, dBm or dB."""
+    """The true world of a scenario. Levels are in the paper's unit, dBm or dB."""
 
     level_1m_db: float
-    """Level received 1 m from a tag, at boresight."""
+    """Level received 1 m from a tag on boresight."""
     exponent: float
     sigma_db: float
     antenna: str = "yagi-2"
     two_ray: bool = False
     tag_height_m: float = 0.0
     threshold_db: float = -1000.0
-    """Levels below are not heard."""
+    """Level below which pulses are missed."""
     missed_share: float = 0.0
     chance_share: float = 0.0
-    """False pulses of any level, for each due pulse."""
+    """Number of false pulses of any level for each due pulse."""
     strangers: int = 0
-    """Interferers received under the first tags' numbers, from places of their own."""
+    """Number of interferers received under the first tags' numbers, each from its own place."""
     level_spread_db: float = 0.0
     """Half-width of a uniform spread of the tags' own levels."""
     exponent_range: tuple[float, float] | None = None
-    """Range of the exponent, drawn for each run; None: `exponent`."""
+    """Range of the path loss exponent, drawn for each run; None: `exponent`."""
     walk_m_per_root_s: float = 0.0
     walk_speed_m_s: float = 0.0
-    """Speed of the travelling tags."""
+    """Speed of the travelling tags [m/s]."""
     travellers: int = 0
-    """Number of travelling tags, the first of all."""
+    """Number of travelling tags; they come first."""
     vegetation_m: float = 0.0
-    """Height of the plants above the tags (ITU-R P.833)."""
+    """Height of the plants above the tags [m] (ITU-R P.833)."""
     ground: Ground | None = None
-    """Height of the ground; hills stand in the waves' way (ITU-R P.526, knife edge)."""
+    """Height of the ground, whose hills weaken signals (ITU-R P.526, knife edge);
+    None: flat."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """The searcher's prior knowledge; None: the true value."""
+    """The searcher's prior knowledge; None for a value means the true one."""
 
     each: bool = False
     """True: the strength of each tag and the exponent are known."""
@@ -73,19 +74,20 @@ class Known:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contender:
-    """A planner with a filter and a stop rule."""
+    """A planner with a filter and a stop rule, as compared in the tables."""
 
     planner: str
     filter: Literal["ours", "TrackerBots"] = "ours"
-    """TrackerBots' ignores silence, and sometimes places particles at random."""
+    """Filter of the estimates; TrackerBots' ignores missed pulses, and sometimes places
+    particles at random."""
     stop: Stop = "paper"
     easier: bool = False
-    """True: it flies the scenario's easier case, for comparison."""
+    """True: the planner flies the scenario's easier case, for comparison."""
     turn_s: float = 0.0
-    """Duration of the turn at each point, of Cliff's planner; 0: single pulses instead."""
+    """Duration of the turn at each point of Cliff's planner [s]; 0: single pulses instead."""
     drones: int = 1
     corners: bool = False
-    """True: several drones start at several corners of the area, else all at one."""
+    """True: several drones start at several corners of the area; False: all at one."""
 
     @property
     def as_drones(self) -> bool:
@@ -105,17 +107,17 @@ class Contender:
 PUBLISHED = Contender(planner="renyi", filter="TrackerBots")
 """Published planner and filter of TrackerBots."""
 THAN_PUBLISHED = "time over that of renyi"
-"""Quantity: our time over that of `PUBLISHED`."""
+"""Name of the quantity: our time over that of `PUBLISHED`."""
 FASTER = "times as fast as one, {} drones"
 ERROR_THAN_ONE = "error over that of one drone"
 APART = "drones kept apart, share"
 FARTHEST = "straight to the farthest animal, mean, s"
-"""Quantities of several drones."""
+"""Names of the quantities of searches by several drones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """Requirement on our planner."""
+    """A requirement on our planner."""
 
     quantity: str
     most: float | None = None
@@ -130,14 +132,14 @@ class Scenario:
     title: str
     east_m: float
     north_m: float
-    """Size of the area, from the origin."""
+    """Size of the area to the north of the origin [m]."""
     tags: int
     truth: Truth
     vehicle: Multirotor
     paper_stop: StopRule
     our_stop: HonestStop
     places: tuple[tuple[float, float], ...] = ()
-    """Places of the tags; empty: anywhere, drawn for each run."""
+    """Places of the tags [m]; empty: anywhere, drawn for each run."""
     absent: int = 0
     """Number of searched tags that are absent."""
     known: Known = field(default_factory=Known)
@@ -149,14 +151,14 @@ class Scenario:
     stops_each_cycle: bool = False
     keep_away: KeepAway | None = None
     limit_s: int = 1800
-    """Battery time of the table; runs without success by then have failed."""
+    """Battery time of the table [s]; runs without success by then have failed."""
     easier: "Scenario | None" = None
-    """The same with a simplification, for comparison."""
+    """The scenario with a simplification, for comparison; None: there is none."""
     bars: tuple[Bar, ...] = ()
     contenders: tuple[Contender, ...] = ()
     baseline_share: float = 0.12
-    """Runs of a baseline per run of ours, since they take long."""
+    """Number of runs of a baseline for each run of ours; they take long."""
 
     def asks(self, quantity: str) -> bool:
-        """True if a bar is of this quantity."""
+        """True if there is a requirement on this quantity."""
         return any(bar.quantity == quantity for bar in self.bars)

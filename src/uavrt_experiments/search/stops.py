@@ -10,7 +10,7 @@ from uavrt.planning.stopping import Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeterminantStop:
-    """TrackerBots' and ConservationBots' rule: determinant of the covariance."""
+    """Stop rule of TrackerBots and ConservationBots: the determinant of the covariance."""
 
     limit_m4: float = 1e4
 
@@ -22,14 +22,16 @@ class DeterminantStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Half the logarithm of the factor by which the determinant is too large."""
+        """Information still needed [nats]: half the logarithm of the factor by which the
+        determinant is too large.
+        """
         ratio = belief.spread().determinant_m4 / self.limit_m4
         return float(max(0.3, 0.5 * np.log(max(ratio, 1e-9))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LongestAxisStop:
-    """LAVAPilot's rule: standard deviation along the longer axis."""
+    """LAVAPilot's stop rule: the standard deviation along the longer axis."""
 
     limit_m: float = 15.0
 
@@ -39,5 +41,7 @@ class LongestAxisStop:
         return Verdict(found=got < self.limit_m, reason=f"{got:.0f} m of {self.limit_m:.0f}")
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Twice the logarithm of the factor by which it is too long."""
+        """Information still needed [nats]: twice the logarithm of the factor by which the axis
+        is too long.
+        """
         return float(max(0.3, 2.0 * np.log(belief.spread().major_sigma_m / self.limit_m)))

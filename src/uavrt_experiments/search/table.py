@@ -1,4 +1,4 @@
-"""Rows of the tables: each contender's figures with their intervals, and the bars."""
+"""Rows of the search tables: each planner's figures with intervals, and the requirements."""
 
 import textwrap
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ _HEAD_WIDTH = 13
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flown:
-    """All runs of one contender."""
+    """All runs of one planner."""
 
     contender: Contender
     outcomes: tuple[Outcome, ...]
@@ -48,7 +48,7 @@ def p95(values: _Floats) -> float:
 
 
 def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
-    """Rows of a scenario; the bars stand next to those of our planner."""
+    """Rows of a scenario; the requirements are in the rows of our planner."""
     rows = [row for one in flown for row in _rows(scenario, one)]
     ours = [one for one in flown if one.contender.planner == "mi_rate"]
     ours = [one for one in ours if not one.contender.easier]
@@ -75,9 +75,9 @@ def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
 
 
 def honesty(tables: Sequence[Flown]) -> list[Row]:
-    """Rows on the coverage of the declared circles of all runs of ours with our stop rule.
+    """Rows on the coverage of the stated circles, over all runs of ours with our stop rule.
 
-    `tables`: of all scenarios.
+    `tables`: runs of all scenarios.
     """
     all_runs = [
         run
@@ -100,12 +100,12 @@ def honesty(tables: Sequence[Flown]) -> list[Row]:
 
 
 def _held(judged: Sequence[Judged]) -> list[float]:
-    """For each present tag, True if the declared circle holds it."""
+    """For each present tag, true if the stated circle contains it."""
     return [float(j.error_m <= j.radius95_m) for j in judged if j.error_m is not None]
 
 
 def _false(judged: Sequence[Judged]) -> list[float]:
-    """For each tag, True if it is absent, or far from its reported place."""
+    """For each found tag, true if it is absent, or far from its reported place."""
     return [float(j.error_m is None or j.error_m > 3.0 * j.radius95_m) for j in judged]
 
 
@@ -189,7 +189,7 @@ def _bounds(runs: Sequence[Outcome]) -> dict[str, float]:
 
 
 def _farthest_s(scenario: Scenario, one: Flown, run: Outcome) -> float:
-    """Time of the nearest drone to the animal that is farthest from all starts."""
+    """Flight time of the nearest drone to the animal that is farthest from all starts [s]."""
     starts = starts_of(scenario, one.contender).values()
     return (
         max(
@@ -201,7 +201,7 @@ def _farthest_s(scenario: Scenario, one: Flown, run: Outcome) -> float:
 
 
 def _ratio(scenario: Scenario, quantity: str, ours: Flown, theirs: Flown) -> Row:
-    """Ratio of our time to theirs on the same seeds."""
+    """Ratio of our time to another planner's on the same seeds."""
     return _quotient(scenario, quantity, ours, (ours, theirs), _time_s)
 
 
@@ -229,7 +229,7 @@ def _quotient(
     over: tuple[Flown, Flown],
     of: Callable[[Outcome], float],
 ) -> Row:
-    """Ratio of a sum over all runs of one to that of another on the same seeds."""
+    """Ratio of a sum over all runs of one planner to that of another on the same seeds."""
     top, bottom = ({run.seed: of(run) for run in one.outcomes} for one in over)
     pairs = [(top[seed], bottom[seed]) for seed in top if seed in bottom]
     numbers = np.arange(len(pairs), dtype=np.float64)
@@ -254,10 +254,10 @@ def _quotient(
 def asked_and_reached(
     scenario: Scenario, rows: Sequence[Row], cell: Callable[[Row], str]
 ) -> tuple[list[str], list[list[str]]]:
-    """Headings, and lines of text: the bars, then one for each contender.
+    """Headings, and lines of text: the requirements, then a line for each planner.
 
-    Columns are the bar, next to it the bound of any search, the success, and the number of
-    failed runs.
+    Columns are the figures with a requirement, each followed by the bound of any search, the
+    success, and the number of failed runs.
     """
     bars = {one.quantity: one for one in rows if one.barred}
     quantities = [bar.quantity for bar in scenario.bars]
@@ -283,7 +283,7 @@ def asked_and_reached(
 def _with_bounds(
     cells: Sequence[tuple[str, str]], quantities: Sequence[str], bounded: set[str]
 ) -> list[str]:
-    """Cells of figures, each with its bound where the quantity has one."""
+    """Cells of figures, each followed by its bound if the quantity has one."""
     return [
         text
         for pair, quantity in zip(cells, quantities, strict=True)
@@ -296,9 +296,9 @@ def _bound_text(one: Row) -> str:
 
 
 def section(scenario: Scenario, rows: Sequence[Row]) -> str:
-    """Rows of a scenario for a terminal: a line for each contender.
+    """Format a scenario for a terminal: a line for each planner.
 
-    All other figures are in the file.
+    The CSV file has all other figures.
     """
     names, lines = asked_and_reached(scenario, rows, figure_text)
     heads = [textwrap.wrap(one, _HEAD_WIDTH) for one in names]
@@ -314,7 +314,7 @@ def section(scenario: Scenario, rows: Sequence[Row]) -> str:
 
 
 def figure_text(one: Row) -> str:
-    """A figure with its 95 % interval."""
+    """Format a figure with its 95 % interval."""
     figure, low, high = (
         f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
         for value in (one.figure, one.low, one.high)

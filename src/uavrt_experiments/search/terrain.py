@@ -1,4 +1,4 @@
-"""Artificial hills: the height models of the papers are not available."""
+"""Artificial hills, because the height models of the papers are not available."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]
 PLANE = TangentPlane(latitude_deg=47.0, longitude_deg=8.0)
 _MAP_ERROR_M = 3.0
-"""Standard deviation of each of its heights (Copernicus GLO-30: 90 % within 4 m)."""
+"""Standard deviation of each height of the map [m] (Copernicus GLO-30: 90 % within 4 m)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hills:
-    """A sum of waves in all directions, drawn from a seed.
+    """Ground as a sum of waves in all directions, drawn from a seed.
 
-    `relief_m`: approximate height from the lowest valley to the highest top.
-    `lengths_m`: shortest and longest wave.
+    `relief_m`: approximate height from the lowest valley to the highest top [m].
+    `lengths_m`: shortest and longest wave [m].
     """
 
     seed: int
@@ -30,7 +30,7 @@ class Hills:
     lengths_m: tuple[float, float] = (400.0, 1600.0)
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Height [m] of the ground; long waves are the high ones."""
+        """Height of the ground [m]; long waves have the largest amplitude."""
         rng = np.random.default_rng(self.seed)
         length = np.geomspace(*self.lengths_m, 12)
         course, phase = rng.uniform(0.0, 2.0 * np.pi, (2, 12))
@@ -78,10 +78,10 @@ def mapped(
 ) -> HillLosses:
     """A searcher's map of hills: a height every 30 m, each with an error.
 
-    `ground`: heights of places, east and north.
-    `east_m`, `north_m`: size of the area, from the origin.
-    `start_m`: take-off, east and north.
-    `tag_m`, `frequency_hz`: of the tags.
+    `ground`: gives heights of places, east and north [m].
+    `east_m`, `north_m`: size of the area, from the origin [m].
+    `start_m`: take-off, east and north [m].
+    `tag_m`, `frequency_hz`: height [m] and frequency [Hz] of the tags.
     """
     rng = np.random.default_rng(1)
 

@@ -1,8 +1,8 @@
 """The world of a search: places of the tags, and the drone's received pulses.
 
 It uses no code of the filters: levels are computed separately from each path. Random draws
-depend on the run's seed and the second alone, so that all planners see the same animals and the
-same fading.
+depend only on the run's seed and the second, so all planners see the same animals and the same
+fading.
 """
 
 import math
@@ -20,24 +20,24 @@ FREQUENCY_HZ = 150e6
 _FREQUENCY_GHZ = 0.15
 _LIGHT_M_S = 299_792_458.0
 _CLUTTER_DB = (-100.0, 20.0)
-"""Range of false pulses' levels."""
+"""Range of the levels of false pulses."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """Received level of one tag in one second."""
+    """Level of one tag received in one second."""
 
     tag_id: int
     level_db: float | None
-    """None: nothing received."""
+    """Received level; None: nothing was received."""
 
 
 class World:
     """Tags that walk and beep once a second.
 
-    `seed`: of the run.
+    `seed`: seed of the run.
     """
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
@@ -69,20 +69,20 @@ class World:
 
     @property
     def tag_ids(self) -> list[int]:
-        """Present and absent tags."""
+        """Numbers of present and absent tags."""
         return list(range(1, self._scenario.tags + self._scenario.absent + 1))
 
     def exists(self, tag_id: int) -> bool:
-        """True if the tag is present."""
+        """True if a tag is present."""
         return tag_id <= self._scenario.tags
 
     def step(self, second: int, state: VehicleState) -> list[Heard]:
-        """Advance by a second; returns the drone's received pulses."""
+        """Advance the world by a second; returns the drone's received pulses."""
         self.advance(second)
         return self.heard(second, state)
 
     def advance(self, second: int) -> None:
-        """Advance by a second."""
+        """Advance the world by a second."""
         scenario, truth = self._scenario, self._scenario.truth
         steps = np.random.default_rng((self._seed, 1, second)).normal(size=(scenario.tags, 2))
         walkers = np.arange(scenario.tags) >= truth.travellers
@@ -130,7 +130,7 @@ class World:
         self._velocity = np.where(beyond, -self._velocity, self._velocity)
 
     def level_db(self, state: VehicleState, place_m: _Floats, level_1m_db: float) -> float:
-        """Mean level at the drone of a tag there."""
+        """Mean level at the drone of a tag at a place."""
         truth = self._scenario.truth
         dx, dy = float(place_m[0]) - state.east_m, float(place_m[1]) - state.north_m
         tag_top = float(self._ground(place_m[0], place_m[1])) + truth.tag_height_m
@@ -163,7 +163,7 @@ class World:
     def _edge_db(
         self, state: VehicleState, place_m: _Floats, drone_m: float, tag_m: float
     ) -> float:
-        """Loss over the worst edge between (ITU-R P.526 in short)."""
+        """Loss over the highest edge between drone and tag [dB] (ITU-R P.526, simplified)."""
         share = np.linspace(0.04, 0.96, 24)
         dx, dy = place_m[0] - state.east_m, place_m[1] - state.north_m
         flat_km = max(math.hypot(dx, dy) / 1e3, 1e-6)

@@ -129,21 +129,21 @@ def test_a_scheduler_that_goes_is_named_and_what_was_done_stays(
         if written():
             running.scheduler.kill()
 
-    with pytest.raises(LinkError, match="scheduler has gone"):
+    with pytest.raises(LinkError, match="scheduler is lost"):
         run(archive, tmp_path, scheduler=running.address, on_done=end_it)
     assert written()
 
 
 def test_a_worker_of_a_run_that_has_ended_leaves_its_task(tmp_path: Path) -> None:
     path = tmp_path / "run"
-    old, new = cluster.Sign(path, "old"), cluster.Sign(path, "new")
-    old.put_up()
+    old, new = cluster.RunMarker(path, "old"), cluster.RunMarker(path, "new")
+    old.write()
     assert not old.should_stop()
-    new.put_up()
+    new.write()
     assert not new.should_stop()
-    assert cluster.Sign(path, "old").should_stop()
+    assert cluster.RunMarker(path, "old").should_stop()
     path.unlink()
-    assert cluster.Sign(path, "new").should_stop()
+    assert cluster.RunMarker(path, "new").should_stop()
 
 
 def test_a_scheduler_that_does_not_answer_is_named(

@@ -101,7 +101,7 @@ def test_a_server_that_gives_only_whole_files_or_nothing_is_named(
     summary = run(address, f"{address}/walk.cf32", tmp_path, tmp_path / "stored")
     (row,) = summary.rows
     assert row.state == "failed"
-    assert "walk.cf32: the server gives whole files only" in (row.fault or "")
+    assert "walk.cf32: the server cannot send parts of files" in (row.fault or "")
     store.pieces = True
     with pytest.raises(FormatError, match="nowhere"):
         find_recordings([f"{address}/nowhere.cf32"])

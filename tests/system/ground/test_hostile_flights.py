@@ -117,12 +117,12 @@ def test_a_query_ends_with_the_program_and_after_its_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with closing(sqlite3.connect(":memory:", check_same_thread=False)) as database:
-        plain_database.watch(database, 0.2)
+        plain_database.limit_queries(database, 0.2)
         with pytest.raises(sqlite3.OperationalError, match="interrupted"):
             database.execute(ENDLESS.format("count(*)")).fetchall()
-        monkeypatch.setattr(plain_database, "ended", threading.Event())
-        plain_database.watch(database, 3600.0)
-        threading.Timer(0.2, plain_database.ended.set).start()
+        monkeypatch.setattr(plain_database, "queries_ended", threading.Event())
+        plain_database.limit_queries(database, 3600.0)
+        threading.Timer(0.2, plain_database.queries_ended.set).start()
         with pytest.raises(sqlite3.OperationalError, match="interrupted"):
             database.execute(ENDLESS.format("count(*)")).fetchall()
 

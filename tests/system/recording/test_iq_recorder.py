@@ -49,9 +49,9 @@ def test_a_stuck_disk_drops_blocks_and_never_holds_up_the_caller(tmp_path: Path)
     (tmp_path / "band.sigmf-data").write_bytes(content)
     assert len(content) == recording.written_samples * 4
     assert recording.written_samples + recording.dropped_samples == number * BLOCK
-    assert recording.gaps >= 1
+    assert recording.file.gaps >= 1
     check_places(recording)
-    sigmf.fromfile(str(recording.metadata_path)).validate()
+    sigmf.fromfile(str(recording.file.metadata_path)).validate()
 
 
 def drained(reader: int) -> bytes:
@@ -86,8 +86,8 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (infinite, infinite))
 put(range(20, 30))
 recording.close()
 check_places(recording)
-print(json.dumps([recording.written_samples, recording.dropped_samples, recording.gaps,
-                  recording.trouble, recording.data_path.stat().st_size]))
+print(json.dumps([recording.written_samples, recording.dropped_samples, recording.file.gaps,
+                  recording.trouble, recording.file.data_path.stat().st_size]))
 """
 
 

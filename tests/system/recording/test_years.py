@@ -125,6 +125,7 @@ def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
     # The order of flights cannot be noted, which stops nothing. Each flight is told once.
     assert [text[:22] for _, text in guard.check()] == ["Memory card: read-only"]
     assert guard.check() == []
+    assert [fault.text[:22] for fault in guard.faults] == ["Memory card: read-only"]
     guard.flying(flight)
     assert len(guard.check()) == 1
     assert len(read_flight(flight).pulse_poses) == 40

@@ -93,7 +93,7 @@ def test_bursts_that_keep_no_beat_are_no_tag(
     path = tmp_path / "a.cf32"
     _record(path, 60.0, [1.0, 8.3, 17.9, 24.2, 35.01, 44.77, 52.4])
     assert uavrt("tags", "measure", str(path), *RADIO) == 2
-    assert "nothing in 60 s beats like a tag" in capsys.readouterr().err
+    assert "no regular pulses in 60 s" in capsys.readouterr().err
 
 
 def test_a_code_in_a_recording_that_was_cut_off_is_measured_and_the_fault_told(

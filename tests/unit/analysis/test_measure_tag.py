@@ -251,7 +251,7 @@ def test_noise_carriers_and_impulses_alone_are_no_tag(tmp_path: Path) -> None:
         samples += (4.0 * np.exp(2j * np.pi * (3000.0 * t + 5.0 * t**2))).astype(np.complex64)
         for place in rng.integers(0, samples.size - 3, 40):
             samples[place : place + 3] += 30.0
-        with pytest.raises(UsageError, match="beats like a tag"):
+        with pytest.raises(UsageError, match="no regular pulses"):
             measured(tmp_path, samples, 16_000.0)
 
 

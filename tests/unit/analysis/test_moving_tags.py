@@ -19,7 +19,7 @@ from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.export.gpx import NAMESPACE, gpx_text
 from uavrt.analysis.export.kmz import kml_text
-from uavrt.analysis.export.tables import bearing_rows, movebank_csv, ways_csv
+from uavrt.analysis.export.tables import bearing_rows, movebank_csv, tag_paths_csv
 from uavrt.analysis.positions import read_positions
 from uavrt.analysis.report import words
 from uavrt.analysis.survey import Survey, read_survey
@@ -188,7 +188,7 @@ def test_exports_carry_the_way_with_its_times(survey: Survey, tmp_path: Path) ->
 
 def test_tables_have_the_way_with_a_row_for_each_time(survey: Survey) -> None:
     way = way_of(survey, WALKER).track
-    rows = list(csv.DictReader(io.StringIO(ways_csv(survey))))
+    rows = list(csv.DictReader(io.StringIO(tag_paths_csv(survey))))
     assert [one["time_utc"] for one in rows] == [iso_utc(one.time_ns) for one in way]
     assert {one["tag_id"] for one in rows} == {str(WALKER)}
     assert [float(one["radius95_m"]) for one in rows] == [

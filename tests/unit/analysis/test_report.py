@@ -23,7 +23,7 @@ from uavrt.analysis.report.document import _Book, pdf_document
 from uavrt.analysis.report.maps import draw_overview, draw_tag_map
 from uavrt.analysis.report.page import html_page
 from uavrt.analysis.report.roses import draw_roses
-from uavrt.analysis.report.searches import account, searches_of
+from uavrt.analysis.report.searches import searches_of, sentences
 from uavrt.analysis.report.style import new_figure, styled
 from uavrt.analysis.report.times import draw_times
 from uavrt.analysis.survey import Survey, read_survey
@@ -387,7 +387,7 @@ def test_a_search_whose_recording_broke_off_is_told_as_far_as_it_went(
 ) -> None:
     survey = searched(survey, scenario_of(2), ended=False)
     (search,) = searches_of(survey)
-    text = " ".join(account(survey, search)).replace("\u00a0", " ")
+    text = " ".join(sentences(survey, search)).replace("\u00a0", " ")
     assert "the recording breaks off. 0 of 2 found" in text
 
 

@@ -74,7 +74,7 @@ def test_a_cut_off_recording_without_a_tag_is_told_with_both_reasons(
     assert uavrt("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml") == 2
     said = capsys.readouterr().err
     assert "All whole samples were used" in said
-    assert "beats like a tag" in said
+    assert "no regular pulses" in said
     assert not (folder / "m.toml").exists()
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from uavrt.detection.search.hypotheses import Candidate, best_first
 from uavrt.detection.search.noise import RowNoise
-from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, young_margin
+from uavrt.detection.search.thresholds import young_margin
+from uavrt.detection.search.tuning import THRESHOLDS
 from uavrt.messages import Pulse
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, noise
 from uavrt_experiments.detection.trials import Flight, compare, detect
@@ -61,7 +62,7 @@ def test_a_noise_hardly_known_is_compensated_by_a_higher_threshold() -> None:
         noise.start(cells[:columns])
         margins.append(young_margin(24.0, noise.relative_error))
     assert margins[0] > margins[1] > margins[2] > 0.999
-    assert young_margin(24.0, USUAL_NOISE_ERROR) == 1.0
+    assert young_margin(24.0, THRESHOLDS.noise_error) == 1.0
 
 
 def test_the_higher_threshold_ends_when_the_noise_is_known() -> None:

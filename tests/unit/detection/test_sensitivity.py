@@ -6,7 +6,7 @@ import made
 import pytest
 
 from uavrt.detection.sensitivity import detection_probability, enr_needed_db
-from uavrt.guidance.listening import threshold_db
+from uavrt.guidance.pulse_evidence import threshold_db
 from uavrt.messages import Tag
 
 

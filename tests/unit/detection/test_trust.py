@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from uavrt.detection.search.refine import Measured
-from uavrt.detection.track.tracks import COAST_PULSES, Slot, Track
+from uavrt.detection.track.tracks import Slot, Track
+from uavrt.detection.track.tuning import FOLLOW
 from uavrt_experiments.detection.signals import THESIS_TAG, noise
 from uavrt_experiments.detection.trials import detect
 
@@ -56,13 +57,13 @@ def test_a_track_of_many_clear_pulses_outlives_ten_empty_places() -> None:
     track = begun(9.0)
     for _ in range(6):
         step(track, 14.0)
-    assert empty_places(track) == COAST_PULSES + 1
+    assert empty_places(track) == FOLLOW.most_missed + 1
 
 
 def test_a_strong_group_is_trusted_at_once() -> None:
     track = begun(30.0)
     assert track.confirmed
-    assert empty_places(track) == COAST_PULSES + 1
+    assert empty_places(track) == FOLLOW.most_missed + 1
 
 
 def test_the_peaks_that_began_a_track_do_not_vouch_for_weaker_ones() -> None:

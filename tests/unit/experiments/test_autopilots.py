@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from uavrt.errors import UavrtError, UsageError
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message

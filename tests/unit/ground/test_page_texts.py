@@ -218,7 +218,7 @@ ASKED_OF = [
     *("uavrt.recording.flight_reader", "uavrt.recording.integrated"),
     *("uavrt.terrain.elevation", "uavrt.terrain.elevation_files", "uavrt.terrain.geotiff"),
     *("uavrt.terrain.srtm", "uavrt.terrain.squares", "uavrt.terrain.viewshed"),
-    *("uavrt.guidance.area_text", "uavrt.guidance.way_text"),
+    *("uavrt.guidance.area_text", "uavrt.guidance.path_text"),
     *("uavrt.mavlink.address", "uavrt.mavlink.stream", "uavrt.mavlink.udp"),
     *("uavrt.radio.program", "uavrt.radio.programs", "uavrt.radio.soapy"),
     *("uavrt.radio.answers", "uavrt.radio.checking"),

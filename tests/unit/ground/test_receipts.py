@@ -84,6 +84,13 @@ def test_half_a_number_left_by_a_power_cut_is_cut_off(tmp_path: Path) -> None:
     assert third.seen(b"b")
 
 
+def test_zeros_left_by_a_power_cut_are_a_new_store(tmp_path: Path) -> None:
+    (tmp_path / RECEIVED_NAME).write_bytes(bytes(24))
+    store = open_receipts(tmp_path).store
+    assert store, "drones refuse receipts of store 0"
+    assert open_receipts(tmp_path).store == store
+
+
 def test_a_receipt_that_a_full_disk_did_not_take_is_written_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

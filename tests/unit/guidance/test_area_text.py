@@ -87,7 +87,7 @@ def test_a_fence_that_is_a_circle_has_corners_all_round() -> None:
         (geojson(RING, RING), "holes"),
         (kml("<innerBoundaryIs/>"), "holes"),
         (geojson(RING[:2]), "three corners"),
-        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a place on earth"),
+        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a position on earth"),
         (plan([SURVEY, SURVEY]), "2 outlines"),
         (plan([]), "0 outlines"),
         ('<!DOCTYPE x [<!ENTITY a "b">]>' + kml(), "entities"),
@@ -156,8 +156,8 @@ def test_of_a_file_of_buildings_every_outline_counts() -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        (json.dumps({"type": "FeatureCollection", "features": []}), "holds none"),
-        (plan([SURVEY]), "holds none"),
+        (json.dumps({"type": "FeatureCollection", "features": []}), "holds no area"),
+        (plan([SURVEY]), "holds no area"),
         (
             json.dumps(feature({"type": "Point", "coordinates": [8, 46]}, keep_out=1)),
             "radius_m",
@@ -172,7 +172,7 @@ def test_of_a_file_of_buildings_every_outline_counts() -> None:
             json.dumps(feature({"type": "Polygon", "coordinates": [RING]}) | {"properties": 3}),
             "int",
         ),
-        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a place on earth"),
+        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a position on earth"),
         (json.dumps({"type": "MultiPolygon", "coordinates": [[RING]] * 101}), "more than 100"),
     ],
 )
@@ -239,7 +239,7 @@ def test_no_place_to_keep_out_of_is_left_out_in_silence(kind: str, inner: Any) -
 
 
 def test_a_point_to_keep_out_of_without_a_radius_is_named() -> None:
-    with pytest.raises(FormatError, match=r'the point "school" .* needs a radius_m'):
+    with pytest.raises(FormatError, match='the excluded point "school" has no radius_m'):
         keep_out_in(features(school("Point", [8.01, 47.01])), "farm", every=True)
 
 

@@ -76,7 +76,7 @@ def test_one_alone_asks_nobody_and_says_nothing(now: VehicleNow) -> None:
 def test_a_way_is_flown_once_it_is_given(now: VehicleNow) -> None:
     shared = SharedSearch(7)
     shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    assert [one.vehicle for one in shared.thinks(now.time_s)] == [2]
+    assert [one.vehicle for one in shared.begin_decision(now.time_s)] == [2]
     assert not shared.choose(choice(0.0, 100.0, held=(4, 6)), now)
     course = shared.course(now, searching=True)
     assert (course.given, course.asked_way) == (((2, 4),), choice(0.0, 100.0).way)
@@ -95,7 +95,7 @@ def test_a_way_is_flown_once_it_is_given(now: VehicleNow) -> None:
 def test_without_a_way_it_goes_on_as_before(now: VehicleNow, how: str) -> None:
     shared = SharedSearch(7)
     shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    shared.thinks(now.time_s)
+    shared.begin_decision(now.time_s)
     shared.choose(choice(0.0, 100.0), now)
     number, later = shared.course(now).asked, now
     match how:
@@ -146,6 +146,6 @@ def test_who_asks_is_heard_by_a_station_that_has_begun_anew(now: VehicleNow) -> 
     shared = SharedSearch(7)
     shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
     later = replace(now, time_s=now.time_s + 2.0 * SAFETY.report_age_s)
-    assert not shared.speaks(later.time_s)
+    assert not shared.must_report(later.time_s)
     assert not shared.choose(choice(0.0, 100.0), later)
-    assert shared.speaks(later.time_s)
+    assert shared.must_report(later.time_s)

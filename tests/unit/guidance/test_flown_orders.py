@@ -205,7 +205,7 @@ def test_what_was_confirmed_once_cannot_be_confirmed_again() -> None:
     flown.authority.offer(1, 77, flown.time_s)
     flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
     flown.authority.stop(flown.time_s)
-    with pytest.raises(CommandRefused, match="not on offer"):
+    with pytest.raises(CommandRefused, match="not the proposed one"):
         flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
     with pytest.raises(CommandRefused, match="used before"):
         flown.authority.offer(1, 77, flown.time_s)
@@ -215,7 +215,7 @@ def test_a_wrong_nonce_confirms_nothing_and_ends_the_offer() -> None:
     flown = prepared()
     flown.authority.offer(1, 77, flown.time_s)
     for nonce in (78, 77):
-        with pytest.raises(CommandRefused, match="not on offer"):
+        with pytest.raises(CommandRefused, match="not the proposed one"):
             flown.authority.confirm(1, nonce, flown.time_s, sticks_unseen=True)
     assert flown.authority.standing is Standing.OUT
 
@@ -252,7 +252,7 @@ def test_nothing_is_offered_in_a_failsafe_or_without_position_or_mode() -> None:
     for fault, reason in (
         ("failsafe", "a failsafe: battery"),
         ("position", "no position"),
-        ("mode_told", "mode is not known"),
+        ("mode_told", "mode is unknown"),
     ):
         flown = prepared()
         setattr(flown, fault, "battery" if fault == "failsafe" else False)
@@ -329,7 +329,7 @@ def test_a_way_beyond_the_battery_is_refused_with_the_figures() -> None:
 
 def test_without_the_size_of_the_battery_no_way_is_flown() -> None:
     flown = prepared(limits=Limits())
-    with pytest.raises(PlanError, match="battery's size"):
+    with pytest.raises(PlanError, match="battery capacity"):
         flown.order("goto", places=(flown.place(50, 0),), height_m=40.0)
 
 
@@ -400,7 +400,7 @@ def test_home_among_others_is_flown_at_its_own_height(flavour: Flavour) -> None:
     frame = Frame(return_height_m=60.0)
     flown = Flown(flavour, frame=frame, limits=Limits(battery_wh=120.0, link_lost="return"))
     pilot = flown.order("goto", places=(flown.place(150.0, 0.0),), height_m=40.0)
-    pilot.among = True
+    pilot.shared = True
     flown.run(15.0)
     flown.ground_silent_s = 60.0
     flown.run(3.0)

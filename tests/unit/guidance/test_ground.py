@@ -47,9 +47,9 @@ def flying(
 @pytest.mark.parametrize(
     ("start", "goal", "reason"),
     [
-        ((0.0, 0.0), (100.0, 0.0), "needs 6[0-9] m above home"),  # on it
-        ((0.0, 0.0), (250.0, 0.0), "needs 6[0-9] m above home"),  # over it
-        ((220.0, 180.0), (220.0, 0.0), "needs 6[0-9] m above home"),  # home over it
+        ((0.0, 0.0), (100.0, 0.0), "need 6[0-9] m above home"),  # on it
+        ((0.0, 0.0), (250.0, 0.0), "need 6[0-9] m above home"),  # over it
+        ((220.0, 180.0), (220.0, 0.0), "need 6[0-9] m above home"),  # home over it
     ],
 )
 def test_a_way_too_near_to_a_hill_is_refused_with_the_height_it_needs(
@@ -79,9 +79,9 @@ def test_beside_a_hill_nothing_sinks_below_the_way_home(action: str) -> None:
 
 def test_where_the_map_knows_nothing_there_is_no_descent() -> None:
     flown = flying("px4", (0.0, 300.0), 80.0)
-    with pytest.raises(PlanError, match="the map does not know"):
+    with pytest.raises(PlanError, match="map has no ground"):
         flown.order("hold", height_m=60.0)
-    with pytest.raises(PlanError, match="the map does not know"):
+    with pytest.raises(PlanError, match="map has no ground"):
         flown.order("goto", places=(flown.place(0.0, 150.0),), height_m=60.0)
     flown.order("hold", height_m=80.0)
 
@@ -89,13 +89,13 @@ def test_where_the_map_knows_nothing_there_is_no_descent() -> None:
 @pytest.mark.parametrize("off_m", [-16.0, 16.0, 47.0])
 def test_a_map_that_is_off_at_home_is_not_flown_by(off_m: float) -> None:
     flown = Flown("px4", limits=limits(off_m))
-    with pytest.raises(PlanError, match="off the map of heights"):
+    with pytest.raises(PlanError, match="off the elevation map"):
         flown.order("hold")
     Flown("px4", limits=limits(14.0)).order("hold")
 
 
 def test_a_map_without_home_is_refused() -> None:
-    with pytest.raises(PlanError, match="does not know home"):
+    with pytest.raises(PlanError, match="does not cover home"):
         GroundAround.around(lambda a, b: a * np.nan, PLANE, 400.0)
 
 
@@ -109,7 +109,7 @@ def test_it_holds_and_asks_when_home_leaves_the_map_in_flight(flavour: Flavour) 
     flown.run(12.0)
     place = flown.vehicle.body.place_m
     flown.run(10.0)
-    assert "off the map of heights: holding" in pilot.said
+    assert "off the elevation map: holding" in pilot.said
     assert np.hypot(*np.subtract(flown.vehicle.body.place_m, place)) < 2.0
     assert flown.authority.standing is Standing.IN_COMMAND
 

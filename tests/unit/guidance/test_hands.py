@@ -157,7 +157,7 @@ def test_no_command_leaves_on_sticks_of_half_a_second_ago(flavour: Flavour) -> N
     order_id, flown.pilot = flown.authority.order_id, None
     flown.sticks_every = 1000
     flown.run(0.4)
-    with pytest.raises(CommandRefused, match=r"the sticks are older than 0\.3 s"):
+    with pytest.raises(CommandRefused, match=r"report of the sticks is older than 0\.3 s"):
         command(flown, order_id)
     flown.sticks_every = 4
     flown.run(0.2)

@@ -9,8 +9,8 @@ from flown import HOME, Flown
 
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
-from uavrt.guidance.manners import MANNERS
-from uavrt.guidance.wishes import CommandWriter
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
+from uavrt.guidance.vehicle_commands import CommandWriter
 from uavrt.messages import FlyThere, GoHome
 from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.simulation.flying import MODES
@@ -82,7 +82,10 @@ def at_rest(flavour: Flavour) -> Flown:
 @pytest.mark.parametrize(
     ("begin", "objection", "said"),
     [
-        *((Flown, one, "not on offer") for one in (stop, disarm, move_home, lose_position)),
+        *(
+            (Flown, one, "not the proposed one")
+            for one in (stop, disarm, move_home, lose_position)
+        ),
         (Flown, fly_and_return_the_mode, "the mode has changed"),
         (Flown, change_mode, "the mode has changed to R"),
         (at_rest, give_target, "another has given a target"),
@@ -109,7 +112,7 @@ def untold_target(flavour: Flavour) -> Flown:
     flown = Flown(flavour)
     flown.vehicle.set_mode(MODES[flavour]["hold"])
     flown.run(1.2)
-    flown.authority = Authority(CommandWriter(manners=MANNERS[flavour]))
+    flown.authority = Authority(CommandWriter(behaviour=BEHAVIOURS[flavour]))
     flown.target_told = False
     flown.run(1.2)
     return flown
@@ -262,7 +265,7 @@ def test_an_order_ends_when_the_target_is_not_told_any_more(flavour: Flavour) ->
     flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
     flown.run(4.0)
     flown.target_told = False
-    lost_s = MANNERS[flavour].target_lost_s
+    lost_s = BEHAVIOURS[flavour].target_lost_s
     flown.run(lost_s - 0.2)
     assert flown.authority.standing is Standing.IN_COMMAND
     flown.run(0.4)
@@ -275,7 +278,7 @@ def test_no_command_leaves_on_a_target_that_is_not_told_any_more() -> None:
     flown.run(4.0)
     flown.target_told = False
     flown.run(0.4)
-    with pytest.raises(CommandRefused, match=r"target is older than 0\.3 s"):
+    with pytest.raises(CommandRefused, match=r"target report is older than 0\.3 s"):
         flown.authority.command(pilot.order.order_id, wish(flown), flown.time_s)
 
 

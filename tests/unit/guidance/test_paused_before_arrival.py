@@ -6,7 +6,7 @@ import pytest
 from flown import Flown
 
 from uavrt.guidance.authority import Standing
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.orders import Limits
 from uavrt.simulation.airframe import Frame
 
@@ -79,11 +79,11 @@ def test_a_low_battery_sends_the_drone_home_also_on_a_slow_last_approach() -> No
     flown = approaching()
     flown.vehicle.body.used_wh = 0.8 * flown.vehicle.body.frame.battery_wh
     flown.run(2.0, until=lambda: flown.authority.standing is Standing.OUT)
-    assert flown.vehicle.mode in MANNERS["ardupilot"].return_modes
+    assert flown.vehicle.mode in BEHAVIOURS["ardupilot"].return_modes
 
 
 def test_a_lost_link_sends_the_drone_home_also_on_a_slow_last_approach() -> None:
     flown = approaching(Limits(battery_wh=120.0, link_lost="return"))
     flown.ground_silent_s = 10.0
     flown.run(2.0, until=lambda: flown.authority.standing is Standing.OUT)
-    assert flown.vehicle.mode in MANNERS["ardupilot"].return_modes
+    assert flown.vehicle.mode in BEHAVIOURS["ardupilot"].return_modes

@@ -12,9 +12,9 @@ from searched import Animal, Searched, pulse, report
 from some import some
 
 from uavrt.errors import PlanError
-from uavrt.guidance.listening import Antenna, Ears, threshold_db
 from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import Go
+from uavrt.guidance.pulse_evidence import Antenna, PulseEvidence, threshold_db
 from uavrt.messages import Course, FoundTag, Neighbour, PulsePose
 from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.simulation.flying import MODES
@@ -163,7 +163,7 @@ def test_silence_counts_only_while_a_detector_listens() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"tags": (9,)}, "tag 9 is not being searched for"),
+        ({"tags": (9,)}, "tag 9 is not searched for by the drone"),
         ({"radius_m": None}, "no area"),
         ({"radius_m": 900.0}, "beyond the fence"),
         ({"wish_m": 0.0}, "the accuracy of 0 m"),
@@ -184,7 +184,7 @@ def test_without_tags_or_battery_it_is_refused() -> None:
     with pytest.raises(PlanError, match="no tag"):
         search.seeker_of(search.order())
     search = Searched("px4", [Animal(50.0, 0.0)], limits=Limits())
-    with pytest.raises(PlanError, match="battery's size"):
+    with pytest.raises(PlanError, match="battery capacity"):
         search.seeker_of(search.order())
 
 
@@ -192,9 +192,9 @@ def test_without_tags_or_battery_it_is_refused() -> None:
 
 
 @pytest.fixture
-def ears() -> Ears:
+def ears() -> PulseEvidence:
     plane = TangentPlane(latitude_deg=HOME.latitude_deg, longitude_deg=HOME.longitude_deg)
-    made = Ears([TAG], plane, tag_height_m=0.5)
+    made = PulseEvidence([TAG], plane, tag_height_m=0.5)
     for step in range(400):
         made.place(
             Antenna(
@@ -204,12 +204,12 @@ def ears() -> Ears:
     return made
 
 
-def listen(ears: Ears, start_s: int, end_s: int) -> None:
+def listen(ears: PulseEvidence, start_s: int, end_s: int) -> None:
     for second in range(start_s, end_s):
         ears.searched(report(2, second * 10**9), float(second))
 
 
-def test_what_was_not_heard_is_told_where_the_drone_was_then(ears: Ears) -> None:
+def test_what_was_not_heard_is_told_where_the_drone_was_then(ears: PulseEvidence) -> None:
     listen(ears, 0, 20)
     missed = ears.missed()
     # Three pulses of a group and two more, and 1.5 s: until 6.5 s before the last report.
@@ -220,7 +220,7 @@ def test_what_was_not_heard_is_told_where_the_drone_was_then(ears: Ears) -> None
     assert ears.missed() == []
 
 
-def test_a_pulse_fills_its_time_also_when_it_is_told_late(ears: Ears) -> None:
+def test_a_pulse_fills_its_time_also_when_it_is_told_late(ears: PulseEvidence) -> None:
     listen(ears, 0, 5)
     for second in (3.4, 2.4, 1.4):
         heard = pulse(TAG, round(second * 1e9), 20.0)
@@ -235,7 +235,7 @@ def test_a_pulse_fills_its_time_also_when_it_is_told_late(ears: Ears) -> None:
     assert [round(one.time_s - 0.5) for one in ears.missed()] == [0, 4, 7, 8]
 
 
-def test_a_gap_in_the_reports_is_no_silence(ears: Ears) -> None:
+def test_a_gap_in_the_reports_is_no_silence(ears: PulseEvidence) -> None:
     listen(ears, 0, 10)
     before = [one.time_s for one in ears.missed()]
     listen(ears, 20, 30)
@@ -246,7 +246,7 @@ def test_a_gap_in_the_reports_is_no_silence(ears: Ears) -> None:
     assert min(after) > 20.0
 
 
-def test_a_pulse_below_the_threshold_was_not_heard(ears: Ears) -> None:
+def test_a_pulse_below_the_threshold_was_not_heard(ears: PulseEvidence) -> None:
     weak = pulse(TAG, 2 * 10**9, 5.0, detection_status="subthreshold")
     assert ears.pulse(PulsePose(pulse=weak, pose=None), 2.0) is None
     listen(ears, 0, 12)
@@ -276,7 +276,7 @@ CODE = made.tag(
 def test_silence_of_a_coded_tag_is_that_no_burst_stands_out(codes: int, every_s: int) -> None:
     """Sums of ten bursts come a minute late, those of strong ones at once."""
     plane = TangentPlane(latitude_deg=HOME.latitude_deg, longitude_deg=HOME.longitude_deg)
-    ears = Ears([CODE], plane, tag_height_m=0.5, codes=codes)
+    ears = PulseEvidence([CODE], plane, tag_height_m=0.5, codes=codes)
     for step in range(400):
         ears.place(
             Antenna(time_s=0.1 * step, east_m=0.0, north_m=0.0, height_m=40.0, yaw_deg=90.0)
@@ -295,7 +295,7 @@ def test_silence_of_a_coded_tag_is_that_no_burst_stands_out(codes: int, every_s:
     assert some(late).listening.threshold_db == together < 4.0 < alone
 
 
-def test_headings_come_from_the_attitude_of_the_antenna(ears: Ears) -> None:
+def test_headings_come_from_the_attitude_of_the_antenna(ears: PulseEvidence) -> None:
     search = Searched("px4", [])
     search.flown.vehicle.heading.yaw_deg = 250.0
     evidence = some(ears.pulse(search.heard(TAG, 20.0), 3.0))

@@ -9,7 +9,7 @@ from flown import HOME, Flown
 from uavrt.errors import CommandRefused, PlanError
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink.dialect import MavResult
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff
@@ -132,7 +132,7 @@ def test_no_other_order_takes_off(flavour: Flavour) -> None:
     flown.pilot = None
     amsl = HOME.altitude_amsl_m + 30.0
     for wish in (TakeMode(), TakeOff(height_m=30.0, altitude_amsl_m=amsl)):
-        with pytest.raises(CommandRefused, match="not what was confirmed"):
+        with pytest.raises(CommandRefused, match="another order was confirmed"):
             flown.authority.command(pilot.order.order_id, wish, flown.time_s)
 
 
@@ -142,7 +142,7 @@ def test_no_other_order_takes_off(flavour: Flavour) -> None:
         (None, Limits(battery_wh=120.0), "needs a height|the least is"),
         (5.0, Limits(battery_wh=120.0), "the least is 20 m"),
         (150.0, Limits(battery_wh=120.0), "the most is 120 m"),
-        (30.0, Limits(), "battery's size"),
+        (30.0, Limits(), "battery capacity"),
     ],
 )
 def test_a_height_or_a_battery_that_does_not_do_is_refused(

@@ -11,7 +11,7 @@ from some import some
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
 from uavrt.analysis.flight_so_far import FlightSoFar, found_in_flight
-from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
+from uavrt.analysis.integrator import SHARE, FindReporter, Integration, SearchSchedule
 from uavrt.analysis.whole_flight import JudgeAs
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
 from uavrt.integration.energy_grid import slot_energies
@@ -105,7 +105,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     flight = FlightSoFar(
         directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
     )
-    assert flight.judge(weak.tag) is None  # nothing is kept yet
+    assert flight.search(weak.tag) is None  # nothing is kept yet
     found = {}
     until_s = int(len(weak.samples) / RATE_HZ)
     for from_s in range(0, until_s, 100):
@@ -118,9 +118,9 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
         log.write(*(p for p in new if p.time_ns < end_ns))
         log.commit()
         for tag in (weak.tag, other):
-            result = some(flight.judge(tag))
+            result = some(flight.search(tag))
             found[tag.tag_id] = result
-            assert flight.judge(tag) is None  # nothing new since
+            assert flight.search(tag) is None  # nothing new since
     log.close()
     mine = found[weak.tag.tag_id]
     assert mine.found
@@ -141,18 +141,18 @@ def tags(count: int) -> list[Tag]:
 
 
 def test_looks_take_turns_and_a_tenth_of_a_core() -> None:
-    looks, now_s, worked_s = Looks(tags(3)), 0.0, 0.0
+    schedule, now_s, worked_s = SearchSchedule(tags(3)), 0.0, 0.0
     seen: list[int] = []
     while now_s < 3000.0:
-        tag = looks.due(now_s)
+        tag = schedule.due(now_s)
         if tag is None:
             now_s += 0.5
             continue
         seen.append(tag.tag_id)
         cost_s = 8.0
         now_s, worked_s = now_s + cost_s, worked_s + cost_s
-        looks.looked(tag, now_s, cost_s, new=True)
-        assert looks.due(now_s + SHARE * cost_s - 0.1) is None
+        schedule.searched(tag, now_s, cost_s, new=True)
+        assert schedule.due(now_s + SHARE * cost_s - 0.1) is None
     assert {seen.count(tag) for tag in (2, 3, 4)} <= {len(seen) // 3, len(seen) // 3 + 1}
     assert worked_s < 0.105 * now_s
 
@@ -169,14 +169,14 @@ def test_only_what_no_detector_found_is_told_and_again_when_it_is_much_closer(
     flight = FlightSoFar(
         directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
     )
-    result = some(flight.judge(weak.tag))
+    result = some(flight.search(weak.tag))
     assert result.place is not None
-    teller = Teller()
-    assert teller.text(replace(result, heard_alone=20)) is None
-    assert teller.text(result) is not None
-    assert teller.text(result) is None
+    reporter = FindReporter()
+    assert reporter.text(replace(result, heard_alone=20)) is None
+    assert reporter.text(result) is not None
+    assert reporter.text(result) is None
     closer = replace(result.place, radius95_m=0.4 * result.place.radius95_m)
-    assert teller.text(replace(result, place=closer)) is not None
+    assert reporter.text(replace(result, place=closer)) is not None
 
 
 def test_the_integrator_is_a_row_for_who_keeps_channels_and_wants_it() -> None:
@@ -191,7 +191,7 @@ def test_the_integrator_is_a_row_for_who_keeps_channels_and_wants_it() -> None:
 
 def test_a_fault_at_one_look_is_told_and_ends_no_other(tmp_path: Path) -> None:
     class Faulty:
-        def judge(self, tag: Tag) -> None:
+        def search(self, tag: Tag) -> None:
             if tag.tag_id == 2:
                 raise ValueError("not foreseen")
 

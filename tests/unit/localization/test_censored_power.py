@@ -1,5 +1,7 @@
 """The regression with missed pulses: its table of the normal distribution, and its parts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -41,7 +43,7 @@ def test_places_are_fitted_alike_in_parts_and_at_once(
     evidence = PowerEvidence(east, north, track, Propagation())
     places = rng.uniform(0.0, 200.0, (2, 50))
     at_once = evidence.fit(*places)
-    monkeypatch.setattr(power_evidence, "_TOGETHER", 70)
+    monkeypatch.setattr(power_evidence, "POWER", replace(power_evidence.POWER, together=70))
     in_parts = evidence.fit(*places)
     np.testing.assert_allclose(in_parts.log_likelihood, at_once.log_likelihood, rtol=1e-6)
     np.testing.assert_allclose(in_parts.level_db, at_once.level_db, rtol=1e-6)

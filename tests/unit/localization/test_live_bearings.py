@@ -7,8 +7,8 @@ import pytest
 from uavrt.errors import UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import LEAST_PULSES
 from uavrt.localization.live_bearings import LiveBearings
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import LiveBearing, Pose, PulsePose
 
 START_NS = 1_700_000_000_000_000_000
@@ -52,7 +52,7 @@ def turn(stage: LiveBearings, seed: int, ask_at_s: range = range(64)) -> list[Li
 def test_a_bearing_comes_with_the_eighth_of_a_turn_and_narrows() -> None:
     found = turn(LiveBearings(), 1, range(0, 64, 4))
     first, last = found[0], found[-1]
-    assert first.pulses >= LEAST_PULSES
+    assert first.pulses >= FLIGHT.least_pulses
     assert first.turned_deg < 90.0
     assert not first.accepted  # strong over an eighth of a turn may be strong everywhere
     assert last.accepted

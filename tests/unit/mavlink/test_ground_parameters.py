@@ -10,7 +10,7 @@ from until import until_async as until
 from uavrt.config.parameters import RUN, parameter_values
 from uavrt.errors import CommandRefused, LinkError, TunnelError
 from uavrt.messages import StatusText
-from uavrt.tunnel.seal import parameter_inside, parameter_of, read_key
+from uavrt.tunnel.seal import parameter_content, read_key, read_parameter
 from world import World
 
 
@@ -56,7 +56,7 @@ async def test_a_drone_with_a_key_takes_only_sealed_parameters(
                 await stranger.parameters.set("RADIO_GAIN", 15)
             assert "only sealed" in world.of(StatusText)[-1].text
         async with world.station(key=read_key(path)) as (friend, _):
-            with pytest.raises(LinkError, match="what to seal commands for"):
+            with pytest.raises(LinkError, match="no session for sealed commands"):
                 friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)
             sealed: list[Any] = []
 
@@ -75,7 +75,7 @@ async def test_a_drone_with_a_key_takes_only_sealed_parameters(
 
 
 def test_the_inside_of_a_sealed_parameter_has_twenty_bytes() -> None:
-    assert parameter_of(parameter_inside("DET_FALSE_ALARM", 0.5)) == ("DET_FALSE_ALARM", 0.5)
-    assert len(parameter_inside("A" * 16, 1.0)) == 20
+    assert read_parameter(parameter_content("DET_FALSE_ALARM", 0.5)) == ("DET_FALSE_ALARM", 0.5)
+    assert len(parameter_content("A" * 16, 1.0)) == 20
     with pytest.raises(TunnelError, match="20 bytes"):
-        parameter_of(b"short")
+        read_parameter(b"short")

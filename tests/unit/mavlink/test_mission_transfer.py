@@ -10,7 +10,7 @@ from mission_wire import OWN, VEHICLE, MissionWire
 from uavrt.guidance.mission import MissionItem, difference, fence_items, fence_of
 from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
-from uavrt.mavlink.mission_transfer import MissionDownload, MissionUpload, homed
+from uavrt.mavlink.mission_transfer import MissionDownload, MissionUpload, with_home
 from uavrt.messages import KeepOut, VehicleFence
 from uavrt.simulation.fake_autopilot import Flavour
 
@@ -215,8 +215,8 @@ def test_a_cancelled_upload_leaves_what_was_held() -> None:
 
 
 def test_ardupilot_keeps_home_before_the_mission() -> None:
-    assert homed(MISSION, home_first=True)[1:] == MISSION
-    assert homed(MISSION, home_first=False) == MISSION
+    assert with_home(MISSION, home_first=True)[1:] == MISSION
+    assert with_home(MISSION, home_first=False) == MISSION
 
 
 def test_what_differs_is_told() -> None:

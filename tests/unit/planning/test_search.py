@@ -145,6 +145,14 @@ def test_animals_are_kept_away_from_and_found_ones_too() -> None:
         assert np.hypot(places[:, 0] - east, places[:, 1] - north).min() > 50.0
 
 
+def test_an_excluded_area_named_after_animals_is_not_entered_as_the_safest_path() -> None:
+    named = Circle(east_m=20.0, north_m=20.0, radius_m=400.0, name="animal shelter")
+    search = search_with("mi_rate", area=SearchArea(search=AREA.search, voids=(named,)))
+    decision = search.decide(START)
+    assert isinstance(decision.action, Hold)
+    assert decision.reason == "no path is allowed"
+
+
 def _in_a_small_area(prior: TagPrior = PRIOR) -> Search:
     """So small that wherever the drone begins, an animal may be near, and on every way."""
     side = 250.0

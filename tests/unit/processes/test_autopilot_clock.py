@@ -58,12 +58,15 @@ async def test_poses_by_an_extrapolated_clock_are_marked_and_the_operator_is_war
         await until(lambda: bay.process._link.clock_is_stale)
         bay.send_pulse(2)
         await until(lambda: len(pulse_poses(bay)) == 2)
+        stale = {fault.text for fault in bay.process._poses.faults()}
         bay.autopilot._settings = replace(bay.autopilot._settings, mute_clock=False)
         await until(lambda: not bay.process._link.clock_is_stale)
         bay.send_pulse(3)
         await until(lambda: len(pulse_poses(bay)) == 3)
         assert bay.counter("poses_on_stale_clock") >= 1
+        assert bay.process._poses.faults() == []
     marked = [item.pose is not None and item.pose.extrapolated for item in pulse_poses(bay)]
     assert marked == [False, True, False]
     texts = [record.text for _, record in bay.records if isinstance(record, StatusText)]
-    assert [text for text in texts if "times are extrapolated" in text]
+    assert stale
+    assert stale <= set(texts), "the ground is reminded of what was reported"

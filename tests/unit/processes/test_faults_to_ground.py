@@ -1,31 +1,35 @@
-"""Why a process is not ok reaches ground stations that were away when it was reported."""
+"""Lasting faults reach ground stations that missed their first report, or a piece of it."""
 
 from typing import Any
 
 import made
 from until import until_async as until
 
+from uavrt.card import NEW_CARD
 from uavrt.messages import StatusText
 
 Bay = Any  # tests/unit/processes/conftest.py
 REASON = "Airspy: no radio is plugged in. Plug the radio in, or try another cable or port"
-TEXT = f"receiver: radio absent (reason {REASON})"
+RADIO = StatusText(severity=4, text=f"receiver: radio absent (reason {REASON})")
+CARD = StatusText(
+    severity=3, text=f"Memory card: read-only: nothing more is recorded. {NEW_CARD}"
+)
 
 
-async def test_a_station_that_appears_after_a_fault_reads_its_reason_and_reads_it_again(
+async def test_a_station_that_appears_after_the_faults_reads_them_and_reads_them_again(
     bay: Bay,
 ) -> None:
     fault = made.process_status("receiver", "radio absent", ok=False, reason=REASON)
     bearable = made.process_status("recorder", "ready")
 
     async with bay.running():
-        both = made.system_status(bay.clock.now_ns(), processes=(fault, bearable))
+        now_ns = bay.clock.now_ns()
+        both = made.system_status(now_ns, processes=(fault, bearable), faults=(CARD,))
         bay.deliver("system_status", both)
         async with bay.ground_station() as (_, events):
 
             def times() -> int:
-                texts = [one for one in events if isinstance(one, StatusText)]
-                return sum(one == StatusText(severity=4, text=TEXT) for one in texts)
+                return min(sum(event == text for event in events) for text in (RADIO, CARD))
 
             await until(times)
             first_ns = bay.clock.now_ns()

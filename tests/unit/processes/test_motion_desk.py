@@ -284,7 +284,7 @@ def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
     """The pilot's return has begun, and is not told yet."""
     link = started(Flown(flavour))
     link.run(0.05 * phase)
-    own = link.flown.authority.manners.mode_name(MODES[flavour]["hold"])
+    own = link.flown.authority.behaviour.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
     link.desk.wish(VehicleWish(order_id=5))
     link.desk.orders.offer(

@@ -7,7 +7,7 @@ import pytest
 from flown import Flown
 from tests.unit.processes.test_motion_desk import Link, begin
 
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.mavlink.dialect import MavCmd
 from uavrt.messages import FlyThere, TakeMode, TakeOff, VehicleWish, Wish
 from uavrt.simulation.airframe import Flavour
@@ -126,12 +126,12 @@ def test_the_target_of_before_a_command_ends_nothing_when_it_is_read_late(
         link = SlowLink(flown=Flown(flavour, on_ground=takeoff))
         link.run(1.5 + phase * STEP_S)
         if order == "first in our mode":
-            link.flown.vehicle.set_mode(MANNERS[flavour].own_mode)
+            link.flown.vehicle.set_mode(BEHAVIOURS[flavour].own_mode)
             link.run(1.0)
         if order == "next":
             begin(link, 100.0)
         else:
-            mode = MANNERS[flavour].mode_name(link.flown.vehicle.mode)
+            mode = BEHAVIOURS[flavour].mode_name(link.flown.vehicle.mode)
             link.offered(mode, takeoff=takeoff)
             assert link.confirm().standing == "confirmed"
         if takeoff and flavour == "ardupilot":
@@ -170,11 +170,11 @@ def test_a_turn_under_way_that_is_read_late_takes_no_offer_away(
     flavour: Flavour, with_time: bool, turned_s: float
 ) -> None:
     link = Link(flown=Flown(flavour))
-    link.flown.vehicle.set_mode(MANNERS[flavour].own_mode)
+    link.flown.vehicle.set_mode(BEHAVIOURS[flavour].own_mode)
     link.run(2.0)
     link.flown.change_heading(175.0)
     link.run(turned_s)
-    link.offered(MANNERS[flavour].mode_name(link.flown.vehicle.mode))
+    link.offered(BEHAVIOURS[flavour].mode_name(link.flown.vehicle.mode))
     stalled(link, 0.95, with_time=with_time)
     link.run(1.0)
     assert link.confirm().standing == "confirmed"

@@ -72,13 +72,13 @@ def _no_freshness(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _any_session(monkeypatch: pytest.MonkeyPatch) -> None:
     """A station that uses the session announced last."""
-    hear = Sealer.hear
+    accept = Sealer.accept_session
 
     def believing(self: Sealer, payload: bytes, drone: tuple[int, int]) -> None:
-        hear(self, payload, drone)
+        accept(self, payload, drone)
         self._session = next(reversed(self._announced), self._session)
 
-    monkeypatch.setattr(Sealer, "hear", believing)
+    monkeypatch.setattr(Sealer, "accept_session", believing)
 
 
 def _unproven_answers(monkeypatch: pytest.MonkeyPatch) -> None:

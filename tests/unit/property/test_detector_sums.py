@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from uavrt.detection.search.grid import make_grid, sliding_maximum
 from uavrt.detection.search.hypotheses import interval_grid, jitter_reach
 from uavrt.detection.search.long_groups import LongSearch
-from uavrt.detection.search.noise import TRUNCATION, _truncated
+from uavrt.detection.search.noise import _truncated
+from uavrt.detection.search.tuning import NOISE
 from uavrt.detection.signal.samples import SampleBuffer
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -106,9 +107,11 @@ def test_the_truncated_mean_takes_only_cells_below_the_truncation(
     power = rng.exponential(2.0, size=(columns, 7)).astype(np.float32)
     noise = rng.uniform(0.1, 3.0, 7).astype(np.float32)
     mean, share = _truncated(power, noise)
-    kappa = 1.0 - TRUNCATION * np.exp(-TRUNCATION) / (1.0 - np.exp(-TRUNCATION))
+    kappa = 1.0 - NOISE.excluded_ratio * np.exp(-NOISE.excluded_ratio) / (
+        1.0 - np.exp(-NOISE.excluded_ratio)
+    )
     for row in range(7):
-        kept = power[:, row][power[:, row] < np.float32(TRUNCATION) * noise[row]]
+        kept = power[:, row][power[:, row] < np.float32(NOISE.excluded_ratio) * noise[row]]
         assert abs(share[row] - len(kept) / columns) < 1e-6
         expected = kept.mean() / kappa if len(kept) else noise[row]
         assert abs(mean[row] - expected) < 1e-5 * expected

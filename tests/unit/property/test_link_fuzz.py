@@ -18,7 +18,7 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.component import Component, Handlers
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.parameters import ParameterServer, Requests, Wish
+from uavrt.mavlink.parameters import ParameterChange, ParameterServer, Requests
 from uavrt.messages import Command
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate
@@ -84,7 +84,7 @@ def test_no_frame_disturbs_the_drone_side(generation: Any) -> None:
 
     def wish(request: Requests, peer: Peer) -> None:
         answer = parameters.receive(request)
-        if isinstance(answer, Wish):
+        if isinstance(answer, ParameterChange):
             seen["wishes"] += 1
             with suppress(ConfigError):
                 with_parameter(Settings(), answer.name, answer.value)

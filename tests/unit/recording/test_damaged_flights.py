@@ -10,7 +10,8 @@ from sql import sql
 
 from uavrt.analysis.flown_with import antenna_poses
 from uavrt.errors import FormatError
-from uavrt.localization.heard import MOST_MISSED, Heard
+from uavrt.localization.heard import Heard
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import PulsePose
 from uavrt.recording.flight_reader import read_flight
 
@@ -87,4 +88,4 @@ def test_a_pulse_of_another_century_stands_for_no_missing_pulses() -> None:
     )
     missed = heard.pulses[2].missed_ns(some(heard.rhythm(2)))
     assert len(missed) == 2
-    assert MOST_MISSED > 24 * 3600
+    assert FLIGHT.most_missed > 24 * 3600

@@ -6,8 +6,8 @@ import pytest
 from sql import sql
 
 from uavrt.errors import RecordingError
-from uavrt.recording.heard import heard_tags
 from uavrt.recording.layout import FlightLayout
+from uavrt.recording.spool import heard_tags
 
 
 def test_in_a_new_flight_whose_tables_are_not_made_yet_nothing_was_heard(

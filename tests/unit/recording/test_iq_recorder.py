@@ -54,8 +54,8 @@ def stored(path: Path) -> NDArray[np.int64]:
 
 def check_places(recording: IQRecorder) -> None:
     """Each stretch of the file holds the samples of its `global_index`."""
-    metadata = json.loads(recording.metadata_path.read_text())
-    samples = stored(recording.data_path)
+    metadata = json.loads(recording.file.metadata_path.read_text())
+    samples = stored(recording.file.data_path)
     captures = metadata["captures"]
     ends = [capture["core:sample_start"] for capture in captures[1:]] + [len(samples)]
     for capture, end in zip(captures, ends, strict=True):
@@ -69,7 +69,7 @@ def test_a_recording_is_valid_sigmf_and_holds_the_samples(tmp_path: Path) -> Non
     for number in range(10):
         assert recording.put(block(number))
     recording.close()
-    handle = sigmf.fromfile(str(recording.metadata_path))
+    handle = sigmf.fromfile(str(recording.file.metadata_path))
     handle.validate()
     assert handle.sample_count == 10 * BLOCK
     read = handle.read_samples()
@@ -81,7 +81,7 @@ def test_a_recording_is_valid_sigmf_and_holds_the_samples(tmp_path: Path) -> Non
     assert capture["core:datetime"] == "2023-11-17T07:16:59.230494976Z"
     datetime.fromisoformat(capture["core:datetime"])
     assert recording.written_samples == 10 * BLOCK
-    assert (recording.dropped_samples, recording.gaps, recording.trouble) == (0, 0, None)
+    assert (recording.dropped_samples, recording.file.gaps, recording.trouble) == (0, 0, None)
 
 
 def test_lost_samples_are_a_marked_gap(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_lost_samples_are_a_marked_gap(tmp_path: Path) -> None:
     recording.put(block(1))
     recording.put(block(2, lost=1234))
     recording.close()
-    handle = sigmf.fromfile(str(recording.metadata_path))
+    handle = sigmf.fromfile(str(recording.file.metadata_path))
     handle.validate()
     first, second = handle.get_captures()
     assert first["core:sample_start"] == 0
@@ -135,12 +135,12 @@ def test_a_late_first_reading_of_the_clock_is_corrected(
 
 def test_metadata_is_valid_before_the_first_sample_and_while_recording(tmp_path: Path) -> None:
     recording = recorder(tmp_path / "band")
-    assert json.loads(recording.metadata_path.read_text())["captures"] == []
+    assert json.loads(recording.file.metadata_path.read_text())["captures"] == []
     for number in range(5):
         recording.put(block(number, lost=number))
-        json.loads(recording.metadata_path.read_text())
+        json.loads(recording.file.metadata_path.read_text())
     recording.close()
-    sigmf.fromfile(str(recording.metadata_path)).validate()
+    sigmf.fromfile(str(recording.file.metadata_path)).validate()
 
 
 def test_loud_and_broken_samples_are_stored_at_the_edge_and_counted(tmp_path: Path) -> None:
@@ -148,13 +148,13 @@ def test_loud_and_broken_samples_are_stored_at_the_edge_and_counted(tmp_path: Pa
     samples = np.array([2.0 - 2.0j, 0.5 + 1.0j, math.nan + 0.25j, 1e30 + 0j], np.complex64)
     recording.put(IQBlock(samples, 0, START_NS, RATE_HZ))
     recording.close()
-    assert stored(recording.data_path).tolist() == [
+    assert stored(recording.file.data_path).tolist() == [
         [32767, -32768],
         [16384, 32767],
         [0, 8192],
         [32767, 0],
     ]
-    assert recording.clipped_samples == 3
+    assert recording.file.clipped_samples == 3
 
 
 def test_a_block_may_be_reused_by_its_source_at_once(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_a_block_may_be_reused_by_its_source_at_once(tmp_path: Path) -> None:
     recording.put(one)
     one.samples[:] = 0.0
     recording.close()
-    assert np.array_equal(stored(recording.data_path)[:, 0], np.rint(kept.real * 32768))
+    assert np.array_equal(stored(recording.file.data_path)[:, 0], np.rint(kept.real * 32768))
 
 
 def test_nothing_is_written_under_an_existing_name(tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ def test_below_the_free_space_limit_nothing_is_written_and_all_is_counted(
         recording.put(block(number))
     recording.close()
     assert recording.dropped_samples == 5 * BLOCK
-    assert recording.data_path.stat().st_size == 0
+    assert recording.file.data_path.stat().st_size == 0
     assert recording.trouble == "the disk is nearly full"
 
 

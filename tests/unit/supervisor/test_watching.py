@@ -87,6 +87,7 @@ def test_without_leave_nothing_is_removed_and_the_operator_hears_once(tmp_path: 
     assert len(first) == 1
     assert "Disk nearly full" in first[0][1]
     assert guard.check() == []
+    assert [fault.text for fault in guard.faults] == [first[0][1]]
     assert len(list(tmp_path.iterdir())) == 2
 
 

@@ -21,7 +21,7 @@ def test_every_pulse_goes_out_at_once_and_once_whatever_the_recorder_says(
     sent: set[int] = set()
     for number, event in events:
         if event == "pose":
-            assert delivery.let_out(key(number)) == (number not in sent)
+            assert delivery.may_send(key(number)) == (number not in sent)
             sent.add(number)
         else:
             # What another process let out is for the database to say.
@@ -32,7 +32,7 @@ def test_every_pulse_goes_out_at_once_and_once_whatever_the_recorder_says(
 def test_all_pulses_of_a_long_outage_of_the_recorder_go_out_once() -> None:
     delivery = PulseDelivery()
     pulses = [key(number) for number in range(3 * REMEMBERED)]
-    assert all(delivery.let_out(pulse) for pulse in pulses)
+    assert all(delivery.may_send(pulse) for pulse in pulses)
     assert delivery.unrecorded == len(pulses)
     assert all(delivery.recorded(pulse) for pulse in pulses)
     assert delivery.unrecorded == 0
@@ -41,13 +41,13 @@ def test_all_pulses_of_a_long_outage_of_the_recorder_go_out_once() -> None:
 def test_who_comes_before_a_pulse_is_recorded_finds_it_in_the_database_afterwards() -> None:
     delivery = PulseDelivery()
     first, second = key(1), key(2)
-    delivery.let_out(first)
+    delivery.may_send(first)
     delivery.station_came()
-    delivery.let_out(second)
+    delivery.may_send(second)
     assert not delivery.recorded(first)
     assert delivery.recorded(second)
     assert delivery.recorded(first)
-    assert not delivery.let_out(first)
+    assert not delivery.may_send(first)
 
 
 def test_what_is_remembered_of_a_flight_does_not_grow_with_it() -> None:
@@ -56,7 +56,7 @@ def test_what_is_remembered_of_a_flight_does_not_grow_with_it() -> None:
     def fly(numbers: range) -> int:
         before, _ = tracemalloc.get_traced_memory()
         for number in numbers:
-            assert delivery.let_out(key(number))
+            assert delivery.may_send(key(number))
             assert delivery.recorded(key(number))
         return tracemalloc.get_traced_memory()[0] - before
 

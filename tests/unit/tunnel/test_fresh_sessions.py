@@ -16,10 +16,10 @@ from uavrt.tunnel.seal import (
     Key,
     SealKeeper,
     Session,
-    alive_inside,
-    alive_of,
+    keepalive_content,
     prove_answer,
     proven_answer,
+    read_keepalive,
     seal,
     session_of,
 )
@@ -47,22 +47,22 @@ def exchange(
     """Announce once a second with replays between, until the session is known; nonces sent."""
     for turn in count():
         for one in (*replayed, drone.announcement(DRONE)):
-            station.hear(one, DRONE)
-        for sealed in station.signs_of_life():
+            station.accept_session(one, DRONE)
+        for sealed in station.keepalives():
             try:
                 _, inside = drone.open(sealed, GROUND, DRONE)
             except TunnelError:
                 continue
-            nonce, _ = alive_of(inside)
+            nonce, _ = read_keepalive(inside)
             if nonce:
-                station.hear(drone.announcement(DRONE, nonce), DRONE)
+                station.accept_session(drone.announcement(DRONE, nonce), DRONE)
                 return turn + 1
         clock.now_s += ALIVE_S + 1e-6
     raise AssertionError
 
 
 def test_the_bytes_of_a_sign_of_life_an_echo_and_a_proven_answer_are_these() -> None:
-    assert seal(alive_inside(NONCE), ALIVE_INSIDE, KEY, GROUND, COUNT, SESSION).hex() == (
+    assert seal(keepalive_content(NONCE), ALIVE_INSIDE, KEY, GROUND, COUNT, SESSION).hex() == (
         "0206000000401e18240a06004b18160db435d762080706050403020100"
     )
     drone = SealKeeper(KEY, NUMBER)
@@ -78,7 +78,7 @@ def test_a_replayed_announcement_takes_no_session_away(clock: VirtualClock) -> N
     introduce(station, drone, GROUND, DRONE)
     yesterday = SealKeeper(KEY)
     for _ in range(20):
-        station.hear(yesterday.announcement(DRONE), DRONE)
+        station.accept_session(yesterday.announcement(DRONE), DRONE)
     assert drone.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")
 
 
@@ -96,24 +96,24 @@ def test_the_drone_s_session_is_found_among_replays_of_a_whole_season(
 
 def test_an_echo_counts_once_and_only_of_a_nonce_sent_a_moment_ago(clock: VirtualClock) -> None:
     station, drone = Sealer(KEY, GROUND), SealKeeper(KEY)
-    station.hear(drone.announcement(DRONE), DRONE)
-    (sealed,) = station.signs_of_life()
+    station.accept_session(drone.announcement(DRONE), DRONE)
+    (sealed,) = station.keepalives()
     _, inside = drone.open(sealed, GROUND, DRONE)
-    nonce, _ = alive_of(inside)
+    nonce, _ = read_keepalive(inside)
     for other in (nonce ^ 2, 1):
         with pytest.raises(TunnelError, match="nonce"):
-            station.hear(drone.announcement(DRONE, other), DRONE)
+            station.accept_session(drone.announcement(DRONE, other), DRONE)
     echo = drone.announcement(DRONE, nonce)
-    station.hear(echo, DRONE)
+    station.accept_session(echo, DRONE)
     assert station.ready
     with pytest.raises(TunnelError, match="nonce"):
-        station.hear(echo, DRONE)
+        station.accept_session(echo, DRONE)
     late = Sealer(KEY, GROUND)
-    late.hear(drone.announcement(DRONE), DRONE)
-    _, inside = drone.open(late.signs_of_life()[0], GROUND, DRONE)
+    late.accept_session(drone.announcement(DRONE), DRONE)
+    _, inside = drone.open(late.keepalives()[0], GROUND, DRONE)
     clock.now_s += 5.1
     with pytest.raises(TunnelError, match="old nonce"):
-        late.hear(drone.announcement(DRONE, alive_of(inside)[0]), DRONE)
+        late.accept_session(drone.announcement(DRONE, read_keepalive(inside)[0]), DRONE)
     assert not late.ready
 
 
@@ -122,8 +122,8 @@ def test_a_drone_of_an_older_version_is_named_before_anything_is_sealed_for_it(
 ) -> None:
     station, old = Sealer(KEY, GROUND), SealKeeper(KEY)
     for _ in range(8):
-        station.hear(old.announcement(DRONE), DRONE)
-        station.signs_of_life()
+        station.accept_session(old.announcement(DRONE), DRONE)
+        station.keepalives()
         clock.now_s += 0.5
     with pytest.raises(LinkError, match=r"older than this one\. Update the drone"):
         station(b"order", 60_005)
@@ -137,13 +137,13 @@ def test_signs_of_life_are_often_enough_for_a_link_that_loses_a_fifth(
     sent_s = []
     while clock.now_s < 200.0:
         clock.now_s += 0.05
-        sent_s += [clock.now_s for _ in station.signs_of_life()]
+        sent_s += [clock.now_s for _ in station.keepalives()]
     gaps = [later - one for one, later in pairwise(sent_s)]
     assert max(gaps) <= 0.51
     in_limit = int(4.99 / max(gaps))
     received = 0.8 * 1800.0 / max(gaps)
     assert received * 0.2**in_limit < 1e-2, "false link losses in half an hour"
-    two = sum(len(station.signs_of_life(2)) for clock.now_s in (300.0, 300.25, 300.5, 300.75))
+    two = sum(len(station.keepalives(2)) for clock.now_s in (300.0, 300.25, 300.5, 300.75))
     assert two == 4, "each of two links carries as many"
 
 

@@ -92,7 +92,7 @@ def test_two_ground_stations_each_get_every_pulse() -> None:
     known = [payload_hash(payload_of(0))]
     assert sender.receipt(7, known, GROUND, SECOND // 2) == [(2, 0)]
     assert sender.receipt(8, known, OTHER, SECOND // 2) == [(2, 0)], "though it comes second"
-    assert sender.stores.proven == {7, 8}
+    assert sender.stores.confirmed == {7, 8}
     sender.pulses.add((2, 1), 1)
     first = some(sender.take(SECOND, 1200.0))
     assert first.place is None  # both

@@ -8,8 +8,9 @@ import pytest
 from uavrt.messages import TunnelPayload
 from uavrt.tunnel.private import payload_hash
 from uavrt.tunnel.reliable import ReliableSender
-from uavrt.tunnel.stores import PLAIN, Place
+from uavrt.tunnel.stores import PLAIN
 from uavrt.tunnel.underway import ItemKey
+from uavrt.tunnel.wire import Ids
 
 SECOND = 1_000_000_000
 GROUND, OTHER = (255, 190), (245, 190)
@@ -130,7 +131,7 @@ class Disk:
 class Station:
     """A ground station with a store of its own; several may call themselves alike."""
 
-    def __init__(self, number: int, place: Place) -> None:
+    def __init__(self, number: int, place: Ids) -> None:
         self.number, self.place = number, place
         self.got: set[bytes] = set()
         self._due: list[int] = []

@@ -100,7 +100,7 @@ def test_a_start_with_a_hole_in_its_fields_is_refused() -> None:
     start = StartDetection(
         radio_center_frequency_hz=0, gain=0, detection_mode=None, detection_margin=0.9
     )
-    with pytest.raises(TunnelError, match="hole"):
+    with pytest.raises(TunnelError, match="lacks a field"):
         start.encode()
 
 
@@ -187,7 +187,7 @@ def test_a_pulse_whose_time_does_not_fit_64_bits_of_nanoseconds_is_refused(
     assert isinstance(good, PulseG1)
     assert pulse_from_wire(good) is not None
     for name in ("start_time_s", "predict_next_start_s"):
-        with pytest.raises(TunnelError, match="not a time since 1970"):
+        with pytest.raises(TunnelError, match="invalid time"):
             pulse_from_wire(dataclasses.replace(good, **{name: time_s}))  # type: ignore[arg-type]
 
 

@@ -1,4 +1,4 @@
 """Export a flight or an old log to the file formats of other tools.
 
-`written` is the table of formats; each other module makes the bytes of one.
+`written` lists the formats; each other module encodes one of them.
 """

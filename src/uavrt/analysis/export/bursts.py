@@ -1,10 +1,10 @@
-"""Pulses and bursts for the programs of automated telemetry: SensorGnome and Motus.
+"""Export pulses and bursts for SensorGnome and Motus, two systems of automated telemetry.
 
-SensorGnome's pulse file has a line for each pulse, which ``find_tags`` looks for codes in: on
-each port for tags of the nominal frequency that is nearest to what the port is tuned to, and no
-others. So each nominal frequency has a port of its own. The detections have a row for each
-burst, with the columns of ``find_tags``' hits and the nominal frequency, as Motus gives it.
-A beep is a burst of one pulse: it has a row, and no gaps.
+SensorGnome's pulse file has a line for each pulse. ``find_tags`` searches these for codes. On
+each port it considers only tags of the nominal frequency nearest to the port's tuning. So each
+nominal frequency gets its own port.
+The detections have a row for each burst, with the columns of ``find_tags``' hits and the
+nominal frequency, as in Motus. A single beep is exported as a burst of one pulse without gaps.
 """
 
 import io
@@ -22,7 +22,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 _SAME_HZ = 2_000.0
 """Largest frequency difference between bursts of one unlisted tag [Hz]."""
 _RUN_S = 60.0
-"""Silence after which a tag's next burst begins a new run [s]."""
+"""Silence after which the next burst of a tag begins a new run of bursts [s]."""
 DETECTION_COLUMNS = (
     *("ant", "ts", "id", "name", "runID", "posInRun", "sig", "sigsd", "noise"),
     *("freq", "freqsd", "slop", "burstSlop", "lat", "lon", "alt"),
@@ -31,20 +31,18 @@ DETECTION_COLUMNS = (
 
 
 def has_bursts(survey: Survey) -> bool:
-    """True if any coded or beeping tag was heard."""
+    """True if any coded or beeping tag was received."""
     return bool(_bursts(survey))
 
 
 def _bursts(survey: Survey) -> list[PulsePose]:
-    """Bursts and beeps above the threshold; a SensorGnome writes no weaker ones."""
+    """Bursts and beeps above the detection threshold, as a SensorGnome records them."""
     found = [one for one in survey.every_pulse if _written(one.pulse)]
     return sorted(found, key=lambda one: one.pulse.start_time_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Port:
-    """A receiver port tuned to one nominal frequency."""
-
     number: int
     tuned_hz: float
 
@@ -56,10 +54,10 @@ class _Port:
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Assign a port to each burst, numbered by frequency.
+    """Assign a port to each burst; ports are numbered by frequency.
 
     A listed tag's port is tuned to its nominal frequency. Other ports are tuned to the middle
-    of what was heard, rounded to the kilohertz, unless a listed frequency is as near.
+    of the received frequencies, rounded to the kilohertz.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
@@ -87,17 +85,18 @@ def _written(pulse: Pulse) -> bool:
 
 
 def _levels(pulse: Pulse) -> list[tuple[int, float]]:
-    """Start [ns] and SNR [dB] of each pulse of a burst; a beep has one."""
+    """Start [ns] and SNR [dB] of each pulse of a burst; one pulse for a beep."""
     if not pulse.burst_starts_ns:
         return [(pulse.start_time_ns, pulse.snr_db)]
     return list(zip(pulse.burst_starts_ns, pulse.burst_snrs_db, strict=True))
 
 
 def sensorgnome_text(survey: Survey) -> str:
-    """Write beeps, burst pulses and drone positions in SensorGnome's format.
+    """Write beeps, burst pulses and drone positions in SensorGnome's text format.
 
-    ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S`` gives a
-    port's tuned frequency in megahertz, ``G`` a place. Levels are over 1 unit² of the samples.
+    A pulse is ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S``
+    lines give a port's frequency in megahertz, and ``G`` lines a position. Levels are relative
+    to 1 unit² of the samples.
     """
     bursts = _bursts(survey)
     if not bursts:
@@ -123,10 +122,10 @@ def sensorgnome_text(survey: Survey) -> str:
 
 
 def detections_csv(survey: Survey) -> str:
-    """Confirmed bursts and beeps with their runs, in the columns of ``find_tags``.
+    """Write confirmed bursts and beeps with their runs, in the columns of ``find_tags``.
 
-    ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. All pulses of a burst
-    share one frequency here, so ``freqsd`` stays empty.
+    ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. ``freqsd`` stays empty,
+    since all pulses of a burst share one measured frequency.
     """
     stream = io.StringIO(newline="")
     writer = TableWriter(stream)
@@ -173,7 +172,7 @@ def _noise_db(pulse: Pulse) -> float:
 
 
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
-    """Sum of the differences between a burst's gaps and the code's [s]."""
+    """Sum of the differences between a burst's measured gaps and the code's gaps [s]."""
     starts_ns: Sequence[int] = pulse.burst_starts_ns
     if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""

@@ -1,4 +1,4 @@
-"""A survey as GeoJSON (RFC 7946): WGS84, longitude first, outer rings counter-clockwise."""
+"""Export a survey as GeoJSON (RFC 7946): WGS84, longitude first, outer rings anticlockwise."""
 
 import json
 import math
@@ -8,13 +8,13 @@ from typing import Any
 from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
+    path_points,
     ray,
     ray_length_m,
     region95,
     region_lines,
     split_area_at_date_line,
     split_at_date_line,
-    way_of,
     wedge,
 )
 from uavrt.analysis.power_survey import HeightBand, TagSignal
@@ -26,20 +26,18 @@ from uavrt.localization.results import Position
 from uavrt.recording.integrated import Ring
 
 _PLACES = 8
-"""Decimals of a degree in coordinates: 1 mm."""
+"""Decimals of coordinates in degrees; the eighth is 1 mm."""
 _OF_BEARING = ("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambiguous")
 _OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 
 
 Properties = dict[str, Any]
 Shape = tuple[list[list[Point]], Properties]
-"""Parts of a point, line or area, cut at the 180° meridian, and its attributes."""
+"""A point, line or area in parts, cut at the 180° meridian, and its attributes."""
 
 
 def geojson_text(survey: Survey) -> str:
-    """Write track, pulses, bearings with wedges, positions with regions, paths of moving tags,
-    marks.
-    """
+    """Write track, pulses, bearings, positions, paths of moving tags and marks as one text."""
     features = [
         {
             "type": "Feature",
@@ -53,7 +51,7 @@ def geojson_text(survey: Survey) -> str:
 
 
 def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
-    """Give each layer: name, table in a GeoPackage (or empty), kind of geometry, shapes."""
+    """Map layers of a survey: name, table in a GeoPackage (or empty), geometry type, shapes."""
     track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
     rays: list[Shape] = []
     wedges: list[Shape] = []
@@ -79,8 +77,8 @@ def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
     yield "bearing", "bearings", "LINESTRING", rays
     yield "bearing 90 %", "bearing_wedges", "POLYGON", wedges
     yield "position", "positions", "POINT", _points(places)
-    yield "tag track", "", "LINESTRING", _ways(survey)
-    yield "tag track place", "tag_tracks", "POINT", _points(way_properties(survey))
+    yield "tag track", "", "LINESTRING", _tag_paths(survey)
+    yield "tag track place", "tag_tracks", "POINT", _points(path_properties(survey))
     yield "position 95 %", "regions95", "POLYGON", circles
     yield "region {share} %", "region_outlines", "MULTILINESTRING", outlines
     yield "integrated place", "integrated_places", "POINT", _points(integrated_places(survey))
@@ -95,13 +93,13 @@ def _points(found: list[tuple[Point, Properties]]) -> list[Shape]:
     return [([[place]], facts) for place, facts in found]
 
 
-def _ways(survey: Survey) -> list[Shape]:
-    ways = [(way_of(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
+def _tag_paths(survey: Survey) -> list[Shape]:
+    ways = [(path_points(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
     return [(split_at_date_line(way), facts) for way, facts in ways if len(way) > 1]
 
 
 def _geometry(kind: str, parts: list[list[Point]]) -> Properties:
-    """GeoJSON coordinates of a shape; several parts become a Multi- geometry."""
+    """GeoJSON geometry of a shape; several parts become a Multi- type."""
     rounded = [[[round(each, _PLACES) for each in point] for point in part] for part in parts]
     if kind == "POINT":
         return {"type": "Point", "coordinates": rounded[0][0]}
@@ -113,7 +111,7 @@ def _geometry(kind: str, parts: list[list[Point]]) -> Properties:
 
 
 def pulse_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Place and attributes of each pulse that has a place."""
+    """Longitude, latitude and attributes of each pulse with a pose."""
     found = []
     for one in survey.every_pulse:
         if one.pose is None:
@@ -144,7 +142,7 @@ def bearing_properties(survey: Survey) -> list[Properties]:
 
 
 def position_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Place and attributes of each position."""
+    """Longitude, latitude and attributes of each estimated position."""
     found = []
     for one in survey.positions:
         if one.position is None:
@@ -165,7 +163,7 @@ def position_properties(survey: Survey) -> list[tuple[Point, Properties]]:
 
 
 def cautions_of(position: Position) -> dict[str, str]:
-    """Cautions on a position: their names, and their texts."""
+    """Names and texts of the cautions on a position, each joined to one string."""
     return {
         "cautions": ", ".join(one.name for one in position.cautions),
         "cautions_in_words": "; ".join(one.text for one in position.cautions),
@@ -173,7 +171,7 @@ def cautions_of(position: Position) -> dict[str, str]:
 
 
 def mark_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Place and attributes of each mark."""
+    """Longitude, latitude and attributes of each mark made by the operator."""
     return [
         (
             (mark.longitude_deg, mark.latitude_deg),
@@ -183,8 +181,8 @@ def mark_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     ]
 
 
-def way_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Place and attributes of each time on the path of each moving tag."""
+def path_properties(survey: Survey) -> list[tuple[Point, Properties]]:
+    """Longitude, latitude and attributes of each point on the paths of moving tags."""
     return [
         (
             (one.longitude_deg, one.latitude_deg),
@@ -202,7 +200,7 @@ def way_properties(survey: Survey) -> list[tuple[Point, Properties]]:
 
 
 def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
-    """Place and attributes of a tag's strongest signal, for all heights and then for each
+    """Place and attributes of a tag's strongest signal, over all heights and for each height
     layer.
     """
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
@@ -224,7 +222,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
 
 
 def integrated_places(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Places of tags by whole flights; two for a straight path, whose sides are ambiguous."""
+    """Tag positions by whole-flight analysis; two if a straight path is ambiguous."""
     return [
         (
             (part.longitude_deg, part.latitude_deg),
@@ -241,7 +239,7 @@ def integrated_places(survey: Survey) -> list[tuple[Point, Properties]]:
 
 
 def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properties]]:
-    """Rings of the 50 % and 95 % regions of whole flights, cut at the 180° meridian."""
+    """Outlines of 50 % and 95 % regions by whole-flight analysis, cut at the 180° meridian."""
     regions = []
     for verdict in survey.verdicts:
         for share, region in ((50, verdict.region50), (95, verdict.region95)):
@@ -256,7 +254,7 @@ def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properti
 
 
 def _counter_clockwise(ring: Ring) -> list[Point]:
-    """Turn a ring of longitudes and latitudes counter-clockwise, as RFC 7946 requires."""
+    """Order a ring of latitudes and longitudes counter-clockwise, as RFC 7946 requires."""
     points = [(longitude, latitude) for latitude, longitude in ring]
     first = points[0][0]
     x = [math.remainder(longitude - first, 360.0) for longitude, _ in points]

@@ -1,11 +1,7 @@
-"""A survey as OGC GeoPackage 1.3: an SQLite file that QGIS and ArcGIS open as layers.
+"""Export a survey as OGC GeoPackage 1.3: an SQLite file that QGIS and ArcGIS open as layers.
 
-Layers ``pulses``, ``track``, ``bearings``, ``bearing_wedges``, ``positions``, ``regions95``
-(ellipse or circle), ``region_outlines`` (of the smallest regions with 50 and 95 %),
-``tag_tracks``, ``integrated_places`` and ``integrated_regions`` (of whole flights), ``marks``
-… Lines and areas are cut at the 180° meridian.
-A geometry is a header of 8 bytes and well-known binary, both little endian (OGC 12-128r18,
-§2.1.3)::
+Lines and areas are cut at the 180° meridian. A geometry is a header of 8 bytes and well-known
+binary, both little endian (OGC 12-128r18, §2.1.3)::
 
     "GP" | version 0 | flags 1 | srs_id 4326 as int32 | WKB
 
@@ -28,7 +24,7 @@ from uavrt.analysis.measure.shapes import Point
 from uavrt.analysis.survey import Survey
 
 APPLICATION_ID = 0x47504B47
-"""``GPKG``, the application id of the SQLite file."""
+"""SQLite application id of a GeoPackage: the letters ``GPKG``."""
 VERSION = 10300
 _WGS84 = (
     'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,'
@@ -64,7 +60,7 @@ _SYSTEMS = (
 )
 _TYPES = {bool: "BOOLEAN", int: "INTEGER", float: "DOUBLE", str: "TEXT"}
 _TIMES = ("time", "start", "end")
-"""Columns of type DATETIME, which QGIS's temporal controller uses."""
+"""Attributes stored as DATETIME, which QGIS's temporal controller uses."""
 _WKB = {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}
 
 Feature = tuple[list[Point], dict[str, Any]]
@@ -87,7 +83,7 @@ def write_geopackage(survey: Survey, path: Path) -> None:
 
 
 def geometry_blob(kind: str, points: Sequence[Point]) -> bytes:
-    """Encode a geometry."""
+    """Encode a geometry as GeoPackage header and well-known binary."""
     blob = b"GP" + struct.pack("<BBi", 0, 1, 4326) + struct.pack("<BI", 1, _WKB[kind])
     if kind == "POLYGON":
         blob += struct.pack("<I", 1)
@@ -137,7 +133,7 @@ def _box(points: Sequence[Point]) -> tuple[float, float, float, float]:
 
 
 def _cell(key: str, value: Any) -> Any:
-    """Convert a value for its column; times get milliseconds (clause 1.1.1.1.2)."""
+    """Convert an attribute to its column's type; times get milliseconds (clause 1.1.1.1.2)."""
     if key not in _TIMES or value is None:
         return value
     seconds, _, rest = str(value).rstrip("Z").partition(".")

@@ -1,7 +1,8 @@
-"""The spatial index of a GeoPackage's layers: its R-tree extension (OGC 12-128r18, annex F.3).
+"""Write the spatial index of GeoPackage layers: the R-tree extension (OGC 12-128r18, annex
+F.3).
 
-The triggers call functions that a GeoPackage reader brings (``ST_MinX`` …), so that the index
-follows what is edited there.
+Triggers keep the index correct when features are edited. They call functions such as
+``ST_MinX`` that a GeoPackage reader provides.
 """
 
 import sqlite3
@@ -22,11 +23,10 @@ _GONE = "(NEW.geom ISNULL OR ST_IsEmpty(NEW.geom))"
 def add_index(
     database: sqlite3.Connection, table: str, boxes: Sequence[tuple[float, float, float, float]]
 ) -> None:
-    """Build the spatial index of a layer whose features have ids from 1 in the order of
-    `boxes`.
+    """Build the spatial index of a layer; features are numbered from 1 in the order of `boxes`.
 
-    `table`: the layer; its geometry is ``geom``, its key ``fid``.
-    `boxes`: west, east, south, north of each feature [deg].
+    `table` has the geometry in ``geom`` and the key ``fid``. A box is west, east, south and
+    north [deg].
     """
     tree = f"rtree_{table}_geom"
     database.execute(f"CREATE VIRTUAL TABLE {tree} USING rtree(id, minx, maxx, miny, maxy)")

@@ -1,6 +1,7 @@
-"""Styles of a GeoPackage's layers, in the table ``layer_styles`` where QGIS looks for them.
+"""Write styles of GeoPackage layers into the table ``layer_styles``, which QGIS reads.
 
-Each is a QML document with one symbol. Layers with times play in the temporal controller.
+Each style is a QML document with one symbol. Layers with times follow QGIS's temporal
+controller.
 """
 
 import sqlite3
@@ -43,7 +44,7 @@ _TIMED = (
 
 
 def add_style(database: sqlite3.Connection, table: str, kind: str) -> None:
-    """Add the default style of a layer."""
+    """Add the default style of a layer to ``layer_styles``."""
     database.execute(
         "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name,"
         " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
@@ -53,7 +54,7 @@ def add_style(database: sqlite3.Connection, table: str, kind: str) -> None:
 
 
 def qml(table: str, kind: str) -> str:
-    """QML document with a layer's symbol."""
+    """Make the QML document with a layer's symbol."""
     colour = _COLOURS.get(table, "11,93,117,255")
     symbol, layer, options = {
         "POINT": ("marker", "SimpleMarker", {"name": _shape(table), "size": _size(table)}),

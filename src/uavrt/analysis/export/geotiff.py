@@ -1,11 +1,11 @@
-"""A heat map as GeoTIFF (OGC 19-008r4), by hand: one strip of float32 on WGS84.
+"""Encode a heat map as GeoTIFF (OGC 19-008r4): one strip of float32 on WGS84.
 
 ::
 
     "II" 42 | directory | values of its longer entries | pixels, top row first
 
-Pixels are probability for each cell, together 1. Cells are squares of metres; in degrees they
-are as wide and high as at the middle (see `uavrt.analysis.export.kmz.bounds`).
+Pixels are probabilities of cells that sum to 1. Cells are square in metres; their size in
+degrees is that at the map's middle (see `uavrt.analysis.export.kmz.bounds`).
 """
 
 import struct
@@ -33,8 +33,8 @@ _GEO_KEYS = (
 def geotiff_bytes(grid: PositionGrid, description: str) -> bytes:
     """Encode a heat map as GeoTIFF.
 
-    `grid`: the map; its northern axis may run either way.
-    `description`: text of the image description tag.
+    The northern axis of `grid` may run either way. `description` becomes the image description
+    tag.
     """
     rising = grid.north_m[-1] >= grid.north_m[0]
     pixels = np.asarray(grid.probability, "<f4")

@@ -1,6 +1,6 @@
-"""A survey as KMZ (OGC KML 2.2 in a zip): opens in Google Earth without any network.
+"""Export a survey as KMZ (OGC KML 2.2 in a zip), which Google Earth opens without a network.
 
-Styles stand once; the icon and each tag's heat map travel inside the file.
+The icon and each tag's heat map are files in the zip; styles are defined once.
 """
 
 import io
@@ -15,15 +15,15 @@ from uavrt.analysis.export.geojson import (
     integrated_regions,
 )
 from uavrt.analysis.export.png import disc, heat, png_bytes, signal
-from uavrt.analysis.export.xml_text import printable
+from uavrt.analysis.export.xml_text import add_text
 from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
+    path_points,
     ray,
     ray_length_m,
     region95,
     region_lines,
-    way_of,
     wedge,
 )
 from uavrt.analysis.survey import Survey, thinned
@@ -47,7 +47,7 @@ _PICTURES = ("GroundOverlay", "Icon")
 
 
 def kmz_bytes(survey: Survey) -> bytes:
-    """Write track, and for each tag its pulses, bearings, position and heat map."""
+    """Write the track, and pulses, bearings, position and heat map of each tag."""
     files: dict[str, bytes] = {"files/dot.png": png_bytes(disc(7, (31, 119, 180)))}
     files["files/ring.png"] = png_bytes(disc(7, (204, 121, 167)))
     files["files/tag.png"] = png_bytes(disc(11, (215, 40, 40)))
@@ -72,25 +72,21 @@ def kml_text(survey: Survey) -> str:
 
 
 def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
-    """Make the KML, and add the pictures that it names to `files`."""
+    """Make the KML document, and add the pictures that it refers to to `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
-    _text(document, "name", survey.name)
+    add_text(document, "name", survey.name)
     vehicle = None if survey.vehicle is None else f"vehicle {survey.vehicle}"
     if vehicle is not None:
-        _text(document, "description", vehicle)
+        add_text(document, "description", vehicle)
     _styles(document)
     track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
     if len(track) > 1:
-        flown = _placemark(document, "track", "track")
-        if vehicle is not None:
-            _text(flown, "description", vehicle, before="styleUrl")
-        _geometry(flown, "LineString", track)
+        _geometry(_placemark(document, "track", "track", vehicle), "LineString", track)
     for tag_id in survey.tag_ids:
         _tag(document, survey, tag_id, files)
     for seen in survey.marks:
-        mark = _placemark(document, seen.text or "mark", "mark")
-        _stamped(mark, seen.time_ns)
+        mark = _placemark(document, seen.text or "mark", "mark", time_ns=seen.time_ns)
         _geometry(mark, "Point", [(seen.longitude_deg, seen.latitude_deg)])
     return root
 
@@ -99,19 +95,19 @@ def _styles(document: ET.Element) -> None:
     for name, (line, area, width) in _STYLES.items():
         style = ET.SubElement(document, "Style", id=name)
         drawn = ET.SubElement(style, "LineStyle")
-        _text(drawn, "color", line)
-        _text(drawn, "width", str(width))
+        add_text(drawn, "color", line)
+        add_text(drawn, "width", str(width))
         if area is not None:
-            _text(ET.SubElement(style, "PolyStyle"), "color", area)
+            add_text(ET.SubElement(style, "PolyStyle"), "color", area)
     for name, file, size in (
         *(("pulse", "dot", 0.4), ("integrated", "ring", 0.4), ("position", "tag", 1.0)),
         ("mark", "dot", 1.0),
     ):
         style = ET.SubElement(document, "Style", id=name)
         icon_style = ET.SubElement(style, "IconStyle")
-        _text(icon_style, "scale", str(size))
-        _text(ET.SubElement(icon_style, "Icon"), "href", f"files/{file}.png")
-        _text(
+        add_text(icon_style, "scale", str(size))
+        add_text(ET.SubElement(icon_style, "Icon"), "href", f"files/{file}.png")
+        add_text(
             ET.SubElement(style, "LabelStyle"),
             "scale",
             "0" if name in ("pulse", "integrated") else "1",
@@ -121,15 +117,12 @@ def _styles(document: ET.Element) -> None:
 def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
     folder = ET.SubElement(document, "Folder")
     name = survey.label(tag_id)
-    _text(folder, "name", name)
+    add_text(folder, "name", name)
     found = survey.position_of(tag_id)
     position = None if found is None else found.position
     if position is not None:
-        mark = _placemark(folder, name, "position")
-        _text(mark, "description", _described(survey, tag_id), before="styleUrl")
         time_ns = survey.position_time_ns(tag_id)
-        if time_ns is not None:
-            _stamped(mark, time_ns)
+        mark = _placemark(folder, name, "position", _described(survey, position), time_ns)
         place = (position.longitude_deg, position.latitude_deg)
         _geometry(mark, "Point", [place])
         area = region95(position)
@@ -142,7 +135,7 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
             file = f"files/heat_{tag_id}.png"
             files[file] = png_bytes(heat(position.grid.probability[::-1]))
             _overlay(folder, f"{name} probability", file, position.grid)
-        _way(folder, name, position)
+        _track(folder, name, position)
     _signal(folder, survey, tag_id, files)
     _bearings(folder, survey, tag_id)
     _pulses(folder, "pulses", "pulse", survey.pulses_of(tag_id))
@@ -165,28 +158,29 @@ def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
                 _polygon(several, ring)
 
 
-def _way(folder: ET.Element, name: str, position: Position) -> None:
+def _track(folder: ET.Element, name: str, position: Position) -> None:
     if len(position.track) < 2:
         return
     inner = ET.SubElement(folder, "Folder")
-    _text(inner, "name", f"{name} track")
-    _geometry(_placemark(inner, f"{name} track", "outline"), "LineString", way_of(position))
+    add_text(inner, "name", f"{name} track")
+    _geometry(
+        _placemark(inner, f"{name} track", "outline"), "LineString", path_points(position)
+    )
     for one in position.track:
-        mark = _placemark(inner, f"within {one.radius95_m:.0f} m with 95 %", "pulse")
-        _stamped(mark, one.time_ns)
+        within = f"within {one.radius95_m:.0f} m with 95 %"
+        mark = _placemark(inner, within, "pulse", time_ns=one.time_ns)
         _geometry(mark, "Point", [(one.longitude_deg, one.latitude_deg)])
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """Strongest place and signal colours around it, marked as not the tag's place."""
+    """Placemark of the strongest signal, and a signal map, labelled as not the tag's place."""
     found = survey.signal_of(tag_id)
     if found is None:
         return
     if found.strongest is not None:
         loudest = found.strongest
-        mark = _placemark(folder, "strongest signal", "pulse")
         text = f"{loudest.snr_db:.0f} dB; the tag is about {loudest.ring_radius_m:.0f} m away"
-        _text(mark, "description", text, before="styleUrl")
+        mark = _placemark(folder, "strongest signal", "pulse", text)
         _geometry(mark, "Point", [(loudest.longitude_deg, loudest.latitude_deg)])
     if found.surface is not None:
         file = f"files/signal_{tag_id}.png"
@@ -194,7 +188,7 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
         _overlay(folder, "signal strength", file, found.surface)
     if found.layers:
         inner = ET.SubElement(folder, "Folder")
-        _text(inner, "name", "signal strength by height")
+        add_text(inner, "name", "signal strength by height")
         for number, layer in enumerate(found.layers):
             if layer.surface is None:
                 continue
@@ -205,16 +199,12 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
 
 
 def _start_amsl_m(survey: Survey) -> float:
-    """Altitude above sea level that the survey's heights start from [m]; NaN where unknown."""
+    """Altitude above mean sea level of the survey's height reference [m]; NaN where unknown."""
     first = survey.track[0]
     return first.altitude_amsl_m - first.altitude_relative_m
 
 
-def _described(survey: Survey, tag_id: int) -> str:
-    found = survey.position_of(tag_id)
-    assert found is not None
-    assert found.position is not None
-    position = found.position
+def _described(survey: Survey, position: Position) -> str:
     text = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
     if position.radius95_m is not None:
         text += f", within {position.radius95_m:.0f} m with 95 %"
@@ -234,9 +224,8 @@ def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:
             continue
         length_m = ray_length_m(one, position)
         name = f"{one.bearing.bearing_deg:.0f}°"
-        mark = _placemark(folder, name, "bearing")
         description = "; ".join(f"{key}: {value}" for key, value in properties.items())
-        _text(mark, "description", description, before="styleUrl")
+        mark = _placemark(folder, name, "bearing", description)
         _geometry(mark, "LineString", ray(one, length_m))
         area = wedge(one, length_m)
         if area is not None:
@@ -248,12 +237,12 @@ def _pulses(folder: ET.Element, name: str, style: str, found: Iterable[PulsePose
     if not pulses:
         return
     inner = ET.SubElement(folder, "Folder")
-    _text(inner, "name", name)
+    add_text(inner, "name", name)
     for one in pulses:
         assert one.pose is not None
         snr = one.pulse.snr_db
-        mark = _placemark(inner, f"{snr:.1f} dB" if math.isfinite(snr) else "", style)
-        _stamped(mark, one.pulse.start_time_ns)
+        level = f"{snr:.1f} dB" if math.isfinite(snr) else ""
+        mark = _placemark(inner, level, style, time_ns=one.pulse.start_time_ns)
         _geometry(mark, "Point", [(one.pose.longitude_deg, one.pose.latitude_deg)])
 
 
@@ -265,26 +254,25 @@ def _overlay(
     *,
     amsl_m: float | None = None,
 ) -> None:
-    """Overlay a picture on the ground, or at a height above the sea and hidden at first."""
     overlay = ET.SubElement(folder, "GroundOverlay")
-    _text(overlay, "name", name)
+    add_text(overlay, "name", name)
     if amsl_m is not None:
-        _text(overlay, "visibility", "0")  # several above each other hide each other
-    _text(ET.SubElement(overlay, "Icon"), "href", file)
+        add_text(overlay, "visibility", "0")  # several above each other hide each other
+    add_text(ET.SubElement(overlay, "Icon"), "href", file)
     if amsl_m is not None and math.isfinite(amsl_m):
-        _text(overlay, "altitude", f"{amsl_m:.1f}")
-        _text(overlay, "altitudeMode", "absolute")
+        add_text(overlay, "altitude", f"{amsl_m:.1f}")
+        add_text(overlay, "altitudeMode", "absolute")
     west, south, east, north = bounds(grid)
     box = ET.SubElement(overlay, "LatLonBox")
     for key, value in (("north", north), ("south", south), ("east", east), ("west", west)):
-        _text(box, key, f"{value:.8f}")
+        add_text(box, key, f"{value:.8f}")
 
 
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
     """West, south, east and north edge of a heat map [deg], along its middle lines.
 
-    The cells are squares of the tangent plane. At 3 km and 60° latitude this is off by 1.2 m,
-    far less than a cell.
+    The cells are squares of the tangent plane. At 3 km and 60° latitude the error is 1.2 m, far
+    less than a cell.
     """
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     half_x, half_y = (abs(axis[1] - axis[0]) / 2 for axis in (grid.east_m, grid.north_m))
@@ -296,19 +284,21 @@ def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, flo
     return float(west), float(south), float(east), float(north)
 
 
-def _placemark(parent: ET.Element, name: str, style: str) -> ET.Element:
+def _placemark(
+    parent: ET.Element,
+    name: str,
+    style: str,
+    description: str | None = None,
+    time_ns: int | None = None,
+) -> ET.Element:
     mark = ET.SubElement(parent, "Placemark")
-    _text(mark, "name", name)
-    _text(mark, "styleUrl", f"#{style}")
+    add_text(mark, "name", name)
+    if description is not None:
+        add_text(mark, "description", description)
+    if time_ns is not None:
+        add_text(ET.SubElement(mark, "TimeStamp"), "when", iso_utc(time_ns))
+    add_text(mark, "styleUrl", f"#{style}")
     return mark
-
-
-def _stamped(mark: ET.Element, time_ns: int) -> None:
-    """Insert a placemark's time before its style, as the schema requires."""
-    names = [child.tag for child in mark]
-    stamp = ET.Element("TimeStamp")
-    mark.insert(names.index("styleUrl"), stamp)
-    _text(stamp, "when", iso_utc(time_ns))
 
 
 def _lines(mark: ET.Element, lines: list[list[Point]]) -> None:
@@ -320,27 +310,16 @@ def _lines(mark: ET.Element, lines: list[list[Point]]) -> None:
 def _geometry(mark: ET.Element, kind: str, points: list[Point]) -> None:
     shape = ET.SubElement(mark, kind)
     if kind == "LineString":
-        _text(shape, "tessellate", "1")
-    _text(shape, "coordinates", _coordinates(points))
+        add_text(shape, "tessellate", "1")
+    add_text(shape, "coordinates", _coordinates(points))
 
 
 def _polygon(mark: ET.Element, points: list[Point]) -> None:
     shape = ET.SubElement(mark, "Polygon")
-    _text(shape, "tessellate", "1")
+    add_text(shape, "tessellate", "1")
     ring = ET.SubElement(ET.SubElement(shape, "outerBoundaryIs"), "LinearRing")
-    _text(ring, "coordinates", _coordinates(points))
+    add_text(ring, "coordinates", _coordinates(points))
 
 
 def _coordinates(points: list[Point]) -> str:
     return " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in points)
-
-
-def _text(
-    parent: ET.Element, name: str, text: str | None, *, before: str | None = None
-) -> None:
-    element = ET.Element(name)
-    element.text = printable(text)
-    place = len(parent)
-    if before is not None:
-        place = next((i for i, child in enumerate(parent) if child.tag == before), place)
-    parent.insert(place, element)

@@ -1,4 +1,4 @@
-"""A picture as PNG, by hand: 30 lines in place of a library (W3C PNG, 2nd edition)."""
+"""Encode a picture as PNG (W3C PNG, 2nd edition) without an image library."""
 
 import struct
 import zlib
@@ -34,9 +34,8 @@ def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
 
 
 def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Color a probability: yellow to dark red, transparent where it is close to zero.
-
-    `probability` (rows, columns): of each cell; the first row is the top.
+    """Color a probability map: yellow to dark red, transparent close to zero; the first row is
+    the top.
     """
     peak = float(probability.max())
     share = probability / peak if peak > 0.0 else np.zeros_like(probability)
@@ -48,9 +47,8 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Color a signal map: blue is weak, yellow strong, transparent where unknown.
-
-    `snr_db` (rows, columns): the first row is the top; NaN is unknown.
+    """Color a map of SNR [dB]: blue is weak, yellow strong, NaN transparent; the first row is
+    the top.
     """
     known = np.isfinite(snr_db)
     low, high = (snr_db[known].min(), snr_db[known].max()) if known.any() else (0.0, 1.0)
@@ -64,10 +62,8 @@ def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def chance(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Color a probability on a scale from 0 to 1: dark blue to yellow, transparent where
-    unknown.
-
-    `probability` (rows, columns): the first row is the top; NaN is unknown.
+    """Color a probability map on a fixed scale from 0 to 1: dark blue to yellow, NaN
+    transparent.
     """
     known = np.isfinite(probability)
     share = np.where(known, probability, 0.0)

@@ -1,4 +1,4 @@
-"""A survey as CSV tables: our own, the original system's, and Movebank's."""
+"""Write a survey as CSV tables in our own format, the original system's, and Movebank's."""
 
 import io
 import math
@@ -31,7 +31,7 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """All pulses in the columns of ``uavrt detect -o``, pulses marked *integrated* included."""
+    """Write all pulses in the columns of ``uavrt detect -o``, integrated ones included."""
     stream = io.StringIO(newline="")
     pulses = survey.every_pulse
     writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))
@@ -41,14 +41,14 @@ def pulses_csv(survey: Survey) -> str:
 
 
 def tagtracker_csv(survey: Survey) -> str:
-    """Pulses with a pose in the newer custom QGroundControl's format; 3 is *integrated*."""
+    """Write pulses with a pose in TagTracker's format; status 3 marks integrated pulses."""
     stream = io.StringIO()
     write_tagtracker(stream, survey.every_pulse)
     return stream.getvalue()
 
 
 def track_csv(survey: Survey) -> str:
-    """Every pose of the vehicle."""
+    """Write every pose of the vehicle as CSV."""
     header = (
         *("time_ns", "latitude_deg", "longitude_deg", "altitude_amsl_m"),
         *("altitude_relative_m", "qw", "qx", "qy", "qz", "vehicle"),
@@ -68,16 +68,16 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Bearings for the original's ``bearings.csv``.
+    """Rows of bearings for the original system's ``bearings.csv``.
 
-    Turns without a clear direction are left out: the format has no column to mark them.
+    Turns without a clear direction are left out, since the format has no column to mark them.
     """
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
-    """Positions for the original's ``positions.csv``, by the original's three estimators."""
+    """Rows of positions for the original's ``positions.csv``, by its three estimators."""
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:
@@ -101,7 +101,7 @@ def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
 
 
 def fixes_csv(survey: Survey) -> str:
-    """Positions with their uncertainty; a tag without a position gets the reason."""
+    """Write positions with their uncertainty; a tag without a position gets the reason."""
     header = (
         *("tag_id", "name", "time_utc", "method", "latitude_deg", "longitude_deg"),
         *("radius50_m", "radius95_m", "bearings", "may_be_farther_out"),
@@ -127,8 +127,8 @@ def fixes_csv(survey: Survey) -> str:
     return _csv(header, rows)
 
 
-def ways_csv(survey: Survey) -> str:
-    """Position of each moving tag at each time of its path."""
+def tag_paths_csv(survey: Survey) -> str:
+    """Write the position of each moving tag at each time of its path."""
     header = (
         *("tag_id", "name", "time_utc", "latitude_deg", "longitude_deg"),
         *("radius50_m", "radius95_m", "vehicle"),
@@ -146,7 +146,7 @@ def ways_csv(survey: Survey) -> str:
 
 
 def marks_csv(survey: Survey) -> str:
-    """Places that the operator marked."""
+    """Write the places that the operator marked."""
     rows = (
         (iso_utc(one.time_ns), f"{one.latitude_deg:.9f}", f"{one.longitude_deg:.9f}", one.text)
         for one in survey.marks
@@ -155,10 +155,10 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Positions as events in the terms of Movebank's attribute dictionary.
+    """Write positions as events in the terms of Movebank's attribute dictionary.
 
-    One event for each tag, at the end of its last bearing; for a moving tag one for each time
-    of its path. Movebank recognises columns with its own names at the upload.
+    A resting tag has one event, at the end of its last bearing. A moving tag has one for each
+    time on its path. Movebank recognises the column names at the upload.
     """
     events = [
         (one.tag_id, one.position, place)
@@ -175,7 +175,7 @@ def movebank_csv(survey: Survey) -> str:
 def _places(
     survey: Survey, tag_id: int, position: Position
 ) -> list[tuple[int, float, float, float | None]]:
-    """Times, latitudes, longitudes and 95 % radii of a position, or of its path."""
+    """Times, latitudes, longitudes and 95 % radii of a position, or of each point on a path."""
     if position.track:
         return [
             (one.time_ns, one.latitude_deg, one.longitude_deg, one.radius95_m)
@@ -193,14 +193,14 @@ def _movebank_row(
     tag_id: int,
     position: Position,
     place: tuple[int, float, float, float | None],
-) -> dict[str, Any]:
+) -> Sequence[Any]:
     time_ns, latitude_deg, longitude_deg, radius95_m = place
     tag, radius = survey.tag(tag_id), _metres(radius95_m)
     heard = "pulses" if position.pulses else "bearings"
     count = position.pulses or position.stations
     text = f"{position.method}, {count} {heard}, {survey.name}"
     contradicted = any(one.name == "contradiction" for one in position.cautions)
-    cells = (
+    return (
         *(number, _movebank_time(time_ns)),
         *(f"{longitude_deg:.8f}", f"{latitude_deg:.8f}"),
         *("radio-transmitter", _animal(survey, tag_id), tag_id),
@@ -212,22 +212,19 @@ def _movebank_row(
         str(position.at_edge or not radius or contradicted).lower(),
         "" if survey.vehicle is None else f"vehicle {survey.vehicle}",
     )
-    return dict(zip(MOVEBANK_COLUMNS, cells, strict=True))
 
 
 def movebank_reference_csv(survey: Survey) -> str:
     """Movebank's reference data: which animal wore which tag, dated by the flight."""
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
-    rows: list[dict[str, Any]] = []
+    note = f"dates are of {survey.name}: put in those of the deployment"
+    rows = []
     for tag_id in survey.tag_ids:
         tag = survey.tag(tag_id)
-        cells = (
-            *(tag_id, _animal(survey, tag_id), "" if tag is None else tag.name or ""),
-            "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
-            *(day, "", f"dates are of {survey.name}: put in those of the deployment"),
-        )
-        rows.append(dict(zip(REFERENCE_COLUMNS, cells, strict=True)))
+        name = "" if tag is None else tag.name or ""
+        frequency = "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}"
+        rows.append((tag_id, _animal(survey, tag_id), name, frequency, day, "", note))
     return _without_empty(REFERENCE_COLUMNS, rows)
 
 
@@ -236,9 +233,11 @@ def _animal(survey: Survey, tag_id: int) -> str:
     return tag.name if tag is not None and tag.name else f"tag {tag_id}"
 
 
-def _without_empty(names: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
-    kept = [name for name in names if not rows or any(row[name] != "" for row in rows)]
-    return _csv(kept, ([row[name] for name in kept] for row in rows))
+def _without_empty(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    columns = zip(names, *rows, strict=True)
+    kept = [one for one in columns if not rows or any(cell != "" for cell in one[1:])]
+    header, *cells = zip(*kept, strict=True)
+    return _csv(header, cells)
 
 
 def _bearing_row(one: TagBearing, survey: Survey, parent_file: str) -> BearingRow:

@@ -23,7 +23,7 @@ from uavrt.recording.formats.whole_file import write_whole
 
 @dataclass(frozen=True, slots=True)
 class OneFile:
-    """A format that exports a survey as one file; the page offers these too."""
+    """An export format that is a single file; the web page offers it for download."""
 
     media_type: str
     content: Callable[[Survey], str | bytes]
@@ -35,24 +35,22 @@ ONE_FILE: dict[str, OneFile] = {
     "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
     "gpx": OneFile("application/gpx+xml", gpx_text),
 }
-"""Formats by name, which is also the file's ending."""
+"""Single-file formats by name; the name is also the file's ending."""
 
 
 def export_survey(
     survey: Survey, directory: Path, formats: Sequence[str] | None = None
 ) -> list[Path]:
-    """Write a survey in each format asked for; files of the same name are replaced.
+    """Write a survey in the requested formats; files of the same name are replaced.
 
-    `directory`: created if missing.
-    `formats`: ``csv`` (pulses, track, positions; paths of moving tags and marks where there are
-    any), ``uavrt`` (the original's bearings.csv, positions.csv and TagTracker's pulse CSV),
-    ``geojson``, ``kmz``, ``kml`` (without pictures), ``gpx``, ``geopackage``, ``movebank``,
-    ``geotiff`` (one heat map for each tag with one; of a survey with a monopole the strength,
-    and that of each layer of heights), ``motus`` (bursts and beeps as a SensorGnome and
-    find_tags write them, where there are any). None: all.
-    Returns: the written files.
-    Raises `RecordingError`: a file cannot be written.
-    Raises `UsageError`: a log without any pulse has nothing to write.
+    `formats` may be: ``csv`` (pulses, track, positions; paths of moving tags and marks where
+    there are any), ``uavrt`` (the original's bearings.csv, positions.csv and TagTracker's pulse
+    CSV), ``geojson``, ``kmz``, ``kml`` (without pictures), ``gpx``, ``geopackage``,
+    ``movebank``, ``geotiff`` (a heat map for each tag; for a monopole survey the signal
+    strength, also by height layer), ``motus`` (bursts and beeps for SensorGnome and find_tags).
+    None means all.
+    Returns the written files. Raises `RecordingError` if a file cannot be written, and
+    `UsageError` for a log without pulses.
     """
     if survey.kind != "flight" and not survey.pulse_poses:
         raise UsageError(
@@ -77,7 +75,7 @@ def _csv(survey: Survey, directory: Path) -> list[Path]:
     ) + _where_any(
         directory,
         {
-            "ways.csv": tables.ways_csv(survey) if _walked(survey) else None,
+            "ways.csv": tables.tag_paths_csv(survey) if _walked(survey) else None,
             "marks.csv": tables.marks_csv(survey) if survey.marks else None,
         },
     )
@@ -88,7 +86,7 @@ def _walked(survey: Survey) -> bool:
 
 
 def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
-    """Write files that have content, and remove those left by an earlier export."""
+    """Write the files that have content; delete the others if an earlier export left them."""
     for name, content in files.items():
         if content is None:
             (directory / name).unlink(missing_ok=True)
@@ -139,7 +137,7 @@ def _geotiff(survey: Survey, directory: Path) -> list[Path]:
 
 
 def as_grid(surface: SignalSurface) -> PositionGrid:
-    """Signal map as a heat map: SNR [dB] instead of probability, NaN where unknown."""
+    """Convert a signal map to a heat map of SNR [dB]; unknown cells are NaN."""
     return PositionGrid(
         latitude_deg=surface.latitude_deg,
         longitude_deg=surface.longitude_deg,
@@ -150,7 +148,7 @@ def as_grid(surface: SignalSurface) -> PositionGrid:
 
 
 def _motus(survey: Survey, directory: Path) -> list[Path]:
-    """Write bursts and beeps for Motus; nothing for a flight without any."""
+    """Write bursts and beeps for Motus; no file for a flight without any."""
     if not bursts.has_bursts(survey):
         return []
     files = {

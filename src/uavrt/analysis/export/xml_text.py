@@ -1,6 +1,9 @@
-"""User-entered text made safe for XML."""
+"""Write user-entered text safely into XML."""
+
+from xml.etree import ElementTree as ET
 
 
-def printable(text: str | None) -> str:
-    """Remove control characters, which XML 1.0 does not allow."""
-    return "".join(c for c in text or "" if c >= " " or c in "\t\n")
+def add_text(parent: ET.Element, name: str, text: str | None) -> None:
+    """Add an element with a text, without control characters, which XML 1.0 does not allow."""
+    kept = (c for c in text or "" if c >= " " or c in "\t\n")
+    ET.SubElement(parent, name).text = "".join(kept)

@@ -1,6 +1,6 @@
-"""Search recordings and measure tags after the flight.
+"""Search recordings again, and measure tags in them.
 
-`redetect` searches recordings again, `channel_files` holds their channels, `measure_tag`
-measures frequency, interval and pulse width of a tag at hand, `switched` measures recordings
-made with an antenna switch, `waterfall` shows a recording.
+`redetect` searches a flight's recording again. `measure_tag` measures a nearby tag's frequency,
+interval and pulse width. `switched` measures recordings made with an antenna switch.
+`waterfall` makes spectrograms, and `channel_files` splits a band into channels.
 """

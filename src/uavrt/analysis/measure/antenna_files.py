@@ -1,8 +1,8 @@
-"""Antenna pattern files: measured patterns, and patterns learnt from a flight.
+"""Read and write antenna patterns, measured or learnt from a flight.
 
-CSV with ``#`` comments: angle off boresight [deg], gain [dB], and optionally the gain across
-the elements. Angles may be any, in any order; both sides of the boresight are averaged, since a
-pattern is mirrored.
+The format is CSV with ``#`` comments: angle off boresight [deg], gain [dB], and optionally the
+gain across the elements. Angles may come in any order. Both sides of the boresight are
+averaged, since a pattern is symmetric.
 """
 
 import math
@@ -22,10 +22,10 @@ _WIDEST_GAP_DEG = 45.0
 
 
 def antenna_named(text: str) -> str:
-    """Name of a known pattern; a pattern file is registered under the file's name.
+    """Name of a known antenna pattern; a pattern file is read and registered under its name.
 
-    Raises `FormatError`: it is a file without a pattern.
-    Raises `UsageError`: it is neither a known name nor a file, or the file has a built-in name.
+    Raises `FormatError` for a file without a pattern, and `UsageError` for an unknown name or a
+    file with a built-in name.
     """
     if text in PATTERNS:
         return text
@@ -41,7 +41,7 @@ def antenna_named(text: str) -> str:
 
 
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
-    """Read a pattern, named as its file; raises `FormatError` if a line or angles are wrong."""
+    """Read a pattern, named as its file; raises `FormatError` for wrong lines or angles."""
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
         text = line.partition("#")[0].strip()
@@ -50,7 +50,7 @@ def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
         try:
             row = tuple(float(cell) for cell in csv_cells(text))
             if len(row) not in (2, 3) or not all(map(math.isfinite, row)):
-                raise ValueError(f"{len(row)} numbers")
+                raise ValueError(f"it has {len(row)} numbers")
         except ValueError as error:
             if not rows and any(character.isalpha() for character in text):
                 continue  # a line of names
@@ -78,14 +78,14 @@ def _on_grid(
     gain_db: "np.ndarray[tuple[int], np.dtype[np.float64]]",
     path: str | os.PathLike[str],
 ) -> tuple[float, ...]:
-    """Gain relative to boresight at 0°, 5° … 180° [dB]."""
+    """Interpolate gains relative to boresight at 0°, 5° … 180° [dB]."""
     folded = np.round(np.abs(np.remainder(angle_deg + 180.0, 360.0) - 180.0), 3)
     angles, which = np.unique(folded, return_inverse=True)
     mean = np.bincount(which, gain_db) / np.bincount(which)
     gaps = np.diff(np.concatenate([[0.0], angles, [180.0]]))
     if gaps.max() > _WIDEST_GAP_DEG:
         raise FormatError(
-            f"{os.fspath(path)} leaves {gaps.max():.0f}° without a gain",
+            f"{os.fspath(path)} has no gains over {gaps.max():.0f}°",
             remedy="Give gains from 0° to 180° off boresight, at least each 45°",
         )
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)
@@ -94,7 +94,7 @@ def _on_grid(
 
 
 def write_antenna(pattern: AntennaPattern, path: Path, remark: str) -> None:
-    """Write a pattern as `read_antenna` reads it; raises `RecordingError`."""
+    """Write a pattern in the format of `read_antenna`; raises `RecordingError`."""
     lines = [f"# {remark}", "angle_deg,gain_db" + (",across_db" if pattern.h_plane_db else "")]
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)
     columns = [grid, pattern.gain_db(grid)]

@@ -1,7 +1,7 @@
-"""Export a flight as a rosbag2 recording, as if ROS 2 had recorded it live.
+"""Export a flight as a rosbag2 recording, as if recorded live by ROS 2.
 
-The same messages, types and bytes as on the gateway's topics, in MCAP, which ``ros2 bag play``
-and Foxglove open. Small chunks and an index keep a large flight quick to seek in.
+It has the messages, types and bytes of the gateway's topics, in MCAP, which ``ros2 bag play``
+and Foxglove open. Small chunks and an index make seeking fast in a large flight.
 """
 
 import heapq
@@ -41,14 +41,14 @@ from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, Header,
 
 CHUNK_BYTES = 65536
 RECORDED = "recorded/"
-"""Prefix of the topics with orders, so that a gateway does not obey a playback."""
+"""Topic prefix of motion orders, so that a gateway does not obey them at playback."""
 HINDSIGHT = "integrated/"
-"""Prefix of the topics with pulses found by ``uavrt integrate``."""
+"""Topic prefix of pulses found by ``uavrt integrate``."""
 METADATA_VERSION = 5
-"""Format of rosbag2's ``metadata.yaml``: that of Humble, which all later versions read."""
+"""Format of rosbag2's ``metadata.yaml``: that of Humble, which later versions read."""
 
 Entry = tuple[int, str, RosMessage]
-"""Time [ns, UTC], topic, message."""
+"""A message to write: time [ns, UTC], topic, message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,22 +58,18 @@ class Bag:
     directory: Path
     file: Path
     messages: dict[str, int]
-    """Number of messages on each topic."""
+    """Number of messages by topic."""
 
 
 def export_bag(
     flight_directory: str | os.PathLike[str], target: Path, *, as_sent: bool = False
 ) -> Bag:
-    """Write a flight as a rosbag2 directory.
+    """Write a flight as a rosbag2 directory `target`.
 
     Playing a recording must not command a drone, so orders are under `RECORDED` unless
-    `as_sent`. Integrated pulses are under `HINDSIGHT`.
-
-    `target`: directory to make.
-    `as_sent`: orders have the names of the live topics.
-    Raises `FormatError`: there is no flight, or it is damaged.
-    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed, or `target` cannot be
-    made.
+    `as_sent`. Pulses from ``uavrt integrate`` are under `HINDSIGHT`.
+    Raises `FormatError` if there is no flight or it is damaged, and `UsageError` without the
+    extra ``uavrt[analysis]`` or if `target` cannot be made.
     """
     flight = read_flight(flight_directory)
     _, integrated = read_integrated(flight_directory)
@@ -102,7 +98,7 @@ def export_bag(
         shutil.rmtree(target)  # half of it would be in the way of the next try
         if isinstance(error, ValueError | TypeError | OverflowError | struct.error):
             raise FormatError(
-                f"{flight_directory} holds what no ROS 2 message can: {error}",
+                f"{flight_directory} has a value that no ROS 2 message can hold: {error}",
                 remedy="Export it in another format",
             ) from error
         raise
@@ -112,8 +108,8 @@ def export_bag(
 def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
     """Write messages in order of time into one MCAP file.
 
-    Returns: rosbag2's description of the file, which is also inside it; messages on each topic.
-    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
+    Returns rosbag2's description of the file, which is also inside it, and the number of
+    messages by topic. Raises `UsageError` without the extra ``uavrt[analysis]``.
     """
     with needs_extra("analysis", "MCAP"):
         from mcap.writer import CompressionType, Writer
@@ -191,7 +187,7 @@ def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticA
 def _pulses(
     info: FlightInfo, pulse_poses: Iterable[PulsePose], prefix: str = ""
 ) -> Iterator[Entry]:
-    """Each pulse twice, as on the network: alone, and with its pose."""
+    """Messages of each pulse: one without and one with its pose, as on the live topics."""
     for item in sorted(pulse_poses, key=lambda item: item.pulse.end_time_ns):
         directory = _tag_directory(info, item.pulse.tag_id)
         time_ns = item.pulse.end_time_ns
@@ -274,7 +270,7 @@ def _metadata(file: str, counts: Counter[str], first_ns: int, last_ns: int) -> s
 
 
 def _qos_yaml(topic: str) -> str:
-    """Quality of service of a topic with rmw's numbers, for the player."""
+    """Quality-of-service settings of a topic as YAML, with the numbers of rmw."""
     forever = {"sec": 9223372036, "nsec": 854775807}
     late = topic == LOG_TOPIC
     return json.dumps(

@@ -1,7 +1,7 @@
-"""Channelizer alone: converts a band to the original system's channel datagrams.
+"""Split a band into channels and send them as the original system's datagrams.
 
-The engine of ``uavrt channelize``. It replaces the original's ``airspy_channelize 375000 100``
-between unchanged programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
+This is the engine of ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` between
+the original's programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
 """
 
 import math
@@ -24,7 +24,7 @@ _LOOK_S: Final = 0.25
 
 @dataclass(slots=True)
 class ChannelizeSummary:
-    """Counts of a run."""
+    """Counters of one run of ``uavrt channelize``."""
 
     samples: int = 0
     samples_lost: int = 0
@@ -36,14 +36,13 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters.
+    """Set up the filters of the requested channels.
 
-    `channels`: the original's numbers, 1 the centre; negative for the second port too; none:
-    all.
-    `mode`: the original's bank (3750 S/s), or twice oversampled without aliases (7500 S/s).
-    Raises `ConfigError`: a channel that this band does not have, or in the compatible mode a
-    rate from which the original's hundred channels cannot be made.
-    Raises `TunerError`: in the default mode, a channel beyond the clean span.
+    `channels` are the original's numbers, 1 the centre; negative also uses the second port;
+    none means all. `mode` selects the original's filter bank (3750 S/s), or one twice
+    oversampled without aliases (7500 S/s).
+    Raises `ConfigError` for a channel outside this band, or a rate unfit for the compatible
+    mode; `TunerError` for a channel beyond the alias-free span.
     """
     rate_hz, center_hz = source.sample_rate_hz, source.center_frequency_hz
     whole = FrontEnd(
@@ -71,7 +70,7 @@ def plan_channels(
 
 
 def _check_as_the_original(front_end: FrontEnd) -> None:
-    """Reject settings that the original's listeners would misread; raises `ConfigError`."""
+    """Reject settings that the original's programs misread; raises `ConfigError`."""
     plan = front_end.plan
     count, rate_hz = plan.channel_count, plan.channel_rate_hz
     if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):
@@ -87,7 +86,7 @@ def _check_as_the_original(front_end: FrontEnd) -> None:
 def ports_of(
     front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
 ) -> dict[int, list[int]]:
-    """Get each used channel's ports; raises `ConfigError` for a second in the thesis's plan."""
+    """UDP ports of each channel; raises `ConfigError` for a second in the thesis's plan."""
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(
@@ -115,14 +114,11 @@ def channelize(
 ) -> ChannelizeSummary:
     """Send channels until the source ends or the run is stopped.
 
-    `source`: the band; the caller closes it.
-    `front_end`: from `plan_channels`.
-    `sender`: where to send; the caller closes it.
-    `speed`: a file is played at this multiple of real time, since a listener's buffer overflows
-    if data come faster than it reads; 0 for no limit. A live band is never ahead of time.
-    `pause`: waits for a number of seconds (`time.sleep`).
-    `should_stop`: called at least four times a second.
-    `summary`: updated while running.
+    `front_end` comes from `plan_channels`; the caller closes `source` and `sender`. A file is
+    played at `speed` times real time, since a fast sender overflows the listener's buffer; 0
+    means no limit. A live band is never ahead of time.
+    `pause` waits for a number of seconds (`time.sleep`). `should_stop` is called at least four
+    times a second. `summary` is updated while running.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

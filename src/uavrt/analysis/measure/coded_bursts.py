@@ -1,8 +1,7 @@
-"""Find coded tags in a recording: bursts that repeat with the same gaps.
+"""Find coded tags in a recording: bursts of pulses that repeat with the same gaps.
 
-Pulses are found one by one, since the tag that is measured is near. Those that follow each
-other within a quarter of a second are a burst. Bursts with equal numbers of pulses and equal
-gaps are one tag, and their times show the burst interval.
+Pulses are detected singly, since a tag to be measured is near. Pulses within a quarter of a
+second are a burst. Bursts with equal gaps are one tag, and their times give the burst interval.
 """
 
 import math
@@ -14,46 +13,47 @@ from numpy.typing import NDArray
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.beeps.interval_fit import Beat, fit_beat
-from uavrt.detection.beeps.trains import BURST_S, FEWEST_BURSTS, split_bursts
+from uavrt.detection.beeps.trains import split_bursts
+from uavrt.detection.beeps.tuning import TRAINS
 from uavrt.detection.coded.cells import Cells
 from uavrt.dsp.block_times import BlockTimes
 from uavrt.messages import ChannelBlock, Tag
 
 LONGEST_PULSE_S: Final = 0.006
-"""Longest pulses that leave it open whether a tag is coded; those that beep have 8 ms."""
+"""Pulse width up to which a tag may be coded [s]; beeping tags have 8 ms or more."""
 _WIDTH_S: Final = 0.0025
-"""Length of the filter that finds pulses: the usual length of a coded tag's, others are up to
-7.5 ms long."""
+"""Length of the pulse detection filter [s]: a coded tag's usual pulse width. Others are up to
+7.5 ms wide."""
 _REACH_S: Final = 0.009
-"""A pulse is compared with its surroundings to this distance [s]; gaps are longer."""
+"""Distance to which a pulse's energy is compared with its surroundings [s]; gaps are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
-"""Lengths of pulses are specified in steps of 0.5 ms."""
+"""Rounding of measured pulse widths [1/s]: steps of 0.5 ms, as in specifications."""
 _LEAST: Final = 30.0
-"""Least energy of a pulse over that of noise: 15 dB."""
+"""Least ratio of a pulse's energy to the noise's mean energy: 15 dB."""
 _PEAKED: Final = 4.0
 """Least ratio of a pulse's energy at its frequency to the median within 1 kHz."""
 _OFF_BEAT_S: Final = 0.008
-"""Largest deviation of a burst from whole burst intervals [s]."""
+"""Largest deviation of a burst's time from whole burst intervals [s]."""
 _MOST_LOST: Final = 4
-"""Most intervals in the shortest time between two heard bursts."""
+"""Largest number of burst intervals tried for the shortest time between two bursts."""
 _WINDOW_HZ: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredCode:
-    """A coded tag as measured; each sigma is one standard deviation."""
+    """Measured gaps and interval of a coded tag; each sigma is one standard deviation."""
 
     frequency_hz: float
     gaps_s: tuple[float, ...]
     gaps_sigma_s: tuple[float, ...]
     pulse_width_s: float
-    """Median length; the first pulse of a burst may be longer than the others."""
+    """Median pulse width [s]; the first pulse of a burst may be longer."""
     burst_interval_s: float
     burst_interval_sigma_s: float
     bursts: int
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Tag list entry with the usual tolerances."""
+        """Make a tag list entry with the usual tolerances."""
         return Tag(
             tag_id=tag_id,
             frequency_hz=float(round(self.frequency_hz)),
@@ -71,7 +71,7 @@ class MeasuredCode:
 def find_codes(
     times_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> list[MeasuredCode]:
-    """Find the codes among the pulses at one frequency: middles, ascending, and lengths."""
+    """Find coded tags among pulses at one frequency, given their times and widths [s]."""
     left = split_bursts(times_s)
     found = []
     while left:
@@ -80,7 +80,7 @@ def find_codes(
         same = [one for one in same if np.abs(np.diff(one) - first).sum() <= GAP_TOLERANCE_S]
         alike = {id(one) for one in same}
         left = [one for one in left if id(one) not in alike]
-        if len(same) >= FEWEST_BURSTS:
+        if len(same) >= TRAINS.fewest_bursts:
             middles_s = np.array(same)
             lengths_s = widths_s[np.searchsorted(times_s, middles_s)]
             if (code := _code(middles_s, lengths_s, frequency_hz)) is not None:
@@ -91,9 +91,11 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure bursts of the same gaps, a row each; None for bursts that keep no interval.
+    """Measure a code from bursts with the same gaps, one per row; None without a regular
+    interval.
 
-    A middle is known better than a start. The n-th pulses of all bursts are equally long.
+    A pulse's middle is measured more accurately than its start. The n-th pulses of all bursts
+    are equally long.
     """
     beat = _beat(middles_s[:, 0])
     if beat is None:
@@ -111,18 +113,18 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest interval of which the times between bursts are whole multiples.
+    """Fit the longest burst interval that divides all times between bursts.
 
-    Where every second burst is lost, the shortest time between two is more than one interval.
+    If every second burst is lost, the shortest time between two is more than one interval.
     """
     shortest_s = float(np.diff(starts_s).min())
     for part in range(1, _MOST_LOST + 1):
-        if shortest_s / part < BURST_S:
+        if shortest_s / part < TRAINS.burst_gap_s:
             break
         beat = fit_beat(starts_s, shortest_s / part)
         off_s = np.abs(beat.residuals_s)
         kept = off_s <= max(3.0 * float(np.median(off_s)), _OFF_BEAT_S)
-        if kept.sum() >= max(FEWEST_BURSTS, 0.75 * len(starts_s)):
+        if kept.sum() >= max(TRAINS.fewest_bursts, 0.75 * len(starts_s)):
             beat = fit_beat(starts_s[kept], beat.interval_s)
             if beat.scatter_s <= _OFF_BEAT_S:
                 return beat
@@ -130,7 +132,7 @@ def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
 
 
 class BurstPulses:
-    """Finds the starts of a coded tag's pulses at a frequency in a channel's samples."""
+    """Finds the pulses of a coded tag at a given frequency in a channel's samples."""
 
     def __init__(self, frequency_hz: float, rate_hz: float) -> None:
         self._frequency_hz = frequency_hz
@@ -142,7 +144,7 @@ class BurstPulses:
         self._rows = [np.zeros(0, np.float32)]
 
     def process(self, block: ChannelBlock) -> None:
-        """Add the channel's next block."""
+        """Process the next block of the channel's samples."""
         if self._cells is None:
             offset_hz = self._frequency_hz - block.center_frequency_hz
             self._cells = Cells(
@@ -169,7 +171,7 @@ class BurstPulses:
             self._held = self._held[count * cells.hop :]
 
     def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the strong pulses, ascending: middles [s from the first sample], lengths."""
+        """Middles [s from the first sample] and widths [s] of the strong pulses, ascending."""
         if self._cells is None:
             return np.zeros(0), np.zeros(0)
         self._push(self._cells)
@@ -181,9 +183,9 @@ class BurstPulses:
 def _pulses(
     energies: NDArray[np.float32], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure the pulses of any length: middles and lengths [s].
+    """Measure middle and width [s] of each pulse in the filter's output.
 
-    Behind the filter the amplitude of a rectangular pulse rises and falls linearly. It passes
+    Behind the filter, the amplitude of a rectangular pulse rises and falls linearly. It passes
     half of its height when the pulse fills half of the filter.
     """
     amplitude = np.sqrt(np.pad(energies.astype(np.float64), 1))

@@ -15,41 +15,40 @@ from uavrt.analysis.measure.pulse_fit import (
     without_carriers,
     without_impulses,
 )
-from uavrt.detection.beeps.beats import FEWEST, FoundBeat
+from uavrt.detection.beeps.beats import FoundBeat
 from uavrt.detection.beeps.interval_fit import fit_beat
+from uavrt.detection.beeps.tuning import INTERVALS
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAME_RATE: Final = 0.004
-"""Largest relative difference between intervals of one rate in two stretches."""
+"""Largest relative difference between two measurements of one pulse interval."""
 NEAR_RATE: Final = 0.05
-"""Largest relative difference between stretches that may be joined; at 1 : 2, half the pulses
-would match."""
+"""Largest relative difference between the intervals of two pulse series that may be joined."""
 SIGNIFICANT: Final = 4.0
-"""Drift, in standard deviations, from which it is removed before the jitter is computed."""
+"""Drift above which it is removed before the jitter is computed [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseWindow:
-    """Samples of a channel around one burst."""
+    """Samples of a channel around one pulse."""
 
     samples: NDArray[np.complex64]
     time_ns: int
     sample_rate_hz: float
     offset_hz: float
-    """The tag's frequency relative to the channel's centre."""
+    """Frequency of the tag relative to the channel's centre [Hz]."""
     apart_hz: float
-    """Frequency of this burst in the first pass, relative to the tag's frequency."""
+    """Frequency of this pulse in the first pass, relative to the tag's frequency [Hz]."""
     burst: int
 
 
 def measure_pulses(
     beats: Sequence[FoundBeat], windows: Sequence[PulseWindow], frequency_hz: float
 ) -> MeasuredTag:
-    """Measure a tag's pulses, with uncertainties.
+    """Measure frequency, width and intervals of a tag, with uncertainties.
 
-    `beats`: its beats, by bursts.
-    `windows`: samples around its bursts, in order of time; at least `beats.FEWEST`.
-    `frequency_hz`: from the first pass; reference of the windows' offsets.
+    `windows` are in order of time, at least `INTERVALS.fewest_pulses`; `beats` are the pulse
+    series of the first pass. `frequency_hz` is the reference of the windows' offsets.
     """
     fits = [
         fit_pulse(
@@ -93,12 +92,12 @@ def _rates(
     good: NDArray[np.bool_],
     start_ns: int,
 ) -> tuple[MeasuredRate, ...]:
-    """Measure each beat again with the fitted times; merge beats of one interval."""
+    """Refine each interval with the fitted times, and merge series of equal interval."""
     stretches: list[tuple[NDArray[np.float64], float]] = []
     for beat in sorted(beats, key=lambda one: int(one.members[0])):
         chosen = [numbers[int(k)] for k in beat.members if int(k) in numbers]
         times_s = np.sort(at_s[[k for k in chosen if good[k]]])
-        if times_s.size < FEWEST - 1:
+        if times_s.size < INTERVALS.fewest_pulses - 1:
             continue
         interval_s = beat.beat.interval_s
         joined = None
@@ -123,7 +122,7 @@ def _rates(
 def _continued(
     before_s: NDArray[np.float64], interval_s: float, after_s: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Join two stretches across missing pulses if the beat continued."""
+    """Join two series of pulses across a gap if the beat continued in phase."""
     together = np.concatenate((before_s, after_s))
     alone = fit_beat(before_s, interval_s)
     beat = fit_beat(together, alone.interval_s)
@@ -180,7 +179,7 @@ def _joined(first: MeasuredRate, second: MeasuredRate) -> MeasuredRate:
 
 
 def _agree(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask that leaves out outliers, such as a pulse with an impulse in it."""
+    """Mask of values without outliers, such as a pulse disturbed by an impulse."""
     center = np.median(values)
     spread = 1.4826 * float(np.median(np.abs(values - center)))
     return np.asarray(np.abs(values - center) <= max(6.0 * spread, 0.1 * abs(center)))
@@ -193,7 +192,7 @@ def _middle(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Least-squares line: value at 0 and slope, each with its standard deviation."""
+    """Fit a line by least squares: value at 0 and slope, each with its standard deviation."""
     design = np.stack((np.ones_like(x), x), axis=1)
     inverse = np.linalg.pinv(design.T @ design)
     value, slope = inverse @ design.T @ y
@@ -210,7 +209,7 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
     """Pulse energy over noise density, from the noise within 600 Hz before the pulse.
 
-    The median of the spectrum is used because a nearby carrier fills some of its bins.
+    The noise is the spectrum's median, since a nearby carrier fills some of its bins.
     """
     rate_hz = window.sample_rate_hz
     quiet = without_carriers(without_impulses(window.samples, rate_hz))

@@ -1,8 +1,8 @@
-"""Measure unknown tags: the engine of ``uavrt tags measure``.
+"""Measure unknown tags in a recording: the engine of ``uavrt tags measure``.
 
-First pass: find all beeping signals in the band (`uavrt.detection.beeps`). Second pass: a
-narrow channel around each train, a fit of each pulse (`pulse_fit`), and the gaps of bursts
-(`coded_bursts`). This gives frequency, width and intervals with their uncertainties.
+The first pass finds all beeping signals in the band (`uavrt.detection.beeps`). The second pass
+makes a narrow channel around each signal, fits each pulse (`pulse_fit`), and measures the gaps
+of bursts (`coded_bursts`).
 """
 
 from collections import deque
@@ -23,9 +23,9 @@ from uavrt.analysis.measure.coded_bursts import (
 from uavrt.analysis.measure.measure_pulses import PulseWindow, measure_pulses
 from uavrt.analysis.measure.measured_tag import MeasuredTag
 from uavrt.config.ghost_places import Receiver
-from uavrt.detection.beeps.beats import FEWEST
 from uavrt.detection.beeps.points import Points, PointSearch
 from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.detection.beeps.tuning import INTERVALS
 from uavrt.dsp.block_times import BlockTimes
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.plan import ONE_CHANNEL_RATE_HZ, usable_half_span_hz
@@ -36,22 +36,21 @@ from uavrt.units import ns_from_s
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Samples kept before and after a pulse's middle [s]; the outer halves contain noise only."""
+"""Samples kept before and after a pulse's middle [s]; the outer halves contain only noise."""
 _MOST_SUSPECTS: Final = 8
-"""Most frequencies searched for coded tags; each takes 2 % of a core."""
+"""Most frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Short pulses this close to a coded tag's frequency are its own [Hz]."""
+"""Distance from a coded tag within which other short pulses are its own [Hz]."""
 _SAME_INTERVAL_S: Final = 0.002
-"""Difference in interval of a train that is made of a coded tag's pulses [s]."""
+"""Difference in interval below which a beeping signal is part of a coded tag's bursts [s]."""
 _LEAST_ALIKE: Final = 0.6
-"""Least share of a train's pulses that agree in width and frequency; else the train is
-doubtful."""
+"""Least share of a signal's pulses that agree in width and frequency; else it is doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoubtfulTrain:
-    """A periodic pulse train that may not be a tag."""
+    """A periodic signal that may not be a tag, with the reason."""
 
     frequency_hz: float
     interval_s: float
@@ -69,10 +68,10 @@ class DoubtfulTrain:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """Tags found in a recording."""
+    """All tags measured in a recording."""
 
     tags: tuple[MeasuredTag, ...]
-    """The one with the most pulses first."""
+    """Beeping tags, the one with the most pulses first."""
     codes: tuple[MeasuredCode, ...]
     """Coded tags, the one with the most bursts first."""
     doubtful: tuple[DoubtfulTrain, ...]
@@ -88,14 +87,12 @@ def measure_tags(
 ) -> Measurement:
     """Find and measure all tags in a recording.
 
-    `open_source`: opens the recording; called twice.
-    `frequency_hz`: where to search; None: in the whole band.
-    `window_hz`: half-width of the search about it.
-    `on_progress`: takes the part that is done, 0 to 1.
-    `on_fault`: takes, once, what keeps the recording from being read to its end; what was read
-    until then is measured. Without it that is raised.
-    Raises `UsageError`: no tag was found.
-    Raises `UavrtError`: the recording cannot be read.
+    `open_source` opens the recording, and is called twice. `frequency_hz` and `window_hz` are
+    the middle and half-width of the search; None means the whole band. `on_progress` receives
+    the completed part, 0 to 1.
+    `on_fault` receives once the reason why the recording cannot be read to its end; the part
+    before is measured. Without `on_fault` that error is raised.
+    Raises `UsageError` if no tag was found, and `UavrtError` if the recording cannot be read.
     """
     if not window_hz > 0.0:
         raise ConfigError(
@@ -147,7 +144,7 @@ def measure_tags(
     if not tags and not codes:
         listed = "".join(f"; {one}" for one in doubtful)
         raise UsageError(
-            f"nothing in {span_s:.0f} s beats like a tag ({len(points)} pulses seen{listed})",
+            f"no regular pulses in {span_s:.0f} s ({len(points)} pulses found{listed})",
             remedy="Record at least ten pulses with the tag a few metres away, and without "
             "overloading the receiver; --frequency and --window make the search finer",
         )
@@ -159,7 +156,7 @@ def measure_tags(
 
 
 def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
-    """Reason why a train may not be a tag; None if it is one."""
+    """Reason why a periodic signal may not be a tag; None if it is one."""
     if train.image_of_hz is not None:
         original_mhz = (center_hz + train.image_of_hz) / 1e6
         return f"an image of {original_mhz:.6f} MHz, made in the receiver: reduce its gain"
@@ -171,7 +168,7 @@ def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
 
 
 def _suspects(offsets_hz: Sequence[float], half_span_hz: float) -> list[float]:
-    """Choose frequencies to search for codes: inside the band, apart, and limited in number."""
+    """Choose frequencies to search for codes: in the band, well apart, limited in number."""
     chosen: list[float] = []
     for offset_hz in offsets_hz:
         apart = all(abs(offset_hz - other_hz) >= _SUSPECTS_APART_HZ for other_hz in chosen)
@@ -185,7 +182,7 @@ def _of_code(frequency_hz: float, codes: Sequence[MeasuredCode]) -> bool:
 
 
 def _in_bursts(tag: MeasuredTag, codes: Sequence[MeasuredCode]) -> bool:
-    """Whether a train of pulses is one of each burst of a coded tag."""
+    """True if the pulses of a periodic signal are each part of a coded tag's burst."""
     return any(
         _of_code(tag.frequency_hz, [code])
         and abs(rate.interval_s - code.burst_interval_s) <= _SAME_INTERVAL_S
@@ -197,7 +194,7 @@ def _in_bursts(tag: MeasuredTag, codes: Sequence[MeasuredCode]) -> bool:
 def _measured(
     train: Train, windows: Sequence[PulseWindow], center_hz: float
 ) -> MeasuredTag | str:
-    if len(windows) < FEWEST:
+    if len(windows) < INTERVALS.fewest_pulses:
         return "its pulses are cut off by gaps or by the recording's ends"
     tag = measure_pulses(train.beats, windows, center_hz + train.frequency_hz)
     if tag.pulse_width_s <= LONGEST_PULSE_S:
@@ -216,9 +213,10 @@ def _search(
     frequency_hz: float | None,
     window_hz: float,
 ) -> tuple[Points, int, float]:
-    """Find points in the whole band or around a frequency; relative to the band's centre.
+    """Search the whole band, or a part, for pulses; frequencies are relative to the band's
+    centre.
 
-    Their times count from the second value [ns]; the third is the duration of the samples.
+    Returns the pulses, their time reference [ns], and the duration of the samples.
     """
     rate_hz = source.sample_rate_hz
     if frequency_hz is None:
@@ -250,7 +248,7 @@ def _blocks(
     report: Callable[[float], None],
     on_fault: Callable[[UavrtError], None] | None,
 ) -> Iterator[IQBlock]:
-    """Read a recording up to its end or the first fault."""
+    """Read a recording's blocks up to its end or the first fault."""
     done = 0
     while True:
         try:
@@ -278,7 +276,7 @@ def _cut(
     suspects_hz: Sequence[float],
     start_ns: int,
 ) -> tuple[list[list[PulseWindow]], list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
-    """Cut the samples about each pulse out of a narrow channel; find the pulses of bursts."""
+    """Cut samples around each pulse from a narrow channel, and find the pulses of bursts."""
     center_hz = source.center_frequency_hz
     offsets_hz = [*(train.frequency_hz for train in trains), *suspects_hz]
     front_end = FrontEnd(

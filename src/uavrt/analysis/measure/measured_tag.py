@@ -13,18 +13,18 @@ changes by some tenths of a percent."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredRate:
-    """One of a tag's intervals."""
+    """One of a tag's pulse intervals, as measured."""
 
     interval_s: float
     interval_sigma_s: float
     jitter_s: float
-    """Standard deviation of a pulse about the regular beat, including measurement error."""
+    """Standard deviation of pulse times about the beat [s], with measurement error."""
     largest_deviation_s: float
     drift: float
     drift_sigma: float
     pulses: int
     missing: int
-    """Missing pulses between the first and the last of the beat."""
+    """Number of missing pulses between the first and the last one."""
     first_time_ns: int
     last_time_ns: int
 
@@ -34,23 +34,23 @@ class MeasuredTag:
     """A tag as measured in a recording; each sigma is one standard deviation."""
 
     frequency_hz: float
-    """Frequency in the middle of the recording, by this radio's crystal."""
+    """Frequency in the middle of the recording, by the radio's crystal [Hz]."""
     frequency_sigma_hz: float
     drift_hz_per_s: float
     drift_sigma_hz_per_s: float
     pulse_width_s: float
     pulse_width_sigma_s: float
     enr_db: float
-    """Median pulse energy over noise density."""
+    """Median pulse energy over noise density [dB]."""
     pulses: int
     rates: tuple[MeasuredRate, ...]
-    """The one with the most pulses first."""
+    """Pulse intervals, the one with the most pulses first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Tag list entry with margins for seasonal changes.
+        """Make a tag list entry with margins for seasonal changes.
 
-        The interval's uncertainty is 1 % of it, or the measured one if greater. The jitter is a
-        quarter above the largest deviation. Two rates at most.
+        The interval's tolerance is 1 %, or the measured uncertainty if greater. The jitter is a
+        quarter above the largest deviation. The entry has two intervals at most.
         """
         rates = self.rates[:2]
         interval_s = max(rate.interval_s for rate in rates)

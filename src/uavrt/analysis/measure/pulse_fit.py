@@ -1,4 +1,4 @@
-"""Measure one pulse: start, end and frequency of a rectangular burst of carrier in noise.
+"""Fit one pulse: start, end and frequency of a rectangular burst of carrier in noise.
 
 For a carrier of frequency f that is on from sample a to sample b, the log likelihood, maximised
 over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` over the noise. C is the running sum
@@ -13,21 +13,20 @@ import scipy.fft
 from numpy.typing import NDArray
 
 COARSE: Final = 4
-"""Step of the first search for the edges [samples]."""
+"""Step of the first search for a pulse's edges [samples]."""
 SMOOTH_S: Final = 0.002
-"""Length of the Hann window that removes signals more than 1 kHz off [s]; pulse edges stay in
-place."""
+"""Length of the Hann window that removes signals more than 1 kHz off [s]; edges do not move."""
 IMPULSE_S: Final = 0.0013
 IMPULSE_RATIO: Final = 30.0
-"""Ratio of a sample's power to the usual power on both sides that marks an impulse. Noise
-reaches it once in 10¹²; at the edge of a pulse one side is as strong as the sample."""
+"""Ratio of a sample's power to the median power on both sides that marks an impulse. Noise
+reaches it once in 10¹². At the edge of a pulse, one side is as strong as the sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
-"""Ratio of a carrier's peak to the median of the spectrum."""
+"""Least ratio of a steady carrier's peak to the median of the spectrum."""
 SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3
-"""Number of times that frequency and edges are refined in turn."""
+"""Number of alternating refinements of a pulse's frequency and edges."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +34,10 @@ class FittedPulse:
     """Measured edges, frequency and energy of one pulse."""
 
     start_s: float
-    """Time from the first sample given."""
+    """Start of the pulse, from the first given sample [s]."""
     width_s: float
     frequency_hz: float
-    """Frequency relative to the centre of the samples."""
+    """Frequency relative to the centre of the samples' band [Hz]."""
     energy: float
     """Squared amplitude times width, times the sample rate."""
 
@@ -46,10 +45,10 @@ class FittedPulse:
 def fit_pulse(
     samples: NDArray[np.complex64], *, sample_rate_hz: float, frequency_hz: float
 ) -> FittedPulse:
-    """Measure the strongest pulse in some samples.
+    """Fit the strongest pulse in some samples.
 
-    `samples` (n,): the pulse lies in their middle half; the outer quarters contain noise only.
-    `frequency_hz`: of the carrier, to within about a fifth of a pulse's bandwidth.
+    `samples` (n,) contain the pulse in their middle half; the outer quarters hold only noise.
+    `frequency_hz` is the approximate carrier, to a fifth of a pulse's bandwidth.
     """
     shortest = max(2, round(SHORTEST_S * sample_rate_hz))
     longest = min(samples.size, round(LONGEST_S * sample_rate_hz))
@@ -77,7 +76,7 @@ def fit_pulse(
 def without_impulses(
     samples: NDArray[np.complex64], sample_rate_hz: float
 ) -> NDArray[np.complex64]:
-    """Set single samples far above both of their sides to zero."""
+    """Set to zero single samples that are far stronger than both sides."""
     side = max(4, round(IMPULSE_S * sample_rate_hz))
     power = samples.real**2 + samples.imag**2
     padded = np.pad(power, side, mode="edge")
@@ -126,7 +125,7 @@ def _turned(count: int, cycles: float) -> NDArray[np.complex128]:
 
 
 def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tuple[int, int]:
-    """Pair of samples between which energy over length is greatest."""
+    """Find the pair of samples between which energy over length is greatest."""
     best, edges = -1.0, (0, shortest)
     for length in range(shortest, longest + 1):
         gathered = running[length:] - running[:-length]
@@ -140,7 +139,7 @@ def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tupl
 def _better_edges(
     running: NDArray[np.complex128], first: int, last: int, shortest: int
 ) -> tuple[int, int]:
-    """Move both edges by up to two coarse steps, to where the likelihood is greatest."""
+    """Shift both edges by up to two coarse steps to the greatest likelihood."""
     reach = np.arange(-2 * COARSE, 2 * COARSE + 1)
     starts = np.clip(first + reach, 0, running.size - 1)
     ends = np.clip(last + reach, 0, running.size - 1)
@@ -154,7 +153,6 @@ def _better_edges(
 
 
 def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> float:
-    """Most likely frequency: the spectrum's peak, refined by a parabola."""
     size = int(scipy.fft.next_fast_len(16 * pulse.size))
     power = np.abs(scipy.fft.fft(pulse, size)) ** 2
     frequencies = scipy.fft.fftfreq(size, 1.0 / rate_hz)
@@ -168,10 +166,10 @@ def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> 
 
 
 def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
-    """Edges to a fraction of a sample.
+    """Interpolate both edges to a fraction of a sample.
 
-    An edge sample of a pulse holds the part of the amplitude that it covers. Each edge is moved
-    until the summed amplitude agrees with that inside the pulse.
+    A sample at the edge of a pulse has that part of the amplitude that the pulse covers. Each
+    edge is shifted until the summed amplitude agrees with that inside the pulse.
     """
     length = last - first
     inset = max(1, length // 8)

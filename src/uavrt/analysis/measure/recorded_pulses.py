@@ -1,6 +1,6 @@
-"""Detectors over any source of samples: the engine of ``uavrt detect``.
+"""Run the detectors over any source of samples: the engine of ``uavrt detect``.
 
-One front end, one detector for each tag, all in this process and this thread: what the flight's
+One front end and one detector for each tag run in one thread. They do what the flight's
 processes do, without the sockets between.
 """
 
@@ -27,31 +27,28 @@ if TYPE_CHECKING:
     from uavrt.detection.coded.detector import CodedDetector
 
 _LOOK_S: Final = 0.5
-"""Interval at which a waiting reader checks for a stop [s]."""
+"""Interval at which a reader without data checks for a stop request [s]."""
 
 
 def _coded_detector() -> "type[CodedDetector]":
-    """Import the coded detector when a coded tag is listed: it loads scipy.special, 22 MB."""
+    """Import the coded-tag detector only when needed: it loads scipy.special, 22 MB."""
     from uavrt.detection.coded.detector import CodedDetector
 
     return CodedDetector
 
 
 class DetectionChain:
-    """Converts blocks of a radio into pulses of all tags.
+    """Converts blocks of radio samples into pulses of all listed tags.
 
-    `tags`: what to look for; at least one.
-    `sample_rate_hz`, `center_frequency_hz`: of the blocks that will come.
-    `frequency_window_hz`: half-width of the search around each tag's nominal frequency; more
-    than the channel holds means the whole channel.
-    `operating_modes`: for each tag's number; without one the soft lock.
-    `excluded_hz`: absolute stretches in which no pulse is reported, bounds included.
-    `on_channel`: takes each block of a channel before the detectors do; its samples are finite.
-    `on_band`: takes each block of the radio, and the same at the rate of the tags' band, if all
-    of its samples are finite.
-    Raises `ConfigError`: no tags, or an invalid window.
-    Raises `TunerError`: tags outside the span of these samples; all of them are listed.
-    Raises `UsageError`: no channels can be made at this sample rate.
+    `sample_rate_hz` and `center_frequency_hz` describe the blocks. `frequency_window_hz` is the
+    half-width of the search around each tag's nominal frequency, the whole channel at most.
+    `operating_modes` has the mode by tag number; the default is the soft lock. No pulse is
+    reported in the absolute ranges `excluded_hz`, bounds included.
+    `on_channel` receives each block of a channel before the detectors; its samples are finite.
+    `on_band` receives each block of the radio, and its decimation to the band of the tags, if
+    all samples are finite.
+    Raises `ConfigError` without tags or for an invalid window, `TunerError` for tags outside
+    the span of the samples, and `UsageError` if no channels can be made at this sample rate.
     """
 
     def __init__(
@@ -77,13 +74,12 @@ class DetectionChain:
         self._carriers = Carriers()
         self._input_check = InputCheck(tags, center_frequency_hz)
         self.input_faults: list[str] = []
-        """Problems of the input samples, each once."""
+        """Descriptions of faults in the input samples, each once."""
         self._center_frequency_hz = center_frequency_hz
         self.invalid_samples = 0
-        """Channel samples that were not finite and were replaced by zero."""
+        """Number of non-finite channel samples, replaced by zero."""
         self._suspect_s = 0.0
-        """Time for which a value that was not finite still affects the channels' filters
-        [s]."""
+        """Duration for which a non-finite value still affects the channel filters [s]."""
         self._excluded_hz = tuple(excluded_hz)
         self._on_channel = on_channel
         self.on_band = on_band
@@ -126,7 +122,7 @@ class DetectionChain:
             )
 
     def process(self, block: IQBlock) -> list[Pulse]:
-        """Process the next block; returns the pulses that are certain by now."""
+        """Process the next block; returns the pulses that are final by now."""
         self.clipping.look(block)
         self.input_faults += self._input_check.look(block)
         self._carriers.look(block, self._center_frequency_hz)
@@ -158,7 +154,6 @@ class DetectionChain:
         return self._reported(self._group.collect() + bursts)
 
     def _finite(self, channel: ChannelBlock) -> ChannelBlock:
-        """Replace values that are not finite by zeros."""
         good = np.isfinite(channel.samples)
         if good.all():
             return channel
@@ -166,18 +161,18 @@ class DetectionChain:
         return replace(channel, samples=np.where(good, channel.samples, np.complex64(0.0)))
 
     def flush(self) -> list[Pulse]:
-        """End the stream: returns the pulses of all groups that are complete."""
+        """End the stream; returns the pulses of all complete groups."""
         bursts = [pulse for coded in self._coded.values() for pulse in coded.flush()]
         return self._reported(self._group.flush() + bursts)
 
     def search_reports(self) -> list[SearchReport]:
-        """Reports of searches without a pulse since the last call, one a second and tag."""
+        """Reports on searches without a pulse since the last call, one per second and tag."""
         searching: list[PulseDetector | CodedDetector] = [*self._group.detectors]
         searching += self._coded.values()
         return [report for detector in searching for report in detector.search_reports()]
 
     def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
-        """Leave out the pulses in excluded stretches; mark those that were clipped."""
+        """Remove pulses in excluded frequency ranges, and mark clipped ones."""
         covers = self.clipping.times.covers
         return [
             replace(pulse, clipped=True)
@@ -190,21 +185,21 @@ class DetectionChain:
 
 @dataclass(slots=True)
 class Searched:
-    """Search conditions at a tag's frequency, over a run."""
+    """Search conditions at one tag's frequency, summed over a run."""
 
     _reports: int = 0
     _usable: float = 0.0
     _weakest_db: float = 0.0
 
     def add(self, usable_share: float, weakest_enr_db: float) -> None:
-        """Add a report of one second."""
+        """Add a report on one second of searching."""
         self._reports += 1
         self._usable += usable_share
         self._weakest_db += weakest_enr_db
 
     @property
     def usable_share(self) -> float:
-        """Share of the time in which no other signal was on the tag's frequency."""
+        """Share of the time without another signal on the tag's frequency."""
         return self._usable / self._reports
 
     @property
@@ -215,39 +210,39 @@ class Searched:
 
 @dataclass(slots=True)
 class DetectionSummary:
-    """Counts of a run."""
+    """Counters of one detection run."""
 
     samples: int = 0
     samples_lost: int = 0
     samples_unsure: int = 0
-    """Missing samples, estimated from arrival times of a live stream if the crystal is not far
-    off."""
+    """Missing samples estimated from the arrival times of a live stream; uncertain if its
+    crystal is far off."""
     signal_s: float = 0.0
     """Duration of the samples, lost ones included."""
     elapsed_s: float = 0.0
     invalid_samples: int = 0
     stopped: bool = False
-    """True when it was stopped before the end."""
+    """True if the run was stopped before the end."""
     pulses: dict[int, int] = field(default_factory=dict)
     confirmed: dict[int, int] = field(default_factory=dict)
     ambiguous: dict[int, int] = field(default_factory=dict)
-    """Confirmed pulses that may be of another listed tag, by tag."""
+    """Number of confirmed pulses that may be another listed tag's, by tag."""
     ghosts: dict[tuple[int, int], int] = field(default_factory=dict)
-    """Unconfirmed pulses caused by another tag in the receiver, by tag and other tag."""
+    """Number of unconfirmed pulses that another tag causes in the receiver, by both tags."""
     clipped: int = 0
-    """Pulses during which the receiver's converter was at its limits."""
+    """Number of pulses during which the receiver's converter was at its limits."""
     clipped_share: float = 0.0
-    """Share of the time in which the converter was at its limits."""
+    """Share of the time in which the receiver's converter was at its limits."""
     input_faults: list[str] = field(default_factory=list)
     searched: dict[int, "Searched"] = field(default_factory=dict)
 
     @property
     def times_real_time(self) -> float:
-        """Processing speed: seconds of signal in a second."""
+        """Processing speed [seconds of signal per second]."""
         return self.signal_s / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
 
     def note(self, reports: Sequence[SearchReport]) -> None:
-        """Add the detectors' reports of searched seconds."""
+        """Add the detectors' reports on searched seconds."""
         for report in reports:
             if report.usable_share is not None and report.weakest_enr_db is not None:
                 self.searched.setdefault(report.tag_id, Searched()).add(
@@ -255,14 +250,14 @@ class DetectionSummary:
                 )
 
     def withdraw(self, samples: int, sample_rate_hz: float) -> None:
-        """Take samples out of the losses: the source was slow and lost none."""
+        """Subtract samples counted as lost: the source was slow and lost none."""
         unsure = min(samples, self.samples_unsure)
         self.samples_unsure -= unsure
         self.samples_lost -= samples - unsure
         self.signal_s -= samples / sample_rate_hz
 
     def count(self, pulse: Pulse) -> None:
-        """Add a written pulse to the counts."""
+        """Add a written pulse to the counters."""
         self.pulses[pulse.tag_id] += 1
         self.confirmed[pulse.tag_id] += pulse.confirmed
         self.clipped += pulse.clipped
@@ -288,18 +283,15 @@ def detect(
     on_reports: Callable[[Sequence[SearchReport]], None] | None = None,
     summary: DetectionSummary | None = None,
 ) -> DetectionSummary:
-    """Find the pulses of tags in all samples of a source.
+    """Find the pulses of tags in all samples of a source, which the caller closes.
 
-    `source`: a recording or a live stream; the caller closes it.
-    `write`: takes pulses as soon as they are found.
-    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
-    `operating_modes`, `excluded_hz`, `on_channel`, `on_band`: as in `DetectionChain`.
-    `should_stop`: called at least twice a second; True ends the run in good order.
-    `on_progress`: takes the samples done and their total after each block.
-    `on_reports`: takes reports of searches without a pulse, maybe none; called at least twice a
-    second.
-    `summary`: filled while running, so that it is available after an error.
-    Raises `UavrtError`: the source failed, or the tags do not fit it. Pulses found before were
+    `write` receives pulses as soon as they are found. `frequency_window_hz`, `operating_modes`,
+    `excluded_hz`, `on_channel` and `on_band` are those of `DetectionChain`. `on_reports`
+    receives reports on searches without a pulse, possibly none.
+    `should_stop` and `on_reports` are called at least twice a second; a true result of
+    `should_stop` ends the run. `on_progress` receives the completed and total samples.
+    `summary` is updated while running, so that it is available after an error.
+    Raises `UavrtError` if the source failed, or the tags do not fit it; earlier pulses were
     written.
     """
     summary = DetectionSummary() if summary is None else summary

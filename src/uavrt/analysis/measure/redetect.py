@@ -1,7 +1,7 @@
-"""Search the recording of a flight again, and give the pulses that flight's poses.
+"""Search a flight's recording again, and give the pulses that flight's poses.
 
-The result is an ordinary flight directory for all later commands. Use it for tags that were
-added afterwards, another frequency window, or a better detector.
+The result is an ordinary flight directory. Use it for tags that were added later, another
+frequency window, or a better detector.
 """
 
 import shutil
@@ -21,13 +21,13 @@ from uavrt.recording.layout import new_flight_directory
 
 
 class FlightWriter:
-    """Writes pulses found again, with the poses of the flight in which they were received.
+    """Writes a new flight of pulses found again in a recording, with the poses of the old
+    flight.
 
-    `flight`: the flight whose recording is searched.
-    `source`: the recording, for its rate and frequency.
-    `directory`: output; None: a new directory next to the flight's.
-    `searched`: window and operating mode of the search, for the new flight's settings.
-    Raises `RecordingError`: the place cannot be written, or already holds a flight.
+    `flight` is the flight whose recording `source` is searched again. `directory` is the
+    output; None makes a new directory next to the old flight's. `searched` has window and
+    operating mode for the new flight's settings.
+    Raises `RecordingError` if the place cannot be written, or already contains a flight.
     """
 
     def __init__(
@@ -64,27 +64,27 @@ class FlightWriter:
 
     @property
     def with_pose(self) -> int:
-        """Number of pulses with a pose."""
+        """Number of written pulses with a pose."""
         return self._attacher.attached + self._attacher.extrapolated
 
     @property
     def without_pose(self) -> int:
-        """Pulses outside the flight's poses: another flight, or a wrong start time."""
+        """Number of pulses outside the flight's poses: wrong flight, or wrong start time."""
         return self._attacher.without_pose
 
     def write(self, pulses: Sequence[Pulse]) -> None:
-        """Record pulses with their poses."""
+        """Record pulses with their poses in the new flight."""
         for pulse in pulses:
             self._attacher.add(pulse, pulse.end_time_ns)
         self._recorder.write_pulses(self._attacher.flush())
         self._recorder.commit()
 
     def close(self) -> None:
-        """Complete the directory; raises `RecordingError` if the disk is full."""
+        """Complete the new flight; raises `RecordingError` if the disk is full."""
         self._recorder.close()
 
     def discard(self) -> None:
-        """Remove the new flight when nothing was searched, so that it is not counted."""
+        """Remove the new flight if nothing was searched, so that it is not counted."""
         self._recorder.close()
         for path in set(self.directory.iterdir()) - self._before:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -102,10 +102,10 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Give pulses the antenna's poses of the flight in which they were received.
+    """Give pulses the antenna's poses of a flight, in order of time and tag.
 
-    `flight`: with the vehicle's poses, and how the antenna sits on it.
-    Returns: in order of time and tag; without a pose outside of the flight.
+    A pulse outside of the flight has no pose. `flight` has the vehicle's poses and the
+    antenna's mounting.
     """
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
@@ -116,7 +116,7 @@ def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
 
 
 def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
-    """Pose attacher with all poses of a flight; no pulse has to wait for later ones."""
+    """Make a pose attacher with all poses of a flight; no pulse waits for later ones."""
     ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
     for pose in flight.poses:
         ring.add_pose(pose)

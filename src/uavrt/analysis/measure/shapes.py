@@ -1,4 +1,4 @@
-"""Bearings and positions as lines and areas in WGS84, for maps of all kinds."""
+"""Convert bearings and positions to lines and areas in WGS84, for any map."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
 Point = tuple[float, float]
-"""Longitude, latitude [deg], the order of GeoJSON."""
+"""Longitude and latitude [deg], in the order of GeoJSON."""
 
 RAY_M = 1500.0
 REGION_SHARES = (50, 95)
@@ -20,7 +20,7 @@ _STEP_DEG = 5.0
 
 
 def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
-    """Length of a bearing line: a fifth beyond the tag's position, else `RAY_M`."""
+    """Length of a bearing line [m]: a fifth beyond the tag's position, or else `RAY_M`."""
     if position is None:
         return RAY_M
     plane = _plane(bearing)
@@ -29,13 +29,13 @@ def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
 
 
 def ray(bearing: TagBearing, length_m: float) -> list[Point]:
-    """Line from where a bearing was taken."""
+    """Line from a bearing's origin in its direction."""
     towards = (0.0, length_m)
     return [_at(bearing, distance, bearing.bearing.bearing_deg) for distance in towards]
 
 
 def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
-    """Closed area of the 90 % interval, counter-clockwise; None when it is unknown."""
+    """Closed area of a bearing's 90 % interval, counter-clockwise; None if unknown."""
     if bearing.bearing.interval90_deg is None:
         return None
     low, high = bearing.bearing.interval90_deg
@@ -47,7 +47,7 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
 
 
 def region95(position: Position) -> list[Point] | None:
-    """Closed area with 95 %, counter-clockwise: ellipse, else circle; None when unknown."""
+    """Closed area with 95 %, counter-clockwise: ellipse, or else circle; None if unknown."""
     if position.ellipse95 is not None:
         ellipse = position.ellipse95
         long_m, short_m = ellipse.semi_major_m, ellipse.semi_minor_m
@@ -70,16 +70,16 @@ def region95(position: Position) -> list[Point] | None:
     return points
 
 
-def way_of(position: Position | None) -> list[Point]:
-    """Path of a moving tag; empty for one that rests."""
+def path_points(position: Position | None) -> list[Point]:
+    """Path of a moving tag as points; empty for a resting tag."""
     track = () if position is None else position.track
     return [(one.longitude_deg, one.latitude_deg) for one in track]
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks that belong to a position's circles.
+    """Remarks printed next to a position's circles.
 
-    For a walking tag they state the time of its single place. The remark is left out where the
+    For a moving tag they state the time of its single position. The remark is omitted if the
     path itself is the result: by strength, or on request.
     """
     walks = any(one.name == "walk" for one in position.cautions)
@@ -103,7 +103,7 @@ def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:
 
 
 def rings95(found: TagPosition | None) -> list[list[Point]]:
-    """Outlines of the smallest 95 % region; the ellipse or circle where there is no grid.
+    """Outlines of the smallest 95 % region; an ellipse or circle where there is no grid.
 
     For local maps: not cut at the 180° meridian.
     """
@@ -136,10 +136,9 @@ def split_at_date_line(points: Sequence[Point]) -> list[list[Point]]:
 def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
     """Cut an area where it crosses the 180° meridian (RFC 7946 §3.1.9).
 
-    An area around a pole reaches up to it: its longitudes go once round the earth.
-
-    `ring`: closed: the last is the first.
-    Returns: closed rings, turning as the given one; longitudes in [-180, 180].
+    An area around a pole reaches up to it: its longitudes run once round the earth. `ring` is
+    closed: its last point is its first. The returned rings are closed, keep the direction of
+    rotation, and have longitudes in [-180, 180].
     """
     run_on = [ring[0]]
     for longitude, latitude in ring[1:]:
@@ -164,7 +163,7 @@ def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
 
 
 def _this_side(ring: list[Point], side_deg: float) -> list[Point]:
-    """Cut off the part of a ring beyond a meridian (Sutherland and Hodgman 1974)."""
+    """Clip a ring at a meridian (Sutherland and Hodgman 1974)."""
     kept: list[Point] = []
     for before, point in pairwise(ring):
         inside = [abs(one[0]) <= 180.0 or one[0] * side_deg < 0.0 for one in (before, point)]

@@ -1,8 +1,8 @@
-"""Bearings from the samples of a receiver on an antenna switch.
+"""Estimate bearings from the samples of a receiver on an antenna switch.
 
-The detector finds the pulses as usual. Their samples are then read again from the recording,
-whose metadata name the antenna of each. A circle of antennas gives a bearing from one pulse;
-pulses received at one place are combined.
+The detector finds the pulses as usual. Then their samples are read again from the recording,
+whose metadata name the antenna of each sample. A circle of antennas gives a bearing from one
+pulse. Pulses received at one place are combined.
 """
 
 import os
@@ -37,9 +37,9 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import SPEED_OF_LIGHT_M_S
 
 SWITCH_KEY = "uavrt:antenna_switch"
-"""Key in the global part of the recording's metadata (docs/reference/formats.md)."""
+"""Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""
 _EDGE = 0.1
-"""Share of a pulse's width left out at each end: its start is known to 1 ms of 20."""
+"""Share of a pulse's width left out at each end; its start is known to 1 ms of 20."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",
@@ -50,21 +50,21 @@ _METHODS: dict[str, ArrayMethod] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwitchedArray:
-    """Antenna array of a recording."""
+    """Geometry and switching order of a recording's antenna array."""
 
     kind: str
-    """``circle``, ``pair`` or ``sum_difference``."""
+    """Type of array: ``circle``, ``pair`` or ``sum_difference``."""
     size_m: float
-    """Radius, or distance of the pair."""
+    """Radius of a circle, or distance of a pair [m]."""
     schedule: SwitchSchedule
 
     @property
     def method(self) -> ArrayMethod:
-        """Estimator for this kind of array."""
+        """Name of the bearing estimator for this type of array."""
         return _METHODS[self.kind]
 
     def steering(self, frequency_hz: float) -> Steering:
-        """Response of the antennas to a wave from each direction."""
+        """Response of each antenna to a wave from each direction."""
         size = self.size_m * frequency_hz / SPEED_OF_LIGHT_M_S
         if self.kind == "circle":
             return circle_steering(self.schedule.positions, size)
@@ -72,7 +72,7 @@ class SwitchedArray:
 
 
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
-    """Read a recording's antenna array; raises `FormatError` if it is missing or invalid."""
+    """Read an antenna array from a recording's metadata; raises `FormatError`."""
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(
@@ -110,13 +110,12 @@ def switched_bearings(
     *,
     offset_deg: float = 0.0,
 ) -> list[TagBearing]:
-    """One bearing for each tag and place where it was heard.
+    """Estimate one bearing for each tag and place where it was received.
 
-    `recording`: the SigMF recording that the pulses were found in.
-    `pulse_poses`: pulses with the antenna's pose; those without one are skipped.
-    `offset_deg`: antenna clockwise from the heading that the pulses carry.
-    Raises `FormatError`: the recording cannot be read or does not describe its antennas.
-    Raises `UsageError`: no pulse has a pose, or none lies in the recording.
+    `pulse_poses` have the antenna's pose, else they are skipped. `offset_deg` is the antenna's
+    direction, clockwise from the heading in the poses [deg].
+    Raises `FormatError` if the recording cannot be read or does not describe its antennas, and
+    `UsageError` if no pulse has a pose or lies in the recording.
     """
     array = read_switched_array(recording)
     placed = sorted(
@@ -147,7 +146,7 @@ _Measured = tuple[PulsePose, SwitchedPulse]
 def _measured(
     recording: Path, array: SwitchedArray, placed: Sequence[PulsePose]
 ) -> Iterator[_Measured]:
-    """Read the recording in order, and measure each pulse that lies completely in it."""
+    """Read the recording once, and measure each pulse that lies completely in it."""
     source = open_recording(recording)
     try:
         waiting = list(placed)
@@ -189,7 +188,7 @@ def _measured(
 
 
 def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
-    """First and last sample of a pulse without its edges, lost samples included."""
+    """First and last sample of a pulse without its edges, counting lost samples."""
     width_ns = one.pulse.end_time_ns - one.pulse.start_time_ns
     edge_ns = _EDGE * width_ns
     begin = times.index(one.pulse.start_time_ns + round(edge_ns))

@@ -17,20 +17,20 @@ _KEYS_OF_ITS_OWN = re.compile(rb"(?:^|[\r\n])[ \t]*(?:tagFreqMHz|channelCenterFr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagSource:
-    """Tags to search for, and search settings."""
+    """Tags to search for, and search settings read from the same file."""
 
     tags: tuple[Tag, ...]
     operating_modes: dict[int, OperatingMode] = field(default_factory=dict)
-    """Operating mode by tag; others are searched with the soft lock."""
+    """Detector mode by tag number; the soft lock is the default."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
-    """Absolute frequency ranges in which nothing is reported."""
+    """Absolute frequency ranges in which no pulse is reported [Hz]."""
     sample_rate_hz: float | None = None
-    """Rate of the tag's channel, where the file contains it."""
+    """Sample rate of the tag's channel, if the file contains it [Hz]."""
     center_frequency_hz: float | None = None
-    """Centre of the tag's channel, where the file contains it."""
+    """Centre of the tag's channel, if the file contains it [Hz]."""
 
     def within(self, sample_rate_hz: float, center_frequency_hz: float) -> "TagSource":
-        """Leave out the tags outside a recording's band."""
+        """Remove the tags outside of a recording's band."""
         reach_hz = widest_half_span_hz(sample_rate_hz)
         inside = tuple(
             tag for tag in self.tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz
@@ -41,9 +41,8 @@ class TagSource:
 def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
     """Read TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
 
-    Raises `TagFileError`, `ConfigError`: a tag file has faults, or cannot be read.
-    Raises `FormatError`: a detectorConfig.txt has faults, or names no operating mode that
-    exists.
+    Raises `TagFileError` or `ConfigError` for a faulty or unreadable tag file, and
+    `FormatError` for a faulty detectorConfig.txt.
     """
     if not _is_detector_config(Path(path)):
         return TagSource(tags=read_tags(path))
@@ -68,7 +67,7 @@ def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
 
 
 def _is_detector_config(path: Path) -> bool:
-    """True for the keys of a detectorConfig.txt; false for an unreadable file."""
+    """True if a file has the keys of a detectorConfig.txt; false if unreadable."""
     try:
         with path.open("rb") as file:
             return _KEYS_OF_ITS_OWN.search(file.read(65_536)) is not None

@@ -1,11 +1,9 @@
-"""Spectrogram of a recording of any length, in fixed memory.
+"""Make a spectrogram of a recording of any length, in fixed memory.
 
-A column holds the *largest* power of its time: an average over seconds would hide a pulse of 20
-ms. When the columns run out, pairs are joined, so that in the end half to all of them are in
-use.
-
-In an hour a column is 3.5 s and a pulse 20 ms: a mean would show the pulse 22 dB weaker. The
-noise looks brighter the longer a column is, so the scale begins at the median of the cells: the
+A column holds the *largest* power of its time. In an hour's picture a column is 3.5 s and a
+pulse 20 ms, so a mean would show the pulse 22 dB weaker. When the columns run out, pairs are
+joined, so that half to all of them are in use at the end.
+Noise looks brighter the longer a column is, so the scale begins at the median of the cells. The
 picture shows contrast, not absolute levels.
 """
 
@@ -19,16 +17,16 @@ from uavrt.messages import ChannelBlock
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 COLUMNS: Final = 1024
-"""Number of columns: about as many as a picture has pixels across."""
+"""Number of spectrogram columns, about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
-"""Longest trace: 5.8 h at a pulse of 20 ms before pairs are joined; 8 MiB."""
+"""Most points in a level trace: 5.8 h for a 20 ms pulse before pairs are joined; 8 MiB."""
 
 _MOST_OFF: Final = 0.75
-"""Largest offset of a frame from its time, as a share of half a pulse."""
+"""Largest time error of a spectrum frame, as a share of half a pulse."""
 
 
 class MaximumHold:
-    """Running maxima of a row of values, joined in pairs when all (even) `columns` are full."""
+    """Running maxima of spectra in fixed, evenly many columns, joined in pairs when full."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self._values = np.zeros((columns, rows), dtype=np.float32)
@@ -37,14 +35,13 @@ class MaximumHold:
 
     @property
     def values(self) -> NDArray[np.float32]:
-        """(columns in use, rows) float32; zero where there were no samples."""
+        """(used columns, rows) largest values; zero where there were no samples."""
         return self._values[: -(-self._end // self.frames_per_column)]
 
     def put(self, first: int, frames: NDArray[np.float32]) -> None:
-        """Add consecutive frames.
+        """Add consecutive frames of shape (n, rows), the first of number `first`.
 
-        `first`: number of the first; frames that never come stay zero.
-        `frames`: shape (n, rows).
+        Frames that are never added stay zero.
         """
         if not len(frames):
             return
@@ -61,10 +58,9 @@ class MaximumHold:
 class Waterfall:
     """Spectrogram around one tag's frequency, and the strongest level at each time.
 
-    `offset_hz`: the tag's frequency relative to the channel's centre.
-    `half_width_hz`: displayed range on either side, limited by the channel.
-    `pulse_width_s`: sets the window: a Hann window of one and a half pulses covers a whole
-    pulse.
+    `offset_hz` is the tag's frequency relative to the channel's centre. `half_width_hz` is the
+    displayed range on either side, limited by the channel. `pulse_width_s` sets the Hann window
+    to one and a half pulses, so that it covers a whole pulse.
     """
 
     def __init__(
@@ -87,17 +83,17 @@ class Waterfall:
         inside = np.flatnonzero(np.abs(frequencies - offset_hz) <= half_width_hz)
         self._bins = inside[np.argsort(frequencies[inside])]
         self.frequencies_hz: NDArray[np.float64] = frequencies[self._bins] - offset_hz
-        """(rows,) relative to the tag's frequency, ascending [Hz]."""
+        """(rows,) ascending frequencies relative to the tag's [Hz]."""
         self._hold = MaximumHold(self._bins.size, COLUMNS)
         self._trace = MaximumHold(1, TRACE_POINTS)
         self._tail = np.zeros(0, np.complex64)
         self._next_index: int | None = None
         self._frame = 0
         self.start_time_ns = 0
-        """Time of the left edge [ns, UTC]."""
+        """Time of the picture's left edge [ns, UTC]."""
 
     def add(self, block: ChannelBlock) -> None:
-        """Add the channel's next block."""
+        """Add the next block of the channel."""
         if self._next_index is None:
             self._next_index, self.start_time_ns = block.sample_index, block.time_ns
         since_s = (block.time_ns - self.start_time_ns) / NANOSECONDS_PER_SECOND
@@ -117,7 +113,7 @@ class Waterfall:
 
     @property
     def column_s(self) -> float:
-        """Width of a column [s]."""
+        """Duration of a spectrogram column [s]."""
         return self._hold.frames_per_column * self._hop / self._rate_hz
 
     @property
@@ -127,17 +123,17 @@ class Waterfall:
 
     @property
     def trace(self) -> NDArray[np.float32]:
-        """(points,) largest power density of all rows; 0 where samples are missing."""
+        """(points,) largest power density over all rows; 0 where samples are missing."""
         return self._trace.values[:, 0]
 
     @property
     def trace_s(self) -> float:
-        """Distance of the points of `trace` [s]."""
+        """Time between two points of `trace` [s]."""
         return self._trace.frames_per_column * self._hop / self._rate_hz
 
     @property
     def frame_center_s(self) -> float:
-        """Time from the start of a frame's samples to their middle [s]."""
+        """Time from the start to the middle of a frame's samples [s]."""
         return self._window.size / 2 / self._rate_hz
 
     def _take(self, samples: NDArray[np.complex64]) -> None:

@@ -1,4 +1,4 @@
-"""The report as PDF: A4 pages for print and mail."""
+"""Make the report as PDF: A4 pages for print and mail."""
 
 import io
 from typing import TYPE_CHECKING
@@ -30,7 +30,7 @@ _LINE = 0.0155
 
 
 def pdf_document(survey: Survey) -> bytes:
-    """Write all pages; raises `UsageError` without matplotlib."""
+    """Make the report's PDF; raises `UsageError` without matplotlib."""
     with styled():
         from matplotlib.backends.backend_pdf import PdfPages
 
@@ -84,7 +84,7 @@ class _Book:
         survey = self._survey
         writer = _Writer(self)
         writer.text("Search by the drone itself", size=14, weight="bold")
-        for text in searches.account(survey, search):
+        for text in searches.sentences(survey, search):
             writer.text(text)
             writer.skip(0.3)
         table = searches.found_table(survey, search)
@@ -148,7 +148,7 @@ class _Book:
         writer = _Writer(self)
         title = f"Where tag {words.title_of(survey, one.tag_id)} would have been heard"
         writer.text(title, size=14, weight="bold")
-        for text in (*silences.account(survey, one), silences.CAPTION):
+        for text in (*silences.sentences(survey, one), silences.CAPTION):
             writer.text(text)
             writer.skip(0.3)
         height = min(0.6, writer.left - 0.02)
@@ -197,7 +197,7 @@ class _Book:
 
 
 class _Writer:
-    """Writes text from the top of a page down, and continues on the next page."""
+    """Writes text down a page, and continues on the next one."""
 
     def __init__(self, book: _Book) -> None:
         self._book = book
@@ -222,7 +222,7 @@ class _Writer:
         self.top -= lines * _LINE
 
     def room(self, height: float) -> None:
-        """Go to the next page unless there is enough room."""
+        """Start a new page unless the current one has enough room."""
         if self.left < height:
             self.end_page()
             self.figure = self._book.page()
@@ -261,7 +261,7 @@ class _Writer:
 
 
 def _headed(figure: "Figure", title: str, color: str, *, bold: bool = False) -> float:
-    """Write a page's title; returns how high the rest may reach, as a share of the page."""
+    """Write a page's title; returns the height below it, as a share of the page's height."""
     lines = wrapped(title, _WIDTH_IN, size=14, bold=bold)
     weight = "bold" if bold else "normal"
     for number, line in enumerate(lines):
@@ -277,7 +277,7 @@ def _rule(height: float) -> "Artist":
 
 
 def _part(figure: "Figure", bottom: float, height: float) -> "FigureBase":
-    """Axes between the margins; shares are of the page's height."""
+    """Axes between the page's margins; heights are shares of the page's height."""
     grid = figure.add_gridspec(
         3,
         3,

@@ -1,4 +1,4 @@
-"""Background map from a local map file; nothing is downloaded."""
+"""Draw a background map from a local map file; nothing is downloaded."""
 
 import io
 import math
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TILES_ACROSS = 3.0
-"""Tiles across a picture: at most four each way, 1024 pixels, 1 to 2 MB in the report."""
+"""Target number of map tiles across a picture; at most four in each direction, 1 to 2 MB."""
 MOST_SIDE = 1024
 _PALE = 0.5
-"""Opacity of the white layer over the map that keeps lines readable."""
+"""Opacity of the white layer over the background map, which keeps lines readable."""
 
 _Pixels = NDArray[np.float64]
 
 
 def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> None:
-    """Draw the finest map that covers the axes, with its attribution.
+    """Draw the most detailed map that covers the axes, with its attribution.
 
-    The tiles' web Mercator is stretched to the metres of the axes at two corners: over 4 km
-    that is right to a few metres.
+    The tiles' web Mercator is stretched linearly to the metres of the axes. Over 4 km the error
+    is a few metres.
     """
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     (south, north), (west, east) = plane.to_geodetic([left, right], [low, high])
@@ -77,7 +77,7 @@ def maps_under(survey: Survey) -> list[MapFile]:
 def _picture(
     one: MapFile, area: tuple[float, float, float, float]
 ) -> tuple[_Pixels, tuple[float, float, float, float]] | None:
-    """Tiles of an area joined into one picture, and its north, west, south and east edge."""
+    """Map tiles of an area as one picture, and its north, west, south and east edge."""
     west, south, east, north = area
     wide = max(east - west, 1e-9) / 360.0
     wanted = math.floor(math.log2(TILES_ACROSS / wide))
@@ -106,7 +106,7 @@ def _picture(
 
 
 def _pixels(content: bytes | None) -> _Pixels | None:
-    """Red, green and blue of a tile, 0 to 1; None for anything but a square picture."""
+    """Red, green and blue of a tile, 0 to 1; None unless it is a square picture."""
     from matplotlib.image import imread
 
     if content is None:

@@ -1,4 +1,4 @@
-"""A monopole survey by height: SNR over height, side view, a map of each height range."""
+"""Draw a monopole survey by height: SNR over height, vertical section, map of each layer."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ PER_PAGE = 6
 
 
 def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
-    """Draw SNR over the drone's height, and the side view if flown at several heights."""
+    """Draw SNR over flight height, and a vertical section if flown at several heights."""
     section = signal.section
     if section is None:
         axes = target.subplots()
@@ -41,9 +41,7 @@ def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
 def draw_layers(
     target: "FigureBase", survey: Survey, signal: TagSignal, first: int = 0
 ) -> None:
-    """Draw maps of the height ranges from number `first` on, `PER_PAGE` at most, in one color
-    scale.
-    """
+    """Draw up to `PER_PAGE` maps of height layers from number `first`, in one color scale."""
     layers = signal.layers[first : first + PER_PAGE]
     every = np.concatenate(
         [one.surface.snr_db.ravel() for one in signal.layers if one.surface is not None]

@@ -1,4 +1,4 @@
-"""Maps: graticule, track, pulses by SNR, bearings with wedges, positions with regions."""
+"""Draw maps: graticule, track, pulses by SNR, bearings with wedges, positions with regions."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.shapes import Point, ray, ray_length_m, rings95, way_of, wedge
+from uavrt.analysis.measure.shapes import Point, path_points, ray, ray_length_m, rings95, wedge
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.ground import draw_ground
 from uavrt.analysis.report.style import (
@@ -36,12 +36,12 @@ _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
-"""Width of the legend's texts; keeps clear of the north arrow on the other side."""
+"""Width of the legend's texts [in], which keeps the legend clear of the north arrow."""
 STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
 class LocalMap:
-    """Axes in metres around the flight, with a graticule of degrees."""
+    """Axes in metres around the flight, with a graticule in degrees."""
 
     def __init__(
         self,
@@ -60,14 +60,14 @@ class LocalMap:
             if found is not None and found.position is not None:
                 places.append((found.position.longitude_deg, found.position.latitude_deg))
                 places += [place for ring in rings95(found) for place in ring]
-                places += way_of(found.position)
+                places += path_points(found.position)
             places += _hindsight_places(survey, tag_id)
         self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
         self._frame(places, margin)
         draw_ground(axes, self.plane, survey.maps)
 
     def line(self, points: Iterable[Point]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """East and north [m] of places."""
+        """East and north of latitudes and longitudes [m]."""
         array = np.array(list(points))
         return self.plane.to_local(array[:, 1], array[:, 0])
 
@@ -132,7 +132,7 @@ class LocalMap:
 
 
 def draw_overview(target: "FigureBase", survey: Survey) -> None:
-    """Draw the whole flight: track, all bearings, all positions."""
+    """Draw the whole flight: track, all bearings and all positions."""
     if not survey.track:
         message(target, "No map: nothing in this recording has a place.")
         return
@@ -148,7 +148,7 @@ def draw_overview(target: "FigureBase", survey: Survey) -> None:
 
 
 def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
-    """Draw one tag: pulses by SNR, bearings with 90 % wedges, probability, position."""
+    """Draw one tag's map: pulses by SNR, bearings with 90 % wedges, probability, position."""
     pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
     if not survey.track or not pulses:
         message(target, "No map: this tag was not heard at any known place.")
@@ -187,13 +187,13 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
 
 
 def finish_legend(axes: "Axes") -> None:
-    """Draw the legend, if anything has a name."""
+    """Draw the legend if any element has a label."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="upper right", fontsize=7.5)
 
 
 def draw_track(chart: LocalMap, survey: Survey) -> None:
-    """Draw the drone's path."""
+    """Draw the path of the drone."""
     poses = thinned(survey.track)
     east, north = chart.line((pose.longitude_deg, pose.latitude_deg) for pose in poses)
     chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2, label="flight")
@@ -230,7 +230,7 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
         x, y = chart.line(ring)
         chart.axes.plot(x, y, color=color, lw=1.3, zorder=5)
     if position.track:
-        x, y = chart.line(way_of(position))
+        x, y = chart.line(path_points(position))
         chart.axes.plot(x, y, color=color, lw=1.6, ls=":", zorder=5)
     (x,), (y,) = chart.line([(position.longitude_deg, position.latitude_deg)])
     tag = survey.tag(tag_id)
@@ -242,7 +242,7 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
 
 
 def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
-    """Draw the places by a whole flight, including those it cannot distinguish."""
+    """Draw the places found by whole-flight analysis, ambiguous ones included."""
     verdict, places = survey.verdict_of(tag_id), _hindsight_places(survey, tag_id)
     if verdict is None or not places:
         return
@@ -282,7 +282,7 @@ def _heat(chart: LocalMap, position: Position) -> None:
 
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
-    """Colour the ground by SNR, and mark the strongest place with the ring of the tag."""
+    """Draw a tag's SNR map, and the strongest place with the ring that the tag is on."""
     if signal.surface is not None:
         drawn = draw_surface(chart, signal.surface)
         target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
@@ -293,7 +293,7 @@ def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
 def draw_surface(
     chart: LocalMap, surface: SignalSurface, limits_db: tuple[float, float] | None = None
 ) -> "QuadMesh":
-    """Colour the ground by SNR; between fixed limits for comparable maps."""
+    """Color the map by SNR; with fixed limits, several maps can be compared."""
     plane = TangentPlane(latitude_deg=surface.latitude_deg, longitude_deg=surface.longitude_deg)
     east, north = np.meshgrid(surface.east_m, surface.north_m)
     x, y = chart.plane.to_local(*plane.to_geodetic(east, north))
@@ -310,7 +310,7 @@ def draw_surface(
 
 
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
-    """Mark the strongest place, and the ring that the tag is on."""
+    """Mark the place of strongest signal, and the ring that the tag is on."""
     x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
     label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
     chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)
@@ -322,7 +322,7 @@ def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
 
 
 _MOST_LABELS = 4
-"""Most labels along a side; more would overlap."""
+"""Most graticule labels along a side of the map; more would overlap."""
 
 
 def nice_below(value: float) -> float:

@@ -1,4 +1,4 @@
-"""The report as one self-contained HTML file."""
+"""Make the report as one self-contained HTML file."""
 
 from html import escape
 
@@ -40,7 +40,7 @@ th { font-weight: 600; color: var(--soft); }
 
 
 def html_page(survey: Survey) -> str:
-    """Write the whole page; raises `UsageError` without matplotlib."""
+    """Make the report's HTML; raises `UsageError` without matplotlib."""
     with styled():
         body = [
             f"<h1>{escape(survey.name)}</h1>",
@@ -96,7 +96,7 @@ def _search_section(survey: Survey, search: searches.FlownSearch) -> str:
     figure = new_figure(7.6, 6.0)
     searches.draw_search(figure, survey, search)
     parts = ["<h2>Search by the drone itself</h2>"]
-    parts += [f"<p>{escape(text)}</p>" for text in searches.account(survey, search)]
+    parts += [f"<p>{escape(text)}</p>" for text in searches.sentences(survey, search)]
     parts += [
         _table(searches.found_table(survey, search)),
         _picture(svg_data(figure), "Map of the search", searches.CAPTION),
@@ -165,7 +165,7 @@ def _silence_section(survey: Survey, one: SilentMap) -> str:
     return "\n".join(
         [
             f"<h2>{escape(f'Where {name} would have been heard')}</h2>",
-            *(f"<p>{escape(text)}</p>" for text in silences.account(survey, one)),
+            *(f"<p>{escape(text)}</p>" for text in silences.sentences(survey, one)),
             _picture(svg_data(figure), f"Where {name} would have been heard", silences.CAPTION),
         ]
     )

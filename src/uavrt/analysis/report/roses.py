@@ -1,4 +1,4 @@
-"""Roses: SNR over heading with the antenna's pattern, and the residuals."""
+"""Draw SNR over antenna heading in polar plots, with the antenna's pattern and residuals."""
 
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ _Floats = NDArray[np.float64]
 
 
 def headings_and_snr(survey: Survey, bearing: TagBearing) -> tuple[_Floats, _Floats]:
-    """Headings of the antenna [deg] and SNR [dB] of the pulses used in a bearing."""
+    """Antenna headings [deg] and SNR [dB] of the pulses used in a bearing."""
     pairs = [
         (yaw_deg(one.pose.quaternion_wxyz) + survey.offset_deg, one.pulse.snr_db)
         for one in survey.pulses_of(bearing.tag_id)
@@ -34,7 +34,7 @@ def headings_and_snr(survey: Survey, bearing: TagBearing) -> tuple[_Floats, _Flo
 
 
 def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0) -> None:
-    """Draw rose and residuals of a tag's bearings from number `first` on, `COLUMNS` at most."""
+    """Draw polar plots and residuals of up to `COLUMNS` bearings from number `first`."""
     bearings = survey.bearings_of(tag_id)[first : first + COLUMNS]
     if not bearings:
         message(target, "No rose: no turn in place in which this tag was heard three times.")
@@ -53,7 +53,6 @@ def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0
 
 
 def _gain_db(survey: Survey, off_deg: _Floats) -> _Floats:
-    """Gain of the antenna [dB] as corrected by the turns."""
     return (survey.pattern or pattern_named(survey.antenna)).gain_db(off_deg)
 
 

@@ -1,4 +1,4 @@
-"""An autonomous search flight: its path, finds, decisions and remaining tags."""
+"""Report an autonomous search flight: path, finds, decisions and tags not found."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,41 +26,41 @@ CAPTION = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlownSearch:
-    """The log entries of one search, in order of time."""
+    """Log entries of one autonomous search, in order of time."""
 
     notes: tuple[SearchNote, ...]
 
     @property
     def begun(self) -> SearchNote:
-        """The first entry."""
+        """Entry of the search's start."""
         return self.notes[0]
 
     @property
     def last(self) -> SearchNote:
-        """The end, or the last entry before the recording broke off."""
+        """Entry of the search's end, or the last one before the recording broke off."""
         return self.notes[-1]
 
     @property
     def decisions(self) -> list[SearchNote]:
-        """Entries of decisions."""
+        """Entries of decisions where to fly next."""
         return [note for note in self.notes if note.event == "decision"]
 
     @property
     def unknown(self) -> list[SoughtTag]:
-        """Tags not found."""
+        """Numbers of the tags that were not found."""
         return [one for one in self.last.tags if one.found_s is None]
 
 
 def searches_of(survey: Survey) -> Iterator[FlownSearch]:
-    """All searches of a flight."""
+    """All autonomous searches of a flight."""
     notes = sorted(survey.search_notes, key=attrgetter("order_id"))
     groups = [tuple(own) for _, own in groupby(notes, key=attrgetter("order_id"))]
     for own in sorted(groups, key=lambda one: one[0].time_ns):
         yield FlownSearch(notes=own)
 
 
-def account(survey: Survey, search: FlownSearch) -> list[str]:
-    """Sentences on the task, how it ended, and where tags not found may be."""
+def sentences(survey: Survey, search: FlownSearch) -> list[str]:
+    """Sentences on the search's task, how it ended, and where tags not found may be."""
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)
@@ -75,7 +75,6 @@ def account(survey: Survey, search: FlownSearch) -> list[str]:
 
 
 def _unknown(survey: Survey, one: SoughtTag) -> str:
-    """Sentence on where a tag that was not found may be."""
     there = f"Tag {title_of(survey, one.tag_id)} was not found: heard {one.pulses} times, "
     there += f"{one.missed} times not; it is there and beeps with {100 * one.existence:.0f} %."
     if not one.likely:
@@ -88,7 +87,7 @@ def _unknown(survey: Survey, one: SoughtTag) -> str:
 
 
 def found_table(survey: Survey, search: FlownSearch) -> Table:
-    """Each searched tag, with the minutes it took."""
+    """Table of all searched tags, with the minutes until each was found."""
     header = ["Tag", "Found", "Place", "95 % within", "There", "Heard / not"]
     rows = []
     for one in search.last.tags:
@@ -107,7 +106,7 @@ def found_table(survey: Survey, search: FlownSearch) -> Table:
 
 
 def decision_table(survey: Survey, search: FlownSearch) -> Table:
-    """Each decision and find, with the reason."""
+    """Table of all decisions and finds, with the reason for each."""
     rows = [
         [survey.facts.clock(note.time_ns), note.text, note.reason]
         for note in search.notes
@@ -117,7 +116,7 @@ def decision_table(survey: Survey, search: FlownSearch) -> Table:
 
 
 def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> None:
-    """Draw area, path, decisions, finds and where remaining tags may be."""
+    """Draw search area, path, decisions, finds, and where tags not found may be."""
     axes = target.subplots()
     corners = [(longitude, latitude) for latitude, longitude in search.begun.area]
     chart = LocalMap(axes, survey, (), also=corners)

@@ -1,4 +1,4 @@
-"""Maps of where tags would have been heard, from dark blue (not) to yellow (surely)."""
+"""Draw coverage maps, from dark blue (tag not detectable) to yellow (certainly detected)."""
 
 import io
 from collections.abc import Sequence
@@ -23,8 +23,8 @@ CAPTION = (
 )
 
 
-def account(survey: Survey, one: SilentMap) -> list[str]:
-    """Sentences that summarise a coverage map."""
+def sentences(survey: Survey, one: SilentMap) -> list[str]:
+    """Sentences that summarise the coverage map of a tag that was not found."""
     found = one.coverage
     if one.heard_pulses:
         silent = f"It was heard ({one.heard_pulses} confirmed pulses)."
@@ -44,18 +44,18 @@ def account(survey: Survey, one: SilentMap) -> list[str]:
 
 
 def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
-    """Draw the map under the flown path."""
+    """Draw a coverage map under the flown path."""
     chart = _draw(target, survey, one.coverage, "would have been heard")
     draw_track(chart, survey)
 
 
-def coverage_png(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """PNG of a coverage map as in the report, with the path `way` (longitude, latitude)."""
+def coverage_png(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
+    """Draw a coverage map as in the report, with the `path` (longitude, latitude)."""
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
         figure = new_figure(7.5, 6.5)
         chart = _draw(figure, empty, coverage, "is heard")
-        east, north = chart.line(way)
+        east, north = chart.line(path)
         chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2)
         chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)
         stream = io.BytesIO()

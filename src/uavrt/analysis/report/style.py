@@ -44,7 +44,7 @@ _POINTS_PER_IN = 72.0
 
 
 def styled() -> Any:
-    """Context in which figures are drawn; raises `UsageError` without matplotlib."""
+    """Context manager with the figures' style; raises `UsageError` without matplotlib."""
     with needs_extra("analysis", "a report"):
         import matplotlib as mpl
     settings: Any = _SETTINGS  # the stubs want each key as a literal
@@ -52,7 +52,7 @@ def styled() -> Any:
 
 
 def new_figure(width_in: float, height_in: float) -> "Figure":
-    """Make an empty figure."""
+    """Make an empty matplotlib figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -62,14 +62,14 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def svg_data(figure: "Figure") -> str:
-    """Encode a figure as a data URI, which needs no request."""
+    """Encode a figure as a data URI, which the page shows without a request."""
     stream = io.BytesIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
 def wrapped(text: str, width_in: float, *, size: float = 9, bold: bool = False) -> list[str]:
-    """Wrap a text at a width in inches, between words where possible."""
+    """Wrap a text at a width in inches, between words if possible."""
     lines: list[str] = []
     for word in text.split():
         joined = f"{lines[-1]} {word}" if lines else word
@@ -99,7 +99,7 @@ def _width_in(text: str, size: float, bold: bool) -> float:
 
 
 def outlined() -> Any:
-    """White outline for text and lines on colors."""
+    """Path effect that outlines text and lines in white, for use on colors."""
     from matplotlib.patheffects import withStroke
 
     return withStroke(linewidth=2.5, foreground="white")
@@ -111,7 +111,7 @@ def tag_color(tag_ids: tuple[int, ...], tag_id: int) -> str:
 
 
 def message(target: "FigureBase", text: str) -> None:
-    """Show the reason for a missing figure in its place."""
+    """Write the reason for a missing figure in its place."""
     axes: Axes = target.subplots()
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=SOFT, wrap=True)

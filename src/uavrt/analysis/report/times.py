@@ -1,4 +1,4 @@
-"""Plots over time: SNR, heading, noise, processes."""
+"""Draw SNR, heading, noise and health of processes over time."""
 
 import math
 from collections.abc import Sequence
@@ -97,7 +97,7 @@ def draw_noise(target: "FigureBase", survey: Survey) -> None:
 
 
 def _heading(axes: "Axes", survey: Survey, start_ns: int) -> None:
-    """Draw the vehicle's heading; a line that jumps from 359° to 0° is cut."""
+    """Draw the vehicle's heading, without lines from 359° to 0°."""
     poses = thinned(survey.track, 0.5)
     yaw = np.array([yaw_deg(pose.quaternion_wxyz) for pose in poses])
     times = np.array([_minutes(pose.time_ns, start_ns) for pose in poses])

@@ -1,4 +1,4 @@
-"""The report's sentences and tables, shared by HTML and PDF."""
+"""Compose the report's sentences and tables, shared by HTML and PDF."""
 
 import math
 from collections import Counter
@@ -82,7 +82,7 @@ SOURCES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Place of one tag, for a person who will walk there."""
+    """Position of one tag in words, for a person who will walk there."""
 
     tag_id: int
     title: str
@@ -91,7 +91,7 @@ class Finding:
 
 
 def heading_line(survey: Survey) -> str:
-    """Start, duration, vehicle and antenna of the flight."""
+    """Line with start, duration, vehicle and antenna of the flight."""
     span = survey.span_ns
     if span is None:
         return "Empty recording."
@@ -107,7 +107,7 @@ def heading_line(survey: Survey) -> str:
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """Finding of each tag, in order, followed by results of the whole flight."""
+    """Findings of all tags in order, then results of whole-flight analysis."""
     found = [_finding(survey, tag_id) for tag_id in survey.tag_ids]
     return [
         replace(one, detail=" ".join([one.detail, *hindsight(survey, one.tag_id)]))
@@ -116,7 +116,7 @@ def findings(survey: Survey) -> list[Finding]:
 
 
 def hindsight(survey: Survey, tag_id: int) -> list[str]:
-    """Result of judging all pulses together for a tag; empty if that was not run."""
+    """Sentences on the whole-flight analysis for a tag; empty if it was not run."""
     verdict = survey.verdict_of(tag_id)
     if verdict is None:
         return []
@@ -153,7 +153,7 @@ def _remarks(verdict: IntegratedVerdict) -> list[str]:
 
 
 def tag_table(survey: Survey) -> Table:
-    """Summary table of all tags."""
+    """Table that summarises all tags."""
     header = [
         *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
         *(f"Last heard {zones(survey)}", "Bearings"),
@@ -179,7 +179,7 @@ def tag_table(survey: Survey) -> Table:
 
 
 def code_table(survey: Survey) -> Table | None:
-    """Listed and received codes; None where no tag is coded."""
+    """Table of listed and received codes; None if no tag is coded."""
     rows = []
     for tag_id in survey.tag_ids:
         tag = survey.tag(tag_id)
@@ -190,7 +190,7 @@ def code_table(survey: Survey) -> Table | None:
 
 
 def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
-    """Listed gaps, medians of the received ones, and number of bursts."""
+    """Table row of a coded tag: listed gaps, medians of the received ones, number of bursts."""
     heard = [
         np.diff(one.burst_starts_ns) / 1e6
         for one in bursts
@@ -225,8 +225,8 @@ def bearing_table(survey: Survey) -> Table:
 
 
 def health_table(survey: Survey) -> Table:
-    """Health reports of each process."""
-    header = ["Process", "Last word", "Well", "Counted"]
+    """Table of the health reports of each process."""
+    header = ["Process", "Last status", "Without faults", "Counters"]
     rows = []
     for process in sorted({one.process for one in survey.health}):
         own = [one for one in survey.health if one.process == process]
@@ -244,7 +244,7 @@ def health_table(survey: Survey) -> Table:
 
 
 def _plain(count: float) -> str:
-    """Write a count in full; other numbers with four digits."""
+    """Format a count in full, and other numbers with four digits."""
     return f"{count:,.0f}" if count == round(count) else f"{count:.4g}"
 
 
@@ -256,7 +256,7 @@ def events(survey: Survey) -> list[tuple[str, str]]:
 
 
 def beep_table(survey: Survey) -> Table | None:
-    """Received signals that are not as listed; None where there are none."""
+    """Table of received signals that differ from the tag list; None if there are none."""
     rows = [
         [
             survey.facts.clock(one.time_ns),
@@ -275,7 +275,7 @@ def beep_table(survey: Survey) -> Table | None:
 
 
 def methods(survey: Survey) -> list[str]:
-    """Sentences on the methods used."""
+    """Sentences on the estimation methods used."""
     hindsight = [HINDSIGHT_METHOD] if survey.verdicts else []
     tags = [tag for tag in map(survey.tag, survey.tag_ids) if tag is not None]
     if any(tag.coded for tag in tags):
@@ -286,7 +286,7 @@ def methods(survey: Survey) -> list[str]:
 
 
 def made_by() -> str:
-    """Program version and author of the report."""
+    """Line with program version and author of the report."""
     return f"uavrt {uavrt.__version__}"
 
 
@@ -297,7 +297,7 @@ def title_of(survey: Survey, tag_id: int) -> str:
 
 
 def zones(survey: Survey) -> str:
-    """Time zones of the tables' times."""
+    """Sentence on the time zones used in the tables."""
     return survey.facts.zones((survey.span_ns or (0, 0))[0])
 
 
@@ -392,7 +392,9 @@ def _why_no_position(survey: Survey, tag_id: int) -> str:
 
 
 def _how_searched(reports: Sequence[SearchReport]) -> str:
-    """Sentence on the share of time a frequency was usable, and for which tags."""
+    """Sentence on the usable share of time on a tag's frequency, and the weakest detectable
+    pulses.
+    """
     usable = [r.usable_share for r in reports if r.usable_share is not None]
     weakest = [r.weakest_enr_db for r in reports if r.weakest_enr_db is not None]
     if not usable or not weakest:

@@ -1,5 +1,5 @@
-"""Poses from autopilot logs and receiver tracks, for pulses without a pose.
+"""Read poses from autopilot logs and receiver tracks, for pulses without a pose.
 
 `recognised` reads a track of any kind: `dataflash`, `ulog`, `tlog`, `points` (GPX, NMEA),
-`simulated`. `attach` finds the clocks' offset and gives each pulse its pose.
+`simulated`. `attach` estimates the clocks' offset and gives each pulse its pose.
 """

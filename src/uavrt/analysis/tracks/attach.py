@@ -1,9 +1,9 @@
 """Give pulses the poses of another program's log, and estimate the clocks' offset.
 
-An unclear offset is rejected: when one 5 s away fits the logs nearly as well (misfit within 15
-%), or when its standard deviation (jackknife over eighths of the flight) moves the headings of
-a turn by more than 3°. A single turn at a constant rate fits any offset with another bearing;
-starts, stops and several places remove the ambiguity.
+An unclear offset is rejected: if another one 5 s away fits nearly as well (misfit within 15 %),
+or if its standard deviation (jackknife over eighths of the flight) moves the headings of a turn
+by more than 3°. A single turn at a constant rate fits any offset with another bearing; starts,
+stops and several places remove the ambiguity.
 """
 
 import math
@@ -26,46 +26,46 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _ZONES_S, _MOST_ZONES_S = 1800.0, 26 * 3600.0
-"""Step and limit of clock errors from local time zones [s]."""
+"""Step and largest value of clock errors caused by local time zones [s]."""
 SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Least ratio of the misfit of any offset 5 s away to that of the best."""
+"""Least ratio between the misfit of any clock offset 5 s away and that of the best."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
-"""Largest heading error from an uncertain offset [deg]; a turn's own σ is a few degrees."""
+"""Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Least share of pulses that a track must cover; else it may be of another flight."""
+"""Least share of pulses that a track must cover; below it may be another flight's."""
 _MOST_LOST = 0.2
-"""Share of the coverable pulses that an offset may leave out; without a limit, an offset that
-drops misfits would win."""
+"""Largest share of coverable pulses that an offset may leave without a pose. Without a limit,
+an offset that drops misfits would win."""
 _PARTS = 8
 _TURNING_DEG_S = 2.0
-"""Rate from which the vehicle is turning; slower rotation is wind."""
+"""Rate above which the vehicle counts as turning [deg/s]; slower rotation is wind."""
 _NEAR_M = 20.0
 _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
-"""Half-width of the first square of places around a cell: share of its distance, and metres."""
+"""Half-width of the first grid around a place: share of its distance, plus metres."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
-"""Half-width of the last square, of nine by nine places."""
+"""Half-width below which the grid of nine by nine places is not refined further [m]."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockOffset:
-    """Offset of the pulses' clock ahead of the track's."""
+    """Offset of the pulses' clock ahead of the track's clock, and its uncertainty."""
 
     offset_s: float
     found_by: str
-    """``"given"``, ``"poses"`` or ``"powers"``."""
+    """Data that determined the offset: ``"given"``, ``"poses"`` or ``"powers"``."""
     sigma_s: float | None = None
-    """Standard deviation, by leaving out an eighth of the flight at a time; None if the offset
-    was given."""
+    """Standard deviation by a jackknife over eighths of the flight [s]; None for a given
+    offset."""
     heading_sigma_deg: float | None = None
-    """Resulting heading error at the turn rate that was flown."""
+    """Heading error caused by this uncertainty at the flown turn rate [deg]."""
 
 
 def attach_poses(
@@ -76,12 +76,10 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose by the track; None where the track has none.
 
-    While the log says landed or disarmed, the height is set to 0 to correct barometer drift.
-    This distinguishes carried turns from flown ones.
-
-    `pulse_poses`: the pulses; poses that they have are replaced.
-    `offset_s`: added to the track's times.
-    `antenna`: how the antenna sits on the vehicle.
+    Poses that pulses already have are replaced. `offset_s` is added to the track's times, and
+    `antenna` is the antenna's mounting on the vehicle. While the log says landed or disarmed,
+    the height is set to 0, despite barometer drift. This distinguishes turns of a carried drone
+    from turns in flight.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))
@@ -102,8 +100,8 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
     return replace(one, pose=replace(one.pose, altitude_relative_m=0.0))
 
 
-def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Count the pulses with a pose; raises `UsageError` if they are fewer than a quarter."""
+def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
+    """Number of pulses with a pose; raises `UsageError` if fewer than a quarter."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -118,15 +116,15 @@ def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
 def estimate_offset(
     pulse_poses: Sequence[PulsePose], track: VehicleTrack, *, antenna: str = "RA-23K"
 ) -> ClockOffset:
-    """Estimate the offset between the clocks of both logs.
+    """Estimate the offset between the clocks of a track and a log of pulses.
 
     If the pulses have poses, even coarse ones, headings and places are matched. Without poses,
-    SNR along the track is matched with the antenna's pattern and the distance, with each tag's
-    place free. A lone turn at a constant rate cannot separate offset from bearing; starts,
-    stops and several turns can.
-    Raises `UsageError`: the logs have too little in common (the track covers less than a
-    quarter of the pulses, or fewer than 12), two offsets fit nearly as well, or the remaining
-    uncertainty moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
+    SNR along the track is matched with the antenna's pattern and the distance, at the best
+    place of each tag. A lone turn at a constant rate cannot separate offset from bearing;
+    starts, stops and several turns can.
+    Raises `UsageError` if the logs have too little in common (fewer than 12 pulses or a quarter
+    of them), or if two offsets fit nearly as well, or if the remaining uncertainty moves the
+    headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError("the track is empty", remedy="Give another log")
@@ -142,7 +140,7 @@ def estimate_offset(
             remedy="Give --clock-offset, 0 when both clocks were set by GPS",
         )
     coarse = np.arange(-SEARCH_S, SEARCH_S + STEP_S, STEP_S)
-    common.demand_cover(coarse, posed=found_by == "poses")
+    common.require_cover(coarse, posed=found_by == "poses")
     cost = np.array([misfit(offset) for offset in coarse])
     best = float(coarse[int(np.nanargmin(cost))])
     if found_by == "powers":
@@ -182,9 +180,9 @@ def estimate_offset(
 def _sigma_s(
     misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
 ) -> float:
-    """Standard deviation of the best offset by a jackknife over consecutive eighths.
+    """Standard deviation of the best offset by a jackknife over consecutive eighths [s].
 
-    Errors of neighbouring pulses are correlated, so whole stretches are left out (Künsch 1989,
+    Errors of neighbouring pulses are correlated, so whole time spans are left out (Künsch 1989,
     The jackknife and the bootstrap for general stationary observations).
     """
     counted = np.cumsum(covered) - 1
@@ -201,7 +199,7 @@ def _sigma_s(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _HeardOnWay:
+class _TagOnTrack:
     east_m: _Floats
     north_m: _Floats
     yaw_deg: _Floats
@@ -209,7 +207,10 @@ class _HeardOnWay:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) sum of squared residuals [dB²] of pattern and distance, level free."""
+        """(places,) sum of squared SNR residuals for a tag at each place [dB²].
+
+        The model is antenna pattern and distance; the level is fitted.
+        """
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))
@@ -221,10 +222,9 @@ class _HeardOnWay:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Least sum of squares around a place, by ever finer squares of places.
+        """Least sum of squared residuals near a place, on ever finer grids of places.
 
-        The first square is as wide as the polar grid's cells at that distance from its
-        `middle`.
+        The first grid is as wide as the polar grid's cells at that distance from its `middle`.
         """
         (east, north), best = start, np.inf
         half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
@@ -262,8 +262,8 @@ class _Common:
         self._turn_s = seconds([one.time_ns for one in track.attitudes])
         yaw = [yaw_deg(one.quaternion_wxyz) for one in track.attitudes]
         self._track_yaw = np.unwrap(yaw, period=360.0)
-        self._way_s = seconds([one.time_ns for one in track.positions])
-        self._way = plane.to_local(
+        self._place_s = seconds([one.time_ns for one in track.positions])
+        self._places = plane.to_local(
             [one.latitude_deg for one in track.positions],
             [one.longitude_deg for one in track.positions],
         )
@@ -273,18 +273,18 @@ class _Common:
         self._least_covered = 1
         self._grid = [
             (way.mean() + np.outer(radius, turned(bearing))).ravel()
-            for way, turned in zip(self._way, (np.sin, np.cos), strict=True)
+            for way, turned in zip(self._places, (np.sin, np.cos), strict=True)
         ]
 
     def _turn_rate_deg_s(self) -> float:
-        """Median rate while turning; 0 of a track that never turns."""
+        """Median turn rate while turning [deg/s]; 0 if the track never turns."""
         passed = np.diff(self._turn_s)
         rates = np.abs(np.diff(self._track_yaw)[passed > 0.0]) / passed[passed > 0.0]
         turning = rates[rates > _TURNING_DEG_S]
         return float(np.median(turning)) if len(turning) else 0.0
 
     def pose_misfit(self, offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
-        """Mean square of headings (in 10°) and places (in 5 m), each at most 9."""
+        """Mean squared error of headings (unit 10°) and places (unit 5 m), each at most 9."""
         inside = self._inside(self._posed_s, offset_s)
         if inside is None:
             return np.nan
@@ -295,8 +295,8 @@ class _Common:
         turned = np.exp(1j * np.radians(yaw))
         off = np.degrees(np.angle(turned * np.conj(turned.mean())))
         away = [
-            np.interp(times, self._way_s, way) - place[inside]
-            for way, place in zip(self._way, self._place, strict=True)
+            np.interp(times, self._place_s, way) - place[inside]
+            for way, place in zip(self._places, self._place, strict=True)
         ]
         apart = np.hypot(*away) / 5.0
         return float(np.mean(np.minimum((off / 10.0) ** 2, 9.0) + np.minimum(apart**2, 9.0)))
@@ -304,9 +304,11 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean square [dB²] of the residuals, each tag's place and level free.
+        """Mean squared SNR residual [dB²] at a clock offset; each tag's place and level are
+        fitted.
 
-        Power falls with the square of the distance; places are a polar grid around the path.
+        Power falls with the square of the distance. Candidate places are a polar grid around
+        the path.
         """
         heard = self._heard(offset_s, antenna, keep)
         if heard is None:
@@ -315,11 +317,11 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """The same for offsets near one, with each tag's place to the metre.
+        """Make a function like `power_misfit` for nearby offsets, with places to the metre.
 
-        The cells of the polar grid are tens of metres wide, which a turn's bearing resolves.
-        Without this step the offset that turns all bearings to a cell's middle would be the
-        best.
+        The cells of the polar grid are tens of metres wide, but a turn's bearing is more
+        accurate. Without this step, the best offset would be one that turns all bearings to a
+        cell's middle.
         """
         heard = self._heard(offset_s, antenna) or {}
         cells = [int(np.argmin(one.squares(*self._grid))) for one in heard.values()]
@@ -327,7 +329,7 @@ class _Common:
             tag_id: (float(self._grid[0][cell]), float(self._grid[1][cell]))
             for tag_id, cell in zip(heard, cells, strict=True)
         }
-        middle = (float(self._way[0].mean()), float(self._way[1].mean()))
+        middle = (float(self._places[0].mean()), float(self._places[1].mean()))
 
         def misfit(offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
             near = self._heard(offset_s, antenna, keep)
@@ -340,19 +342,19 @@ class _Common:
 
     def _heard(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
-    ) -> "dict[int, _HeardOnWay] | None":
-        """Pulses of each tag with the antenna's poses; None unless the track covers them."""
+    ) -> "dict[int, _TagOnTrack] | None":
+        """Pulses of each tag with the antenna's poses; None if the track covers too few."""
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
             return None
         inside = inside if keep is None else inside & keep
         times = self.time_s[inside] - offset_s
         yaw = np.interp(times, self._turn_s, self._track_yaw)
-        east, north = (np.interp(times, self._way_s, way) for way in self._way)
+        east, north = (np.interp(times, self._place_s, way) for way in self._places)
         found = {}
         for tag_id in np.unique(self.tag[inside]):
             own = self.tag[inside] == tag_id
-            found[int(tag_id)] = _HeardOnWay(
+            found[int(tag_id)] = _TagOnTrack(
                 east_m=east[own],
                 north_m=north[own],
                 yaw_deg=yaw[own],
@@ -361,16 +363,17 @@ class _Common:
             )
         return found
 
-    def demand_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Count the pulses that the track can cover; offsets with far fewer are excluded.
+    def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
+        """Exclude offsets at which the track covers far fewer pulses than at the best.
 
-        Raises `UsageError`: they are too few to distinguish an offset from chance.
+        Raises `UsageError` if even the best covers too few to distinguish an offset from
+        chance.
         """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"
         if not most:
-            raise self._apart(times_s, remedy)
+            raise self._no_overlap(times_s, remedy)
         if most < max(_LEAST_PULSES, _LEAST_SHARE * len(times_s)):
             raise UsageError(
                 f"the track covers {most} of {len(times_s)} pulses at the most, however the "
@@ -379,9 +382,9 @@ class _Common:
             )
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
 
-    def _apart(self, times_s: _Floats, remedy: str) -> UsageError:
-        """Sentence on the offset; whole or half hours indicate different time zones."""
-        ahead_s = float(times_s.min()) - max(self._turn_s[0], self._way_s[0])
+    def _no_overlap(self, times_s: _Floats, remedy: str) -> UsageError:
+        """Error for logs that do not overlap; names the time zone if one would explain it."""
+        ahead_s = float(times_s.min()) - max(self._turn_s[0], self._place_s[0])
         zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
         if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():
             remedy = (
@@ -399,7 +402,7 @@ class _Common:
         )
 
     def _inside(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_] | None:
-        """Pulses covered by the track; None unless nearly all that it can cover."""
+        """Mask of the pulses that the track covers; None if they are too few."""
         inside = self._between(times_s, offset_s)
         return inside if np.count_nonzero(inside) >= self._least_covered else None
 
@@ -407,6 +410,6 @@ class _Common:
         return self._between(self._posed_s if posed else self.time_s, offset_s)
 
     def _between(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_]:
-        low = max(self._turn_s[0], self._way_s[0]) + offset_s
-        high = min(self._turn_s[-1], self._way_s[-1]) + offset_s
+        low = max(self._turn_s[0], self._place_s[0]) + offset_s
+        high = min(self._turn_s[-1], self._place_s[-1]) + offset_s
         return np.asarray((times_s >= low) & (times_s <= high))

@@ -1,13 +1,13 @@
-"""ArduPilot's onboard log (``.BIN``, DataFlash).
+"""Read ArduPilot's onboard log (``.BIN``, DataFlash).
 
 ::
 
     0xA3 0x95 | type | values of that type's format …      little endian
     type 128, FMT: type u8, length u8, name 4, format 16, columns 64 (with commas)
 
-Read are FMT, ATT (roll, pitch, yaw), POS (fused place; else GPS), GPS (week and
-milliseconds, for UTC), and EV (armed, landed) where it is. Times are microseconds since boot;
-GPS time is ahead of UTC by 18 leap seconds since 2017.
+These messages are used: FMT, ATT (roll, pitch, yaw), POS (fused position; else GPS), GPS (week
+and milliseconds, for UTC), and EV (armed, landed) if present. Times are microseconds since
+boot. GPS time is ahead of UTC by 18 leap seconds since 2017.
 """
 
 import math
@@ -56,7 +56,7 @@ _Row = dict[str, float]
 
 
 def read_dataflash(path: Path) -> VehicleTrack:
-    """Read a DataFlash log; raises `FormatError` without time, attitude or place."""
+    """Read a DataFlash log; raises `FormatError` without time, attitude or position."""
     with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
     rows: dict[str, list[_Row]] = {name: [] for name in _WANTED}
@@ -89,7 +89,7 @@ def _states(
 
 
 def _rows(content: bytes) -> Iterator[tuple[str, _Row]]:
-    """Wanted messages; unknown bytes are skipped up to the next mark."""
+    """Yield the wanted messages; unknown bytes are skipped up to the next frame marker."""
     formats: dict[int, tuple[str, int, str, list[str]]] = {_FMT: ("FMT", 89, "", [])}
     place = content.find(MARK)
     while 0 <= place <= len(content) - 3:
@@ -127,7 +127,7 @@ def _values(body: bytes, code: str, columns: list[str]) -> _Row:
 
 
 def _utc_of_boot_ns(rows: list[_Row]) -> int | None:
-    """UTC at boot: the least of GPS time minus boot time, which has the least delay."""
+    """UTC at boot [ns]: the least difference of GPS time and boot time, at the least delay."""
     found = [
         round(
             (_GPS_EPOCH_S + row["GWk"] * 604_800 - _LEAP_S) * NANOSECONDS_PER_SECOND

@@ -1,7 +1,8 @@
 """Magnetic declination, for the few logs whose headings are magnetic.
 
 Autopilots report true headings: PX4 and ArduPilot add the declination themselves. NMEA's HDG
-and HDM are a compass's. The package pygeomag has the World Magnetic Model for 2010 to 2029.
+and HDM are compass headings. The package pygeomag has the World Magnetic Model for 2010 to
+2029.
 """
 
 from datetime import UTC, datetime
@@ -17,10 +18,9 @@ def declination_deg(
 ) -> float:
     """Angle from true to magnetic north [deg], east positive.
 
-    It changes by 0.01° over a kilometre or a month: places are rounded to 0.01°, heights to a
-    kilometre, times to a day.
-    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
-    Raises `FormatError`: no model holds at that date.
+    It changes by 0.01° over a kilometre or a month. So places are rounded to 0.01°, heights to
+    a kilometre, times to a day. Raises `UsageError` without the extra ``uavrt[analysis]``, and
+    `FormatError` if no model is valid at that date.
     """
     return _declination_deg(
         round(latitude_deg, 2),

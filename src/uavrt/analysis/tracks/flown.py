@@ -1,4 +1,4 @@
-"""A flight made of another program's track and samples."""
+"""Make a flight record from another program's track and samples."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from uavrt.recording.flight_reader import Flight
 from uavrt.units import ns_from_s
 
 _STEP_NS = 200_000_000
-"""Interval between poses [ns]: at 30°/s 6° of heading."""
+"""Interval between poses [ns]; at 30°/s the heading changes by 6° in it."""
 
 
 def flight_of_track(
@@ -22,13 +22,12 @@ def flight_of_track(
     offset_s: float = 0.0,
     yaw_offset_deg: float = 0.0,
 ) -> Flight:
-    """Make a flight of a track, with five poses of the antenna a second.
+    """Make a flight of a track, with five antenna poses a second.
 
-    `tags`: that were searched for.
-    `name`: of the flight, for messages.
-    `offset_s`: how far the samples' clock is ahead; added to the track's times.
-    `yaw_offset_deg`: antenna's boresight clockwise from the vehicle's nose.
-    Raises `UsageError`: the track has no poses.
+    `tags` are the tags searched for, and `name` is the flight's name in messages. `offset_s` is
+    how far the samples' clock is ahead, and is added to the track's times. `yaw_offset_deg` is
+    the antenna's boresight, clockwise from the nose. Raises `UsageError` if the track has no
+    poses.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError(f"{name} is an empty track", remedy="Give another log")

@@ -1,7 +1,7 @@
-"""Tracks of points: NMEA 0183 sentences, and GPX.
+"""Read tracks of points: NMEA 0183 sentences, and GPX.
 
-NMEA: RMC (date, time, place), GGA (time, place, altitude), HDT (true heading), HDG and HDM
-(magnetic heading, made true), checksums checked where they are there. GPX 1.0 and 1.1:
+NMEA: RMC (date, time, position), GGA (time, position, altitude), HDT (true heading), HDG and
+HDM (magnetic heading, converted to true); checksums are verified if present. GPX 1.0 and 1.1:
 ``trkpt`` with time and elevation.
 """
 
@@ -39,7 +39,7 @@ _DAY_NS = 86_400_000_000_000
 
 
 def read_nmea(path: Path) -> VehicleTrack:
-    """Read NMEA sentences, skip damaged ones; raises `FormatError` without date and place."""
+    """Read NMEA sentences, except damaged ones; raises `FormatError` without date and place."""
     day_ns: int | None = None
     time_ns: int | None = None
     places: dict[int, PositionSample] = {}
@@ -77,9 +77,9 @@ def read_nmea(path: Path) -> VehicleTrack:
 
 
 def _true_heading_deg(fields: list[str], place: PositionSample) -> float:
-    """Heading of HDG or HDM with deviation and variation added, east positive.
+    """True heading of HDG or HDM: deviation and variation are added, east positive.
 
-    Where the sentence has no variation, it is the World Magnetic Model's.
+    If the sentence has no variation, the World Magnetic Model's is used.
     """
     heading = float(fields[1])
     if fields[0].endswith("HDG") and len(fields) > 5:
@@ -96,7 +96,7 @@ def _eastward(angle: str, direction: str) -> float:
 
 
 def read_gpx(path: Path) -> VehicleTrack:
-    """Read a GPX file's tracks; raises `FormatError` if it is none, or without times."""
+    """Read a GPX file's tracks; raises `FormatError` for another file, or one without times."""
     text = "\n".join(read_lines(path))
     places: list[PositionSample] = []
     astray: list[tuple[int, OffEarthError]] = []

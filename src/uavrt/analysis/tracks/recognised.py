@@ -1,4 +1,4 @@
-"""Read a track of any kind that is known."""
+"""Read a track file of any known kind."""
 
 from pathlib import Path
 
@@ -13,10 +13,10 @@ from uavrt.foreign import require_plain_file
 
 
 def read_track(path: Path) -> VehicleTrack:
-    """Read a track of any known kind, which is recognised by content.
+    """Read a track of any known kind, recognised by its content.
 
-    Raises `FormatError`: it is none, or has no attitude or no place.
-    Raises `UsageError`: a package that it needs is not installed.
+    Raises `FormatError` for an unknown kind, or a track without attitude or position, and
+    `UsageError` if a required package is not installed.
     """
     with os_errors_as(FormatError, f"cannot read {path}", "Check the name"):
         require_plain_file(path)

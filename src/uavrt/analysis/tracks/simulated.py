@@ -1,7 +1,7 @@
-"""The vehicle's true poses as ``uavrt simulate`` writes them: ``telemetry.csv``.
+"""Read the true poses of a simulated vehicle, ``telemetry.csv`` of ``uavrt simulate``.
 
-Columns ``time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, qw, qx,
-qy, qz``. Such a file may come from any program.
+Columns are ``time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, qw,
+qx, qy, qz``. Other programs may write such files too.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ FIRST_COLUMN = b"time_ns,latitude_deg"
 
 
 def read_simulated(path: Path) -> VehicleTrack:
-    """Read poses from a CSV file; raises `FormatError`, also for an invalid line."""
+    """Read poses from a telemetry.csv; raises `FormatError`, also for an invalid line."""
     turns: list[AttitudeSample] = []
     places: list[PositionSample] = []
     names, *lines = read_lines(path)

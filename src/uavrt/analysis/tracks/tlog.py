@@ -1,11 +1,11 @@
-"""A ground station's telemetry log (``.tlog``).
+"""Read a ground station's telemetry log (``.tlog``).
 
 ::
 
     microseconds since 1970, 8 bytes big endian | one MAVLink frame | …
 
-Times of samples are the autopilot's boot times; UTC comes from SYSTEM_TIME (GPS) where it is
-there, else from the ground station's clock by the messages that came fastest.
+Samples are timed by the autopilot's boot time. UTC comes from SYSTEM_TIME (GPS) if present,
+else from the ground station's clock, using the messages with the least delay.
 """
 
 import math
@@ -24,9 +24,9 @@ from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.on_ground import spans_on_ground
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
-"""ATTITUDE is in no message set of ours: our systems ask for ATTITUDE_QUATERNION."""
+"""Id and checksum seed of ATTITUDE, which our own message set lacks."""
 _MOST_WRONG = 300_000
-"""Most markers without a frame; the log is cut off there."""
+"""Most frame markers without a valid frame; reading stops there."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 
@@ -38,7 +38,7 @@ class _Log:
         self.armed: list[tuple[int, bool]] = []
         self.landed: list[tuple[int, bool]] = []
         self._boot_ns: int | None = None
-        """Boot time of the newest sample, for messages without one."""
+        """Boot time of the newest sample [ns], used for messages without one."""
         self.ground_offset_ns: int | None = None
         self.gps_offset_ns: int | None = None
 
@@ -89,7 +89,7 @@ class _Log:
 
 
 def read_tlog(path: Path) -> VehicleTrack:
-    """Read a telemetry log; raises `FormatError` if it cannot be read, or holds no frame."""
+    """Read a telemetry log; raises `FormatError` if unreadable or without a MAVLink frame."""
     with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
     log, empty = _Log(), True
@@ -110,7 +110,7 @@ def read_tlog(path: Path) -> VehicleTrack:
 
 
 def stamped_frames(content: bytes) -> Iterator[tuple[int, Frame]]:
-    """Find the whole frames of a telemetry log, each with its time [microseconds]."""
+    """Find all valid frames of a telemetry log, each with its time [microseconds]."""
     parser = FrameParser()
     place = wrong = 0
     while place + 11 <= len(content) and wrong < _MOST_WRONG:

@@ -1,4 +1,4 @@
-"""A vehicle's track from another program, on that program's clock."""
+"""A vehicle's track from another program, timed by that program's clock."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -23,17 +23,17 @@ S = TypeVar("S", AttitudeSample, PositionSample)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleTrack:
-    """Attitudes and positions, each in order of time [ns, UTC by the logger's clock]."""
+    """Attitudes and positions of a vehicle, each in order of time [ns, UTC of the logger]."""
 
     kind: str
     attitudes: tuple[AttitudeSample, ...]
     positions: tuple[PositionSample, ...]
     warnings: tuple[str, ...] = ()
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times on the ground; empty where the log does not record it."""
+    """Pairs of first and last times on the ground; empty if not logged."""
 
     def shifted(self, offset_ns: int) -> "VehicleTrack":
-        """Add an offset to all times."""
+        """Copy of the track with an offset added to all times."""
         return replace(
             self,
             attitudes=tuple(replace(a, time_ns=a.time_ns + offset_ns) for a in self.attitudes),
@@ -42,14 +42,14 @@ class VehicleTrack:
         )
 
     def on_ground(self, time_ns: int) -> bool:
-        """True while the log says that the vehicle stood on the ground."""
+        """True while the log says that the vehicle was on the ground."""
         return any(first <= time_ns <= last for first, last in self.on_ground_ns)
 
 
 def attitude(
     time_ns: int, quaternion_wxyz: tuple[float, float, float, float]
 ) -> AttitudeSample | None:
-    """Attitude sample; None for an invalid rotation."""
+    """Make an attitude sample; None for an invalid rotation."""
     try:
         return AttitudeSample(time_ns=time_ns, quaternion_wxyz=normalised(quaternion_wxyz))
     except ValueError:
@@ -59,7 +59,7 @@ def attitude(
 def position(
     time_ns: int, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
 ) -> PositionSample | None:
-    """Position sample with unknown relative altitude; None for an invalid place."""
+    """Make a position sample with unknown relative altitude; None for invalid coordinates."""
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
         return None
     if latitude_deg == 0.0 and longitude_deg == 0.0:  # before the first fix
@@ -75,7 +75,7 @@ def position(
 
 
 def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample, ...]:
-    """Order by time; unknown relative altitudes become heights over the first place."""
+    """Sort positions by time, and fill unknown relative altitudes from the first position."""
     ordered = in_order(positions)
     base_m = ordered[0].altitude_amsl_m if ordered else 0.0
     return tuple(
@@ -87,13 +87,13 @@ def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample,
 
 
 def in_order(samples: Iterable[S]) -> tuple[S, ...]:
-    """Sort by time, and keep one of each time."""
+    """Sort samples by time, and keep one of each time."""
     by_time = {one.time_ns: one for one in samples}
     return tuple(by_time[time] for time in sorted(by_time))
 
 
 def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
-    """Level attitudes along the course over ground."""
+    """Level attitudes whose heading is the course over ground."""
     found: list[AttitudeSample] = []
     heading = None
     for before, after in pairwise(positions):
@@ -111,7 +111,7 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
 
 
 def filled(track: VehicleTrack) -> VehicleTrack:
-    """Fill gaps of up to 15 s between sparse points: pose interpolation bridges only two."""
+    """Fill gaps of up to 15 s between sparse points; pose interpolation bridges only 2 s."""
     return replace(
         track,
         attitudes=tuple(_filled(track.attitudes, _between_attitudes)),

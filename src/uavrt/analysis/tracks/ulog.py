@@ -1,7 +1,7 @@
-"""PX4's onboard log (``.ulg``), read by the package pyulog.
+"""Read PX4's onboard log (``.ulg``) with the package pyulog.
 
-Topics ``vehicle_attitude`` (quaternion), ``vehicle_global_position``, for UTC the GPS topics,
-and ``vehicle_land_detected`` and ``vehicle_status`` (arming) where they are. Times are
+Topics are ``vehicle_attitude`` (quaternion), ``vehicle_global_position``, the GPS topics for
+UTC, and if present ``vehicle_land_detected`` and ``vehicle_status`` (arming). Times are
 microseconds since boot.
 """
 
@@ -31,7 +31,7 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Most damaged bytes, or pieces of 512 bytes searched for the next mark."""
+"""Most damaged bytes, or pieces of 512 bytes, skipped before the file counts as ended."""
 _ARMED = 2
 _SANE_UNIX_US = 1_400_000_000_000_000
 
@@ -92,9 +92,10 @@ def read_ulog(path: Path) -> VehicleTrack:
 
 
 class _Damaged:
-    """A log file that ends after too much damage.
+    """A log file that reports its end after too much damage.
 
-    pyulog skips unknown data byte by byte, which takes hours for gigabytes of zeros.
+    Without it, pyulog skips unknown data byte by byte, which takes hours for gigabytes of
+    zeros.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -106,7 +107,7 @@ class _Damaged:
         return b"" if self._steps > _MOST_STEPS else self._file.read(size)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Seek; backward steps, which only damage causes, are counted."""
+        """Move the read position; steps back, which only damage causes, are counted."""
         if whence == 1 and offset < 0:
             self._steps += 1
         return self._file.seek(offset, whence)
@@ -156,7 +157,7 @@ def _check_formats(file: BinaryIO) -> None:
 def _states(
     data: Mapping[str, Sequence[Any]] | None, name: str, yes: int, offset_us: int
 ) -> list[tuple[int, bool]]:
-    """Times [ns] and states of a topic; empty for a topic that was not logged."""
+    """Times [ns] and states of a topic; empty if the topic was not logged."""
     if data is None or name not in data:
         return []
     pairs = zip(data["timestamp"], data[name], strict=True)
@@ -164,7 +165,7 @@ def _states(
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:
-    """UTC at boot: the least difference, of the message with the least delay."""
+    """UTC at boot [µs]: the least difference of GPS time and boot time, at the least delay."""
     for name in _GPS:
         data = topics.get(name)
         if data is not None and "time_utc_usec" in data:

@@ -1,55 +1,38 @@
-"""Find the intervals in a set of burst times: which bursts belong to a tag, and its interval.
+"""Find the intervals in a set of pulse times: which pulses belong to a tag, and its interval.
 
-Every pair of bursts votes for its distance. A tag with interval T makes votes at T, 2 T, 3 T …;
-the first strong one is its interval. Random bursts give equal votes at any distance, which
-defines the threshold. A chain that runs on through the tag's other rate (1333 ms meets every
-second pulse of 2000 ms) is cut there. Explained bursts are removed, and the rest may hold
-another chain: the tag's second rate, or another tag.
+Every pair of pulses votes for its distance. A tag with interval T makes votes at T, 2 T, 3 T …;
+the first strong one is its interval. Random pulses give equal votes at any distance, which
+defines the threshold. A chain may run on through the tag's other rate, since 1333 ms meets
+every second pulse of 2000 ms; it is cut there. Explained pulses are removed, and the rest may
+hold another chain: the tag's second rate, or another tag.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import exp, lgamma, log
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.beeps.chains import (
-    TOLERANCE_S,
-    chain_with_switches,
-    longest_chain,
-    tolerance_s,
-)
+from uavrt.detection.beeps.chains import chain_with_switches, longest_chain, tolerance_s
 from uavrt.detection.beeps.interval_fit import Beat, fit_beat
-
-SHORTEST_S: Final = 0.25
-LONGEST_S: Final = 6.0
-"""Intervals of tags on the market, 0.5 to 4 s."""
-FEWEST: Final = 5
-"""Pulses that make a beat."""
-FEWEST_AT_OTHER_RATE: Final = 6
-"""Pulses at another rate that cut a chain."""
-MOST_BENDS: Final = 6
-"""Degree of the polynomial that follows the interval's change with temperature."""
-HIGHEST_CHANCE: Final = 1e-4
-"""Highest expected number of such chains from noise in the recording."""
+from uavrt.detection.beeps.tuning import INTERVALS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBeat:
-    """An interval and the bursts that follow it."""
+    """An interval and the pulses that follow it."""
 
     beat: Beat
     members: NDArray[np.intp]
-    """(n,) indices of its bursts in the given times."""
+    """(n,) indices of these pulses in the given times."""
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
-    """Find beats in ascending times (n,) at one frequency, that with most pulses first."""
+    """Find intervals in ascending times (n,) at one frequency, that with most pulses first."""
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []
-    while len(found) < most and left.size >= FEWEST:
+    while len(found) < most and left.size >= INTERVALS.fewest_pulses:
         best = _best_beat(times_s[left], span_s)
         if best is None:
             break
@@ -65,7 +48,7 @@ def _best_beat(
     best: tuple[Beat, NDArray[np.intp]] | None = None
     for interval_s in _others(0.0, _candidates(times_s)):
         chain = longest_chain(times_s, interval_s)
-        if chain.size < FEWEST:
+        if chain.size < INTERVALS.fewest_pulses:
             continue
         # Votes give the interval to some milliseconds, which breaks chains: once more with
         # what the first chain says.
@@ -95,7 +78,9 @@ def _at_one_rate(
         sure: set[int] = set()
         for (rate, at), (one, _) in zip(stretches, found, strict=True):
             others = sum(other.size for r, other in stretches if r != rate)
-            if at.size >= FEWEST_AT_OTHER_RATE and _sure(one, times_s.size - others, span_s):
+            if at.size >= INTERVALS.fewest_at_other_rate and _sure(
+                one, times_s.size - others, span_s
+            ):
                 sure.add(rate)
         if len(sure) == 2:
             longest, members = max(found, key=lambda one: one[1].size)
@@ -107,10 +92,9 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove a burst at an end behind a gap with other bursts in it.
+    """Remove pulses at an end of a chain behind a gap with other pulses in it.
 
-    If the first pulse after a switch of rate is lost, the next place shared by both rates comes
-    later.
+    If the first pulse after a change of rate is lost, the chain meets the other rate later.
     """
     low, high = 0, members.size
 
@@ -118,9 +102,9 @@ def _without_strays(
         hole = times_s[members[k + 1]] - times_s[members[k]] > 1.5 * interval_s
         return bool(hole and members[k + 1] - members[k] > 1)
 
-    while high - low > FEWEST and strays(high - 2):
+    while high - low > INTERVALS.fewest_pulses and strays(high - 2):
         high -= 1
-    while high - low > FEWEST and strays(low):
+    while high - low > INTERVALS.fewest_pulses and strays(low):
         low += 1
     return members[low:high]
 
@@ -129,19 +113,22 @@ def _others(interval_s: float, candidates_s: Iterable[float]) -> list[float]:
     """Remove candidates that equal the interval or each other."""
     others: list[float] = []
     for one in candidates_s:
-        new = all(abs(one - other) > 0.5 * TOLERANCE_S for other in others)
+        new = all(abs(one - other) > 0.5 * INTERVALS.tolerance_s for other in others)
         if new and abs(one - interval_s) > 2.0 * tolerance_s(interval_s):
             others.append(one)
     return others
 
 
 def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
-    return _jitter_s(beat) <= TOLERANCE_S and _chance(beat, bursts, span_s) <= HIGHEST_CHANCE
+    return (
+        _jitter_s(beat) <= INTERVALS.tolerance_s
+        and _chance(beat, bursts, span_s) <= INTERVALS.most_false
+    )
 
 
 def _jitter_s(beat: Beat) -> float:
-    """Scatter of the pulses about a curve that follows the temperature."""
-    degree = min(beat.numbers.size // 20, MOST_BENDS)
+    """Scatter of the pulses about a curve that follows the temperature [s]."""
+    degree = min(beat.numbers.size // 20, INTERVALS.most_bends)
     if not degree:
         return beat.scatter_s
     curve = np.polynomial.Polynomial.fit(beat.numbers, beat.residuals_s, degree)
@@ -149,23 +136,23 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses less missing ones: half the interval explains as many pulses."""
+    """Number of pulses less half of the missing ones, which half the interval has more of."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
 
 def _candidates(times_s: NDArray[np.float64]) -> list[float]:
-    """Distances with votes from many pairs, most votes first."""
-    step_s = 0.25 * TOLERANCE_S
-    votes = np.zeros(int((LONGEST_S + 1.0) / step_s), dtype=np.float64)
+    """Distances with votes from many pairs of pulses, most votes first [s]."""
+    step_s = 0.25 * INTERVALS.tolerance_s
+    votes = np.zeros(int((INTERVALS.longest_s + 1.0) / step_s), dtype=np.float64)
     for shift in range(1, min(times_s.size, 200)):
         distance = times_s[shift:] - times_s[:-shift]
-        distance = distance[distance <= LONGEST_S]
+        distance = distance[distance <= INTERVALS.longest_s]
         if not distance.size:
             break
         np.add.at(votes, np.round(distance / step_s).astype(np.int64), 1.0)
     smooth = np.convolve(votes, np.ones(5), mode="same")
-    smooth[: int(SHORTEST_S / step_s)] = 0.0
+    smooth[: int(INTERVALS.shortest_s / step_s)] = 0.0
     # Times at random vote for all distances alike.
     by_chance = times_s.size**2 / max(float(np.ptp(times_s)), 1e-9) * 5.0 * step_s
     least = max(3.0, by_chance + 4.0 * by_chance**0.5)
@@ -178,22 +165,22 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
         center = float((votes[near] * np.arange(votes.size)[near]).sum() / votes[near].sum())
         # With pulses missing, twice or three times the interval may have more votes.
         parts = (center * step_s / part for part in (1.0, 2.0, 3.0))
-        candidates += [interval_s for interval_s in parts if interval_s >= SHORTEST_S]
+        candidates += [interval_s for interval_s in parts if interval_s >= INTERVALS.shortest_s]
         smooth[max(0, at - 5) : at + 6] = 0.0
     return candidates
 
 
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
-    """Expected number of such chains among random bursts.
+    """Expected number of such chains among random pulses.
 
-    After two pulses that set the interval, each further place contains a burst with probability
-    p = density × tolerance; the first two can be chosen in `pairs` ways. Missed places add
-    further ways.
+    After two pulses that set the interval, each further place contains a pulse with probability
+    p = density × tolerance. The first two can be chosen in `pairs` combinations; missed places
+    add further ones.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)
     count, places = beat.numbers.size, int(beat.numbers[-1]) + 1
-    pairs = bursts * density * (LONGEST_S - SHORTEST_S)
+    pairs = bursts * density * (INTERVALS.longest_s - INTERVALS.shortest_s)
     # Binomial tail, by its largest term: choose which of the places are hit.
     ways = lgamma(places - 1) - lgamma(count - 1) - lgamma(max(places - count, 0) + 1)
     exponent = log(max(pairs, 1e-9)) + ways + (count - 2) * log(hit)

@@ -1,32 +1,21 @@
 """Follow points from pulse to pulse, at one interval or at two in turn."""
 
 from itertools import pairwise
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-TOLERANCE_S: Final = 0.022
-"""Largest deviation of a pulse from its place: jitter of ± 20 ms, and our own error."""
-LONGEST_HOLE: Final = 6
-"""Most consecutive missing pulses in a chain."""
-HOLE: Final = 0.3
-"""Cost of a missing pulse, relative to the value of a pulse."""
-HOLE_OR_SWITCH: Final = 0.5
-"""The same cost where the tag may have switched its rate."""
-SWITCH: Final = 2.0
-"""Cost of a change of interval. A stretch with every second pulse missing counts as another
-rate from five or six on at an end of the recording, from eight or nine in its middle."""
+from uavrt.detection.beeps.tuning import INTERVALS
 
 
 def tolerance_s(interval_s: float) -> float:
-    """Largest deviation of a pulse from its place, counted from the pulse before."""
-    return TOLERANCE_S + 0.005 * interval_s
+    """Largest deviation of a pulse from its place, counted from the pulse before [s]."""
+    return INTERVALS.tolerance_s + 0.005 * interval_s
 
 
 def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.intp]:
-    """Bursts that follow each other at the interval; empty if fewer than three."""
-    members, _ = _best_chain(times_s, (interval_s,), HOLE)
+    """Pulses that follow each other at the interval; empty if fewer than three."""
+    members, _ = _best_chain(times_s, (interval_s,), INTERVALS.missing_cost)
     return members if members.size >= 3 else members[:0]
 
 
@@ -36,12 +25,13 @@ def chain_with_switches(
     """Follow a tag that switches between two intervals.
 
     An interval with a small ratio to another continues through it: 1333 ms meets every second
-    pulse of 2000 ms. Followed with both, the chain switches where that explains more. `times_s`
-    (n,): bursts, ascending. `first_s`, `second_s`: the intervals. Returns (merit, stretches):
-    pulses less the cost of holes and switches; the interval (0 or 1) and bursts of each
-    stretch, in order of time. A burst at a switch is in both stretches.
+    pulse of 2000 ms. Followed with both, the chain switches where that explains more pulses.
+
+    `times_s` (n,): pulses, ascending. Returns (merit, stretches): number of pulses less the
+    cost of missing ones and switches; the interval (0 or 1) and the pulses of each stretch, in
+    order of time. A pulse at a switch is in both stretches.
     """
-    members, rates = _best_chain(times_s, (first_s, second_s), HOLE_OR_SWITCH)
+    members, rates = _best_chain(times_s, (first_s, second_s), INTERVALS.missing_or_switch_cost)
     cuts = np.flatnonzero(np.diff(rates)) + 1
     edges = [0, *cuts.tolist(), rates.size]
     stretches = [
@@ -51,20 +41,25 @@ def chain_with_switches(
     ]
     steps = np.round(np.diff(times_s[members]) / np.array((first_s, second_s))[rates])
     holes = float(np.maximum(0.0, steps - 1.0).sum())
-    return members.size - HOLE_OR_SWITCH * holes - SWITCH * cuts.size, stretches
+    return (
+        members.size
+        - INTERVALS.missing_or_switch_cost * holes
+        - INTERVALS.switch_cost * cuts.size,
+        stretches,
+    )
 
 
 def _best_chain(
     times_s: NDArray[np.float64], intervals_s: tuple[float, ...], hole: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Bursts of the best chain, and the interval before each but the first."""
+    """Pulses of the best chain, and the interval before each but the first."""
     count, rates = times_s.size, len(intervals_s)
     score = np.ones((count, rates))
     before = np.full((count, rates), -1, dtype=np.intp)  # burst · rates + rate
-    switch = SWITCH * (1.0 - np.eye(rates))
+    switch = INTERVALS.switch_cost * (1.0 - np.eye(rates))
     for k in range(1, count):
         for rate, interval_s in enumerate(intervals_s):
-            reach_s = (LONGEST_HOLE + 1.5) * interval_s
+            reach_s = (INTERVALS.most_missing + 1.5) * interval_s
             first = int(np.searchsorted(times_s, times_s[k] - reach_s))
             distance = times_s[k] - times_s[first:k]
             steps = np.maximum(1.0, np.round(distance / interval_s))

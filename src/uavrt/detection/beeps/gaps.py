@@ -1,47 +1,39 @@
-"""Recognise tags whose pulses come early by varying amounts, which means missing samples."""
+"""Recognise tags whose pulses come early by varying amounts, because samples are missing."""
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from uavrt.detection.beeps.points import Points
+from uavrt.detection.beeps.tuning import NAMING
 from uavrt.messages import Beep, BeepKind, Tag
 from uavrt.units import ns_from_s
-
-_LEAST_DB: Final = 12.0
-"""Least level of the pulses used; noise has few of these."""
-_FEWEST: Final = 10
-_SHARE: Final = 0.7
-"""Share of steps that are a little shorter than the interval."""
-_MOST_MISSING: Final = 0.4
-"""Largest part of an interval that may be missing between two pulses."""
-_LEAST_SPREAD_S: Final = 0.02
-"""Least scatter of the steps; less belongs to a train of its own."""
-_LATE_S: Final = 0.025
 
 
 def gapped_tags(
     points: Points, tags: Sequence[Tag], frequency_window_hz: float, start_ns: int
 ) -> list[Beep]:
-    """Find tags with strong pulses at their frequency that come early at irregular intervals.
+    """Find tags whose strong pulses come early at irregular intervals.
 
     `points`: at absolute frequencies, in order of time. `tags`: those without a train.
     """
     found = []
     for tag in tags:
         near = np.abs(points.frequencies_hz - tag.frequency_hz) <= frequency_window_hz
-        here = points.take(near & (points.levels_db >= _LEAST_DB))
-        if len(here) < _FEWEST:
+        here = points.take(near & (points.levels_db >= NAMING.gap_level_db))
+        if len(here) < NAMING.gap_pulses:
             continue
         steps_s = np.diff(here.times_s)
         for interval_s in tag.pulse_intervals_s:
             early = steps_s[
-                (steps_s >= (1.0 - _MOST_MISSING) * interval_s)
-                & (steps_s <= interval_s + _LATE_S)
+                (steps_s >= (1.0 - NAMING.most_missing_share) * interval_s)
+                & (steps_s <= interval_s + NAMING.late_s)
             ]
-            enough = early.size >= _SHARE * steps_s.size and early.size >= _FEWEST - 1
-            if not enough or float(np.std(early)) < _LEAST_SPREAD_S:
+            enough = (
+                early.size >= NAMING.gap_share * steps_s.size
+                and early.size >= NAMING.gap_pulses - 1
+            )
+            if not enough or float(np.std(early)) < NAMING.least_gap_spread_s:
                 continue
             frequency_hz = float(np.median(here.frequencies_hz))
             most_ms = 1e3 * (interval_s - float(early.min()))

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-_RECENT = 40
-"""Number of recent pulses that give the running interval."""
+from uavrt.detection.beeps.tuning import INTERVALS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -15,16 +14,16 @@ class Beat:
 
     interval_s: float
     sigma_s: float
-    """One standard deviation of `interval_s`; infinite for two pulses."""
+    """Standard deviation of `interval_s` [s]; infinite for two pulses."""
     first_s: float
     numbers: NDArray[np.int64]
     """(n,) number of each pulse, from 0, missing ones counted."""
     residuals_s: NDArray[np.float64]
-    """(n,) how far each pulse is from the line, late is positive."""
+    """(n,) delay of each pulse against the line [s]."""
 
     @property
     def scatter_s(self) -> float:
-        """Standard deviation of the pulses about the line."""
+        """Standard deviation of the pulses about the line [s]."""
         spare = max(1, self.residuals_s.size - 2)
         return float(np.sqrt((self.residuals_s**2).sum() / spare))
 
@@ -32,7 +31,7 @@ class Beat:
 def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.int64]:
     """Number pulses in intervals, counting missing ones.
 
-    The running interval follows the recent pulses, which allows for an error of the first guess
+    The running interval follows the recent pulses: this allows for an error of the first guess
     of up to a fifth, slow drift, and jitter, if not many consecutive pulses are missing.
     `times_s` (n,): ascending. Returns (n,), zero for the first; two pulses have equal numbers
     if they are closer than half an interval.
@@ -42,7 +41,7 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
     for k in range(1, times_s.size):
         steps = round((times_s[k] - times_s[k - 1]) / current)
         numbers[k] = numbers[k - 1] + steps
-        first = max(0, k - _RECENT)
+        first = max(0, k - INTERVALS.recent_pulses)
         span = numbers[k] - numbers[first]
         if span >= 1:
             # A slope through few pulses is worth little: it counts by its length.

@@ -1,29 +1,14 @@
-"""Name the detected trains by comparing them with the listed tags."""
+"""Identify the detected trains by comparing them with the listed tags."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final
 
 from uavrt.config.tag_corrections import LEAST_UNCERTAINTY, keeps_interval
 from uavrt.detection.beeps.trains import Train
+from uavrt.detection.beeps.tuning import NAMING
 from uavrt.messages import Beep, BeepKind, Tag
 from uavrt.units import ns_from_s
-
-REACH_PPM: Final = 70.0
-"""Error of a dongle without a temperature-compensated crystal [ppm]."""
-_EDGE_HZ: Final = 30.0
-"""Error of a train's frequency, and of a window's edge [Hz]."""
-_CODE_HZ: Final = 1000.0
-_RATIOS: Final = (2.0, 1 / 2, 1 / 3)
-"""Ratios of the listed to the measured interval: twice for a mortality signal at double rate, a
-half or a third if every second pulse, or two of three, are missed."""
-_POINT_S: Final = 0.001
-_LEAST_PULSES: Final = 8
-"""Least pulses of a stretch with a rate of its own."""
-_LEAST_PRESENT: Final = 0.7
-"""Least share of received pulses in a stretch; less may be another rate's."""
-_MOST_NAMES: Final = 3
 
 
 def name_trains(
@@ -34,7 +19,7 @@ def name_trains(
     center_hz: float | None = None,
     start_ns: int = 0,
 ) -> list[Beep]:
-    """Name trains, the strongest first.
+    """Identify trains as listed tags, their images, or unlisted senders.
 
     `trains`: at absolute frequencies. `center_hz`: the radio's frequency, about which a
     spectrum is mirrored if I and Q are swapped.
@@ -55,15 +40,16 @@ def name_trains(
 
 def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) -> Beep:
     interval_s = train.interval_s
-    near = _within(train, tags, window_hz + _EDGE_HZ)
-    reach_hz = REACH_PPM * 1e-6 * train.frequency_hz
+    near = _within(train, tags, window_hz + NAMING.edge_hz)
+    reach_hz = NAMING.reach_ppm * 1e-6 * train.frequency_hz
     kind, names, reason = BeepKind.UNLISTED, list[Tag](), train.doubt or ""
     fitting = [tag for tag in _within(train, tags, reach_hz) if _fits(interval_s, tag, train)]
     others_s = [one for one in _rates(train) if not any(_fits(one, t, train) for t in near)]
     if train.image_of_hz is not None:
         kind = BeepKind.IMAGE
     elif any(
-        tag.coded and abs(tag.frequency_hz - train.frequency_hz) <= _CODE_HZ for tag in tags
+        tag.coded and abs(tag.frequency_hz - train.frequency_hz) <= NAMING.code_hz
+        for tag in tags
     ):
         kind = BeepKind.LISTED
     elif near and not others_s:
@@ -75,13 +61,15 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
     elif near:
         kind, interval_s = BeepKind.OTHER_RATE, others_s[0]
         # Prefer tags that change to this rate, or show it where pulses are missing.
-        names = [one for one in near if _fits(interval_s, one, train, _RATIOS)] or near
+        names = [
+            one for one in near if _fits(interval_s, one, train, NAMING.interval_ratios)
+        ] or near
         reason = _twice(interval_s, names[0])
         others = [tag for tag in _within(train, tags, reach_hz) if tag not in near]
         names = [*names, *(tag for tag in others if keeps_interval(tag, interval_s))]
     elif fitting:
         kind, names = BeepKind.OFF_LABEL, fitting
-    names = names[:_MOST_NAMES]
+    names = names[: NAMING.most_names]
     return Beep(
         kind=kind,
         time_ns=start_ns + ns_from_s(float(train.points.times_s[-1])),
@@ -98,7 +86,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Remove the names of tags found at their own frequency; name an image's original."""
+    """Remove ids of tags found at their own frequency; add those of an image's original."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:
@@ -123,7 +111,7 @@ def _mirrored(
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)
     near = [
         tag
-        for tag in _within(there, silent, window_hz + _EDGE_HZ)
+        for tag in _within(there, silent, window_hz + NAMING.edge_hz)
         if _fits(train.interval_s, tag, train)
     ][:1]
     if not near:
@@ -142,7 +130,7 @@ def _twice(interval_s: float, tag: Tag) -> str:
 
 
 def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
-    """Beeping tags listed within some distance, the nearest first."""
+    """Beeping tags listed within a distance of a train, the nearest first."""
 
     def away_hz(tag: Tag) -> float:
         return abs(train.frequency_hz - tag.frequency_hz)
@@ -152,16 +140,16 @@ def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
 
 
 def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (1.0,)) -> bool:
-    """True if the interval, or a multiple with one of these ratios, is one of a tag's."""
-    allowed_s = 3.0 * min(train.interval_sigma_s, 0.01 * interval_s) + _POINT_S
+    """True if the interval, times one of the ratios, is one of a tag's intervals."""
+    allowed_s = 3.0 * min(train.interval_sigma_s, 0.01 * interval_s) + NAMING.timing_s
     return any(keeps_interval(tag, ratio * interval_s, ratio * allowed_s) for ratio in ratios)
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Intervals of a train: the one with the most pulses, and others that are certain."""
+    """Intervals of a train: that with the most pulses, then others that are certain [s]."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1
-        enough = max(_LEAST_PULSES, math.ceil(_LEAST_PRESENT * places))
+        enough = max(NAMING.least_pulses, math.ceil(NAMING.least_present * places))
         if one.members.size >= enough and one.beat.interval_s != train.interval_s:
             yield one.beat.interval_s

@@ -1,9 +1,9 @@
 """Find strong pulses anywhere in a band, without knowing any tag.
 
-A cell of the spectrogram is a point if it stands above three things: its own frequency at other
-times, which removes carriers; other frequencies at its own time, which removes impulses, noise
-in bursts and voice; and what lies 0.6 to 1.1 kHz away, which removes the spectrum that a
-strong pulse's keying spreads. The cost is proportional to the samples.
+A cell of the spectrogram is a point if it stands above three levels. The level of its own
+frequency at other times removes carriers. That of other frequencies at its own time removes
+impulses, noise in bursts and voice. That 0.6 to 1.1 kHz away removes the spectrum that a strong
+pulse's keying spreads. The cost is proportional to the samples.
 """
 
 from dataclasses import dataclass
@@ -13,58 +13,29 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from uavrt.detection.beeps.tuning import POINTS
 from uavrt.dsp.fourier import transform_columns
 from uavrt.dsp.sliding_medians import medians
-
-WINDOW_S: Final = 0.016
-"""Length of the Hann window [s]; the loss is 3 to 5 dB for pulses of 2.5, 20 and 30 ms."""
-HOP_S: Final = 0.008
-BATCH_S: Final = 2.0
-"""Stretch whose median is a frequency's usual level [s]."""
-_MOST_CELLS_AT_ONCE: Final = 12_500_000
-"""Size of 48 MiB of levels: 2 s at 3 MS/s."""
-FALSE_POINTS_PER_S: Final = 3.0
-"""Noise cells accepted as points per second in a band of `_BAND_HZ` or less; in wider ones
-proportionally more, since they have more frequencies."""
-_BAND_HZ: Final = 100e3
-_SEGMENT: Final = 64
-"""Neighbouring frequencies, 4 kHz, whose common rise is not a pulse."""
-_BESIDE: Final = (10, 17)
-"""Distance at which a pulse's spectrum has decayed, even of 2.5 ms [bins]."""
-_BESIDE_RATIO: Final = 10.0
-"""Least ratio of a pulse's peak to the mean level at that distance."""
-_AROUND: Final = 13
-"""Frames before and after a point that determine its length; 104 ms."""
-_LONGEST_S: Final = 0.1
-"""Duration above which a signal is a transmission and not a pulse [s]."""
-_LEAST_FRAMES: Final = 16
-"""Frames that are transformed together."""
-_MOST_CANDIDATES: Final = 200_000
-"""Most cells of one batch that are examined: the strongest ones."""
-_STRONG_DB: Final = 32.0
-"""Level from which the edges of a pulse may make points of their own [dB]."""
-_EDGE_S: Final = 0.03
-"""Largest time between a pulse's point and those of its edges [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Pulses found, in order of time."""
+    """Detected pulses, in order of time."""
 
     times_s: NDArray[np.float64]
-    """(n,) their middles since the first sample, within about 2 ms."""
+    """(n,) middle of each pulse since the first sample [s], within about 2 ms."""
     frequencies_hz: NDArray[np.float64]
-    """(n,) relative to the band's centre, within about 10 Hz."""
+    """(n,) frequencies from the band's centre [Hz], within about 10 Hz."""
     widths_s: NDArray[np.float64]
-    """(n,) lengths, within about 5 ms; 0 for pulses that are much shorter than the window."""
+    """(n,) lengths [s], within about 5 ms; 0 for pulses much shorter than the window."""
     levels_db: NDArray[np.float64]
-    """(n,) power over the noise in 94 Hz."""
+    """(n,) power over the noise in 94 Hz [dB]."""
 
     def __len__(self) -> int:
         return self.times_s.size
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
-        """Select points by a mask or by places."""
+        """Select points by a mask or by indices."""
         return Points(
             self.times_s[chosen],
             self.frequencies_hz[chosen],
@@ -73,7 +44,7 @@ class Points:
         )
 
     def moved(self, times_s: NDArray[np.float64], center_hz: float = 0.0) -> "Points":
-        """Set other times and absolute frequencies; sort by time again."""
+        """Points with other times and absolute frequencies, sorted by time again."""
         order = np.argsort(times_s, kind="stable")
         moved = Points(times_s, self.frequencies_hz + center_hz, self.widths_s, self.levels_db)
         return moved.take(order)
@@ -85,7 +56,7 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 class PointSearch:
     """Finds pulses in a stream of samples.
 
-    `most_cells`: cells of the spectrogram that are stored and searched at once.
+    `most_cells`: largest number of cells of the spectrogram that are searched at once.
     """
 
     def __init__(
@@ -94,11 +65,11 @@ class PointSearch:
         sample_rate_hz: float,
         low_hz: float,
         high_hz: float,
-        most_cells: int = _MOST_CELLS_AT_ONCE,
+        most_cells: int = POINTS.most_cells,
     ) -> None:
         self._rate_hz = sample_rate_hz
-        length = max(16, round(WINDOW_S * sample_rate_hz))
-        self._hop = max(4, round(HOP_S * sample_rate_hz))
+        length = max(16, round(POINTS.window_s * sample_rate_hz))
+        self._hop = max(4, round(POINTS.hop_s * sample_rate_hz))
         self._size = _fast_length(length)
         self._window = np.hanning(length + 2)[1:-1].astype(np.float32)
         self._step_hz = sample_rate_hz / self._size
@@ -107,17 +78,21 @@ class PointSearch:
         last = min(self._size - half - 1, int(np.floor(high_hz / self._step_hz)))
         self._first_bin, self._bins = first, max(last - first + 1, 1)
         self._low_hz = first * self._step_hz
-        frames = min(BATCH_S / HOP_S, most_cells / self._bins)
-        self._held = 2 * _AROUND
-        """Frames of the previous batch at the start of a batch."""
-        self._power = np.zeros((max(4 * _AROUND, round(frames)), self._bins), np.float32)
+        frames = min(POINTS.batch_s / POINTS.hop_s, most_cells / self._bins)
+        self._held = 2 * POINTS.around_frames
+        """Number of frames of the previous batch at the start of a batch."""
+        self._power = np.zeros(
+            (max(4 * POINTS.around_frames, round(frames)), self._bins), np.float32
+        )
         self._filled = 0
         self._first_frame = 0
         self._from = 0
-        """First frame in the batch that is not examined yet."""
-        cells_per_s = self._bins / HOP_S
+        """First frame of the batch that is not examined yet."""
+        cells_per_s = self._bins / POINTS.hop_s
         # The power of noise is exponential: P(x times its median) = 2^-x.
-        false_per_s = FALSE_POINTS_PER_S * max(1.0, self._bins * self._step_hz / _BAND_HZ)
+        false_per_s = POINTS.false_per_s * max(
+            1.0, self._bins * self._step_hz / POINTS.false_band_hz
+        )
         self._factor = np.log2(max(cells_per_s / false_per_s, 16.0))
         at_once = max(1, (1 << 18) // length)  # some 2 MiB of windows
         self._windows = np.zeros((at_once, self._size), np.complex64)
@@ -125,12 +100,12 @@ class PointSearch:
         self._tail = np.zeros(0, np.complex64)
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0
-        """Strong cells not examined because there were too many at once."""
+        """Number of strong cells not examined because there were too many at once."""
 
     def process(self, samples: NDArray[np.complex64]) -> None:
-        """Process the next samples, without missing ones."""
+        """Process the next samples of the stream, without missing ones."""
         self._tail = np.concatenate((self._tail, samples))
-        self._take_frames(_LEAST_FRAMES)
+        self._take_frames(POINTS.least_frames)
 
     def _take_frames(self, least: int) -> None:
         data, length, hop = self._tail, self._window.size, self._hop
@@ -146,11 +121,11 @@ class PointSearch:
             self._filled += count
             done += count
             if self._filled == len(self._power):
-                self._search(len(self._power) - _AROUND)
+                self._search(len(self._power) - POINTS.around_frames)
         self._tail = data[frames * hop :].copy()
 
     def finish(self) -> Points:
-        """Examine the rest, and return all points."""
+        """Examine the remaining samples, and return all points."""
         self._take_frames(1)
         if self._filled > self._from:
             self._search(self._filled)
@@ -194,32 +169,36 @@ class PointSearch:
     def _candidates(
         self, power: NDArray[np.float32], first: int, until: int
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-        """Cells above the threshold: frame, frequency, power over the segment's."""
-        segments = max(1, self._bins // _SEGMENT)
+        """Cells above the threshold: frame, frequency, and power over that of the segment."""
+        segments = max(1, self._bins // POINTS.segment_bins)
         places = []
         for segment in range(0, segments, 256):  # 16384 bins at a time, in the cache's reach
             count = min(256, segments - segment)
-            low = segment * _SEGMENT
-            high = self._bins if segment + count == segments else low + count * _SEGMENT
+            low = segment * POINTS.segment_bins
+            high = (
+                self._bins if segment + count == segments else low + count * POINTS.segment_bins
+            )
             part = power[first:until, low:high]
             above = np.flatnonzero(part > np.float32(self._factor))
             row, column = np.divmod(above, high - low)
             # Few segments have such cells: the others' common rise is of no interest.
-            own = row * count + np.minimum(column // _SEGMENT, count - 1)
+            own = row * count + np.minimum(column // POINTS.segment_bins, count - 1)
             asked, place = np.unique(own, return_inverse=True)
             if segments == 1:
                 rise = np.median(part[asked], axis=1)
             else:
-                whole = part[:, : count * _SEGMENT].reshape(len(part), count, _SEGMENT)
-                middle = _SEGMENT // 2
+                whole = part[:, : count * POINTS.segment_bins].reshape(
+                    len(part), count, POINTS.segment_bins
+                )
+                middle = POINTS.segment_bins // 2
                 rise = np.partition(whole[np.divmod(asked, count)], middle)[:, middle]
             over = part[row, column] / np.maximum(rise, np.float32(1.0))[place]
             up = over > self._factor
             places.append((row[up] + first, column[up] + low, over[up]))
         row, column, over = (np.concatenate(one) for one in zip(*places, strict=True))
-        if row.size > _MOST_CANDIDATES:
-            self.dropped += row.size - _MOST_CANDIDATES
-            most = np.argpartition(-over, _MOST_CANDIDATES)[:_MOST_CANDIDATES]
+        if row.size > POINTS.most_candidates:
+            self.dropped += row.size - POINTS.most_candidates
+            most = np.argpartition(-over, POINTS.most_candidates)[: POINTS.most_candidates]
             row, column, over = row[most], column[most], over[most]
         return row, column, over
 
@@ -243,30 +222,34 @@ class PointSearch:
         own = power[row, column]
         keep = own >= around(range(-2, 3), range(-4, 5)).max(axis=(1, 2))
         row, column, over, own = row[keep], column[keep], over[keep], own[keep]
-        low, high = _BESIDE
+        low, high = POINTS.flank_bins
         sides = np.concatenate(
             [around(range(1), range(-high, 1 - low)), around(range(1), range(low, high + 1))],
             axis=2,
         )[:, 0]
         flanks = sides.sum(axis=1) / np.maximum((sides > 0.0).sum(axis=1), 1)
-        keep = own >= _BESIDE_RATIO * flanks
+        keep = own >= POINTS.flank_ratio * flanks
         row, column, over, own = row[keep], column[keep], over[keep], own[keep]
-        levels = around(range(-_AROUND, _AROUND + 1), range(-1, 2)).max(axis=2)
+        levels = around(
+            range(-POINTS.around_frames, POINTS.around_frames + 1), range(-1, 2)
+        ).max(axis=2)
         up = levels > 0.25 * own[:, None]
         before, after = (
-            np.where(side.all(axis=1), _AROUND + 1, np.argmin(side, axis=1))
-            for side in (up[:, _AROUND::-1], up[:, _AROUND:])
+            np.where(side.all(axis=1), POINTS.around_frames + 1, np.argmin(side, axis=1))
+            for side in (up[:, POINTS.around_frames :: -1], up[:, POINTS.around_frames :])
         )
-        offset = np.arange(-_AROUND, _AROUND + 1)
+        offset = np.arange(-POINTS.around_frames, POINTS.around_frames + 1)
         during = (offset > -before[:, None]) & (offset < after[:, None])
         weight = np.where(during, levels, np.float32(0.0))
         # One point for each pulse, where it is strongest.
-        keep = ((before + after) * HOP_S <= _LONGEST_S) & (weight.max(axis=1) <= own)
+        keep = ((before + after) * POINTS.hop_s <= POINTS.longest_s) & (
+            weight.max(axis=1) <= own
+        )
         row, column, over = row[keep], column[keep], over[keep]
         weight, own = weight[keep], own[keep]
         total = weight.sum(axis=1, dtype=np.float64)
         middle = (weight * offset).sum(axis=1) / total
-        width_s = total / own * HOP_S - 0.375 * WINDOW_S
+        width_s = total / own * POINTS.hop_s - 0.375 * POINTS.window_s
         frame = self._first_frame + row + middle
         return np.stack(
             (
@@ -286,19 +269,21 @@ def _without_edges(points: Points) -> Points:
     twice the amplitude is allowed, for noise.
     """
     keep = np.ones(len(points), dtype=bool)
-    for at in np.flatnonzero(points.levels_db >= _STRONG_DB):
+    for at in np.flatnonzero(points.levels_db >= POINTS.strong_db):
         time_s, level_db = points.times_s[at], points.levels_db[at]
-        low, high = np.searchsorted(points.times_s, (time_s - _EDGE_S, time_s + _EDGE_S))
+        low, high = np.searchsorted(
+            points.times_s, (time_s - POINTS.edge_s, time_s + POINTS.edge_s)
+        )
         near = slice(int(low), int(high))
         apart_hz = np.abs(points.frequencies_hz[near] - points.frequencies_hz[at])
-        apart = np.maximum(np.pi * apart_hz * WINDOW_S, 1.0)
+        apart = np.maximum(np.pi * apart_hz * POINTS.window_s, 1.0)
         weak = points.levels_db[near] <= level_db + 6.0 - 20.0 * np.log10(apart)
         keep[near] &= ~(weak & (points.levels_db[near] < level_db - 6.0))
     return points.take(keep)
 
 
 def _fast_length(least: int) -> int:
-    """Return the next length that has no prime factor above 11: quick to transform."""
+    """Return the next length without a prime factor above 11, which is fast to transform."""
     length = least
     while True:
         rest = length

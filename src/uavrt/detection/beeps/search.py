@@ -1,11 +1,10 @@
-"""Find unlisted beeps in a stream while the listed tags are detected.
+"""Find unlisted senders in a stream while the listed tags are detected.
 
 A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
 or the animal may belong to another study. The detector then finds nothing and gives no reason.
 """
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
@@ -14,33 +13,17 @@ from uavrt.detection.beeps.gaps import gapped_tags
 from uavrt.detection.beeps.naming import name_trains
 from uavrt.detection.beeps.points import NO_POINTS, PointSearch
 from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.detection.beeps.tuning import LISTENING
 from uavrt.dsp.block_times import BlockTimes
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
-_TAGS_BAND: Final = (60.0, 20.0, 90.0)
-"""Turns in the tags' band: the first minute, then 20 s of every 90 [s]."""
-_TAGS_BAND_LIVE: Final = (60.0, 45.0, 90.0)
-_WHOLE_BAND: Final = (20.0, 20.0, 300.0)
-"""Turns in the radio's band, if wider; .8 % of a core at 3 MS/s [s]."""
-_WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
-_CELLS_LIVE: Final = 4_000_000
-"""Cells searched at once in flight: .7 s at 3 MS/s, in 15 MiB."""
-_RECENT_S: Final = 300.0
-"""Duration of a live stream that is searched for trains."""
-_MOST_POINTS: Final = 6000
-"""Most points searched for trains while a stream runs: the strongest ones."""
-_NEWS_S: Final = 5.0
-_LEAST_LIVE: Final = 8
-"""Least pulses of a train that is named while a stream runs."""
-_CLEAN: Final = 0.45
-"""Half-width of a decimated band that is searched, as a share of its rate."""
-
 
 class _Band:
-    """Searches a band in turns.
+    """Searches a band for part of the time.
 
-    `turns`: seconds to receive at the start, and at the end of each period.
+    `turns`: durations [s] of searching at the start and at the end of each period, and the
+    period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
@@ -51,21 +34,21 @@ class _Band:
         self._times = BlockTimes(1.0)
         self._taken_s = 0.0
         self.received = 0
-        """Number of samples received in turns."""
+        """Number of samples searched."""
         self.center_hz = 0.0
         self.half_hz = 0.0
         self.points = NO_POINTS
-        """Points at absolute frequencies, as of the last search for trains."""
+        """Points at absolute frequencies, from the last search for trains."""
 
     def due(self, block: IQBlock) -> bool:
-        """Count a block's time; return whether it lies in a turn."""
+        """Count the time of a block; return whether the block must be searched."""
         at_s = self._taken_s
         self._taken_s += len(block.samples) / block.sample_rate_hz
         turn_s = at_s % self._period_s
         return at_s < self._first_s or turn_s >= self._period_s - self._listen_s
 
     def take(self, block: IQBlock, center_hz: float, share: float) -> None:
-        """Search a block of a turn."""
+        """Search a block."""
         rate_hz = block.sample_rate_hz
         if self._search is None:
             self.center_hz, self.half_hz = center_hz, share * rate_hz
@@ -73,7 +56,7 @@ class _Band:
                 sample_rate_hz=rate_hz,
                 low_hz=-self.half_hz,
                 high_hz=self.half_hz,
-                **({"most_cells": _CELLS_LIVE} if self._live else {}),
+                **({"most_cells": LISTENING.live_cells} if self._live else {}),
             )
             self._rate_hz = rate_hz
             self._times = BlockTimes(rate_hz)
@@ -83,30 +66,34 @@ class _Band:
 
     @property
     def start_ns(self) -> int:
-        """Time of the first sample [ns]."""
+        """Time of the first searched sample [ns]."""
         return self._times.start_ns
 
     @property
     def dropped(self) -> int:
-        """Strong cells not examined because there were too many at once."""
+        """Number of strong cells not examined because there were too many at once."""
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
         """Return the trains so far, at absolute frequencies; during a stream, recent ones."""
         if self._search is None or not self.received:
             return []
-        since_s = max(0.0, self.received / self._rate_hz - _RECENT_S)
+        since_s = max(0.0, self.received / self._rate_hz - LISTENING.recent_s)
         points = self._search.finish() if ended else self._search.found(since_s)
-        if not ended and len(points) > _MOST_POINTS:
-            points = points.take(np.sort(np.argsort(points.levels_db)[-_MOST_POINTS:]))
+        if not ended and len(points) > LISTENING.most_points:
+            points = points.take(
+                np.sort(np.argsort(points.levels_db)[-LISTENING.most_points :])
+            )
         times_s = self._times.seconds(points.times_s * self._rate_hz, self._times.start_ns)
         self.points = points = points.moved(times_s, self.center_hz)
         span_s = self.received / self._rate_hz
-        return find_trains(points, span_s if ended else min(span_s, _RECENT_S), receiver)[0]
+        return find_trains(
+            points, span_s if ended else min(span_s, LISTENING.recent_s), receiver
+        )[0]
 
 
 class BeepSearch:
-    """Names all senders of beeps.
+    """Finds and identifies all senders of regular pulses.
 
     `receiver`: centre and rate of the radio. `live`: report while the stream runs, at a lower
     cost.
@@ -123,8 +110,12 @@ class BeepSearch:
         self._tags = tuple(tags)
         self._window_hz = frequency_window_hz
         self._receiver = receiver
-        self._near = _Band(_TAGS_BAND_LIVE if live else _TAGS_BAND, live=live)
-        self._whole = _Band(_WHOLE_BAND_LIVE if live else _WHOLE_BAND, live=live)
+        self._near = _Band(
+            LISTENING.tags_band_live_s if live else LISTENING.tags_band_s, live=live
+        )
+        self._whole = _Band(
+            LISTENING.whole_band_live_s if live else LISTENING.whole_band_s, live=live
+        )
         self._next_ns: int | None = None
         self._received = (0, 0)
         self._known: list[Beep] = []
@@ -134,34 +125,34 @@ class BeepSearch:
         self.take(*self.due(block, band))
 
     def due(self, block: IQBlock, band: IQBlock) -> tuple[IQBlock | None, IQBlock | None]:
-        """Choose which of both is searched now, and count their time."""
+        """Choose which of the two blocks is searched now, and count their time."""
         decimated = band is not block
         near = band.samples.size > 0 and self._near.due(band)
         whole = decimated and self._whole.due(block)
         return block if whole else None, band if near else None
 
     def take(self, block: IQBlock | None, band: IQBlock | None) -> None:
-        """Search the blocks that are due."""
+        """Search the blocks that `due` has chosen."""
         center_hz, rate_hz = self._receiver.center_frequency_hz, self._receiver.sample_rate_hz
         if band is not None:
             decimated = band.sample_rate_hz < 0.99 * rate_hz
-            self._near.take(band, center_hz, _CLEAN if decimated else 0.5)
+            self._near.take(band, center_hz, LISTENING.clean_share if decimated else 0.5)
         if block is not None:
             self._whole.take(block, center_hz, 0.5)
 
     def finish(self) -> list[Beep]:
-        """Name the trains, the strongest first; for a stream, only new ones."""
+        """Identify the trains, the strongest first; for a stream, only new ones."""
         found = self._found(ended=True)
         return [one for one in found if keep_beep(self._known, one)]
 
     def news(self, now_ns: int) -> list[Beep]:
-        """Name the trains of a live stream that are new, or have doubled their pulses."""
+        """Identify trains of a live stream that are new, or have doubled their pulses."""
         if self._next_ns is None:
-            self._next_ns = now_ns + ns_from_s(_NEWS_S)
+            self._next_ns = now_ns + ns_from_s(LISTENING.report_every_s)
         received = (self._near.received, self._whole.received)
         if now_ns < self._next_ns or received == self._received:
             return []
-        self._next_ns, self._received = now_ns + ns_from_s(_NEWS_S), received
+        self._next_ns, self._received = now_ns + ns_from_s(LISTENING.report_every_s), received
         news = [one for one in self._found(ended=False) if one.pulses >= self._wanted(one)]
         for one in news:
             keep_beep(self._known, one)
@@ -169,11 +160,16 @@ class BeepSearch:
 
     @property
     def dropped(self) -> int:
-        """Cells of the spectrum not examined because there were too many strong ones."""
+        """Number of cells not examined because there were too many strong ones."""
         return self._near.dropped + self._whole.dropped
 
     def _wanted(self, one: Beep) -> int:
-        return max([_LEAST_LIVE, *(2 * old.pulses for old in self._known if old.same_as(one))])
+        return max(
+            [
+                LISTENING.live_pulses,
+                *(2 * old.pulses for old in self._known if old.same_as(one)),
+            ]
+        )
 
     def _found(self, *, ended: bool) -> list[Beep]:
         near = self._near.trains(self._receiver, ended=ended)

@@ -1,52 +1,21 @@
 """Sort points into trains of pulses, each of one sender.
 
 Points of one frequency vote with their time differences for an interval (`beats`). A train is
-refused if its pulses do not agree in frequency, since chance and voice make such trains, and
+refused if its pulses do not agree in frequency, since chance and voice make such trains. It is
 doubtful if most of the points at its frequency are not explained by any train.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver
-from uavrt.detection.beeps.beats import FEWEST, FoundBeat, find_beats
+from uavrt.detection.beeps.beats import FoundBeat, find_beats
 from uavrt.detection.beeps.points import Points
-
-GATHER_HZ: Final = 150.0
-"""Range of frequencies that may belong to one tag as it warms up [Hz]."""
-_STEP_HZ: Final = 25.0
-_MOST_BEATS: Final = 8
-_STRAYS: Final = 2
-"""Points of a train within another's time that are tolerated in one sender."""
-_MOST_SCATTER_HZ: Final = 30.0
-"""Largest scatter of a train's frequencies about a line; chance gives 87 Hz."""
-_LEAST_EXPLAINED: Final = 0.5
-"""Least share of the points at a frequency that are in trains; otherwise doubtful."""
-_SAME_TIME_S: Final = 0.012
-_IMAGE_SHARE: Final = 0.8
-"""Share of an image's pulses that coincide with a stronger train's."""
-_IMAGE_DB: Final = 3.0
-"""Level of an image below its original, at a frequency where receivers make images [dB]."""
-_ANYWHERE_DB: Final = 25.0
-"""Level of an image below its original at any other frequency [dB]."""
-_ALIKE_DB: Final = 10.0
-"""Largest difference in level of the tones of one device, such as a data sender [dB]."""
-_ALIKE_S: Final = 0.001
-_FLANK_HZ: Final = 20_000.0
-"""An image this close is not mentioned: the spectrum of the stronger pulses, or a product."""
-BURST_S: Final = 0.25
-"""Pulses further apart are of two bursts [s]."""
-FEWEST_BURSTS: Final = 3
-MOST_IN_BURST: Final = 8
-_BURST_SHARE: Final = 0.5
-"""Share of the points that come in bursts, where a coded tag is suspected."""
-_MOST_BURSTS_PER_S: Final = 1.0
-"""More are voice or data."""
+from uavrt.detection.beeps.tuning import INTERVALS, TRAINS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,18 +24,18 @@ class Train:
 
     points: Points
     beats: tuple[FoundBeat, ...]
-    """One for each stretch of one interval; members are places in `points`."""
+    """An interval for each stretch of the train; members are indices into `points`."""
     frequency_hz: float
     level_db: float
     doubt: str | None = None
-    """Why this may not be a sender."""
+    """Reason why this may not be a sender; None: it is one."""
     image_of_hz: float | None = None
-    """Frequency of the stronger train with which its pulses coincide."""
+    """Frequency of the stronger train with which its pulses coincide [Hz]; None: no image."""
     together: int = 1
-    """Frequencies, including its own, with equally strong simultaneous pulses."""
+    """Number of frequencies, including its own, with equally strong simultaneous pulses."""
 
     def moved(self, center_hz: float) -> "Train":
-        """Convert the frequencies to absolute ones."""
+        """The train at absolute frequencies."""
         image_hz = self.image_of_hz
         return replace(
             self,
@@ -77,12 +46,12 @@ class Train:
 
     @property
     def interval_s(self) -> float:
-        """Interval of the stretch with the most pulses."""
+        """Interval of the stretch with the most pulses [s]."""
         return self._longest.beat.interval_s
 
     @property
     def interval_sigma_s(self) -> float:
-        """Standard deviation of the interval, including that of the points' times."""
+        """Standard deviation of the interval, including that of the points' times [s]."""
         beat = self._longest.beat
         return max(beat.sigma_s, 0.002 / max(int(beat.numbers[-1]), 1))
 
@@ -111,17 +80,21 @@ def find_trains(
     trains: list[Train] = []
     suspects: list[tuple[float, float]] = []
     for center_hz in _centers(points):
-        low, high = np.searchsorted(ordered, (center_hz - GATHER_HZ, center_hz + GATHER_HZ))
+        low, high = np.searchsorted(
+            ordered, (center_hz - TRAINS.gather_hz, center_hz + TRAINS.gather_hz)
+        )
         near = np.sort(by_frequency[low:high])
         near = near[free[near]]
-        if near.size < FEWEST:
+        if near.size < INTERVALS.fewest_pulses:
             continue
         here = points.take(near)
         found = [
             (train, members)
-            for group in _of_one_sender(find_beats(here.times_s, span_s, _MOST_BEATS), here)
+            for group in _of_one_sender(
+                find_beats(here.times_s, span_s, TRAINS.most_intervals), here
+            )
             for train, members in [_train(group, here)]
-            if _scatter_hz(train.points) <= _MOST_SCATTER_HZ
+            if _scatter_hz(train.points) <= TRAINS.most_scatter_hz
         ]
         used = np.zeros(near.size, dtype=bool)
         for _, members in found:
@@ -139,25 +112,25 @@ def find_trains(
 
 def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Group pulse times into bursts of 2 to 8 pulses."""
-    bursts = np.split(times_s, np.flatnonzero(np.diff(times_s) > BURST_S) + 1)
-    return [one for one in bursts if 2 <= len(one) <= MOST_IN_BURST]
+    bursts = np.split(times_s, np.flatnonzero(np.diff(times_s) > TRAINS.burst_gap_s) + 1)
+    return [one for one in bursts if 2 <= len(one) <= TRAINS.most_in_burst]
 
 
 def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
-    """Share of the points in bursts; 0 unless bursts are as rare as a code's."""
+    """Share of the points in bursts; 0 unless bursts are as rare as those of a code."""
     bursts = split_bursts(times_s)
     share = sum(one.size for one in bursts) / times_s.size
-    rare = FEWEST_BURSTS <= len(bursts) <= _MOST_BURSTS_PER_S * span_s
-    return share if rare and share >= _BURST_SHARE else 0.0
+    rare = TRAINS.fewest_bursts <= len(bursts) <= TRAINS.most_bursts_per_s * span_s
+    return share if rare and share >= TRAINS.burst_share else 0.0
 
 
 def _centers(points: Points) -> list[float]:
     """Frequencies around which most points lie, those with the strongest points first."""
-    if len(points) < FEWEST:
+    if len(points) < INTERVALS.fewest_pulses:
         return []
-    low_hz = float(points.frequencies_hz.min()) - 2.0 * GATHER_HZ
-    place = np.round((points.frequencies_hz - low_hz) / _STEP_HZ).astype(np.intp)
-    reach = round(GATHER_HZ / _STEP_HZ)
+    low_hz = float(points.frequencies_hz.min()) - 2.0 * TRAINS.gather_hz
+    place = np.round((points.frequencies_hz - low_hz) / TRAINS.step_hz).astype(np.intp)
+    reach = round(TRAINS.gather_hz / TRAINS.step_hz)
     size = int(place.max()) + 2 * reach + 1
     weight = np.bincount(place, np.maximum(points.levels_db, 0.1), size)
     count = np.bincount(place, minlength=size)
@@ -165,10 +138,12 @@ def _centers(points: Points) -> list[float]:
     weights = np.convolve(weight, np.ones(2 * half + 1), mode="same")
     counts = np.convolve(count, np.ones(2 * reach + 1), mode="same")
     highest = sliding_window_view(np.pad(weights, reach), 2 * reach + 1).max(axis=1)
-    tops = np.flatnonzero((weights >= highest) & (weights > 0.0) & (counts >= FEWEST))
+    tops = np.flatnonzero(
+        (weights >= highest) & (weights > 0.0) & (counts >= INTERVALS.fewest_pulses)
+    )
     # Equal neighbours are one top.
     tops = tops[np.diff(tops, prepend=-2) > 1]
-    return [float(low_hz + _STEP_HZ * top) for top in tops[np.argsort(-weights[tops])]]
+    return [float(low_hz + TRAINS.step_hz * top) for top in tops[np.argsort(-weights[tops])]]
 
 
 def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.intp]]:
@@ -182,7 +157,7 @@ def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.
 
 
 def _scatter_hz(points: Points) -> float:
-    """Scatter of the frequencies about a line through them, without outliers."""
+    """Scatter of the frequencies about a line through them, without outliers [Hz]."""
     time_s = points.times_s - points.times_s.mean()
     slope, value = np.polyfit(time_s, points.frequencies_hz, 1)
     off_hz = np.abs(points.frequencies_hz - value - slope * time_s)
@@ -194,7 +169,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
     weakest_db = min(train.level_db for train in trains)
     strong = here.levels_db >= weakest_db - 3.0
     explained = float((used & strong).sum()) / max(float(strong.sum()), 1.0)
-    if explained >= _LEAST_EXPLAINED:
+    if explained >= TRAINS.least_explained:
         return trains
     doubt = f"only {100.0 * explained:.0f} % of the pulses at its frequency keep the interval"
     return [replace(train, doubt=doubt) for train in trains]
@@ -210,7 +185,7 @@ def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
         ]
         if not originals_hz:
             kept.append(train)
-        elif abs(originals_hz[0] - train.frequency_hz) > _FLANK_HZ:
+        elif abs(originals_hz[0] - train.frequency_hz) > TRAINS.flank_hz:
             kept.append(replace(train, image_of_hz=originals_hz[0]))
     return [replace(one, together=sum(_alike(one, other) for other in kept)) for one in kept]
 
@@ -218,8 +193,8 @@ def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
 def _alike(train: Train, other: Train) -> bool:
     """True if equally strong pulses at two frequencies always coincide."""
     return (
-        abs(train.interval_s - other.interval_s) <= _ALIKE_S
-        and abs(train.level_db - other.level_db) <= _ALIKE_DB
+        abs(train.interval_s - other.interval_s) <= TRAINS.one_device_s
+        and abs(train.level_db - other.level_db) <= TRAINS.one_device_db
         and _coincide(train, other)
         and _coincide(other, train)
     )
@@ -230,10 +205,10 @@ def _is_image(
 ) -> bool:
     """True if the receiver may have produced a train from a stronger one."""
     below_db = other.level_db - train.level_db
-    if below_db < _IMAGE_DB or not _coincide(train, other):
+    if below_db < TRAINS.image_db or not _coincide(train, other):
         return False
     partners_hz = [one.frequency_hz for one in stronger if one is not other]
-    return below_db >= _ANYWHERE_DB or receiver.makes(
+    return below_db >= TRAINS.anywhere_db or receiver.makes(
         train.frequency_hz, other.frequency_hz, partners_hz
     )
 
@@ -243,11 +218,11 @@ def _coincide(train: Train, other: Train) -> bool:
     theirs_s, times_s = other.points.times_s, train.points.times_s
     place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
     gap_s = np.minimum(np.abs(theirs_s[place - 1] - times_s), np.abs(theirs_s[place] - times_s))
-    return bool(np.mean(gap_s <= _SAME_TIME_S) >= _IMAGE_SHARE)
+    return bool(np.mean(gap_s <= TRAINS.same_time_s) >= TRAINS.image_share)
 
 
 def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
-    """Group trains by sender: a tag has one interval at a time, so they do not overlap."""
+    """Group intervals by sender: a tag has one interval at a time, so they do not overlap."""
     groups: list[list[FoundBeat]] = []
     for beat in beats:
         times_s = here.times_s[beat.members]
@@ -261,9 +236,9 @@ def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundB
 
 
 def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> bool:
-    """True if two trains overlap in time; a false point or two may extend one."""
+    """True if two trains overlap in time; one or two false points may extend one."""
     inside = (
         int(((one >= other[0]) & (one <= other[-1])).sum())
         for one, other in ((first_s, second_s), (second_s, first_s))
     )
-    return min(inside) > _STRAYS
+    return min(inside) > TRAINS.strays

@@ -1,4 +1,4 @@
-"""When, where and how strongly a coded burst was received, and the record of it."""
+"""Measure time, frequency and strength of a coded burst, and make its record."""
 
 from collections.abc import Callable, Mapping
 
@@ -9,19 +9,17 @@ from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.identity import Sighting
 from uavrt.detection.coded.judging import Burst
 from uavrt.detection.coded.tracks import Tracks
+from uavrt.detection.coded.tuning import IDENTITY
 from uavrt.detection.reporting import report_every_s
 from uavrt.detection.signal.samples import Counters
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import db_from_power, ns_from_s
 
-_SAME_S = 0.02
-"""Largest difference between start times of the same burst."""
-
 
 class BurstReporter:
-    """The records since the last call; each burst of a tag makes one.
+    """Makes one record for each burst of a tag.
 
-    `tracks`: where tags are expected; confirmed bursts are added.
+    `tracks`: predictions of bursts; confirmed bursts are added.
     """
 
     def __init__(
@@ -42,12 +40,12 @@ class BurstReporter:
         self._reported_ns = 0
 
     def drain(self) -> list[Pulse]:
-        """Take the records."""
+        """Return the records since the last call, in order of time."""
         found, self._pulses = self._pulses, []
         return sorted(found, key=lambda pulse: pulse.start_time_ns)
 
     def drain_reports(self) -> list[SearchReport]:
-        """Get the search reports since the last call."""
+        """Return the search reports since the last call."""
         reports, self._reports = self._reports, []
         return reports
 
@@ -65,9 +63,9 @@ class BurstReporter:
         confirmed: bool,
         others: tuple[int, ...],
     ) -> None:
-        """Report a burst, if it was not yet."""
+        """Report a burst, unless it was reported before."""
         reported = self._told[tag.tag_id]
-        if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in reported):
+        if any(abs(start_ns - other) < ns_from_s(IDENTITY.same_burst_s) for other in reported):
             return
         reported.append(start_ns)
         del reported[:-64]
@@ -131,9 +129,9 @@ def sighting_of(
     tags: Mapping[int, Tag],
     required: float,
 ) -> Sighting:
-    """Measure a burst.
+    """Measure a burst: its time, frequency, energies.
 
-    `time_ns`: time of a column. `width_s`: of the pulses. `tags`: all, by their numbers.
+    `time_ns`: time of a column. `width_s`: width of a pulse [s]. `tags`: all tags by their ids.
     `required`: evidence that it needs.
     """
     good = burst.good
@@ -163,10 +161,10 @@ def sighting_of(
 
 
 def _beside(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Offset of the pulses from the columns with their largest cells.
+    """Offset of the pulses from the columns with their largest cells [columns].
 
-    The matched filter of a rectangular pulse decays linearly on both sides: the amplitudes
-    next to the maximum give the offset.
+    The matched filter of a rectangular pulse decays linearly on both sides: the amplitudes next
+    to the maximum give the offset.
     """
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)

@@ -9,28 +9,23 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.coded.tuning import CELLS
+
 STEP = 0.25
 """Resolution of cells stored as bytes [noise energies]."""
 CLIP = 63
 """Largest stored cell: the sum of four fits a byte."""
 NEUTRAL = round(1.0 / STEP)
-"""Mean of noise cells."""
-_ROW_SPACING = 0.3125
-"""Spacing of the frequencies, in parts of the inverse of the pulse width: 125 Hz for 2.5 ms,
-which loses 0.3 dB half-way."""
-_COLUMNS_PER_PULSE = 9.0
+"""Stored value of a cell with the mean energy of noise."""
 UNIT = 16.0
-"""Amplitude of the noise in stored samples; they are clipped at eight times that."""
-_LEVELS = 25
-"""Stretches of samples whose medians give the noise: 10 s."""
-_LEAST_RISE = 0.85
-"""Least weight of the present noise, so that a rise does not look like bursts."""
+"""Amplitude of the noise in stored samples, which are clipped at eight times that."""
 
 
 class Cells:
     """Computes and stores the cells of one channel.
 
-    `kept_s`, `recent_s`: duration for which cells are kept as bytes, and at full precision.
+    `kept_s`, `recent_s`: durations for which cells are kept as bytes, and in full precision
+    [s].
     """
 
     def __init__(
@@ -44,18 +39,18 @@ class Cells:
         recent_s: float,
     ) -> None:
         self.length = max(2, round(pulse_width_s * sample_rate_hz))
-        """Samples in a pulse."""
+        """Number of samples in a pulse."""
         self.sample_rate_hz = sample_rate_hz
-        self.hop = max(1, int(pulse_width_s * sample_rate_hz / _COLUMNS_PER_PULSE))
-        """Samples from column to column."""
+        self.hop = max(1, int(pulse_width_s * sample_rate_hz / CELLS.columns_per_pulse))
+        """Number of samples from column to column."""
         self.column_s = self.hop / sample_rate_hz
         self.pulse = max(1, round(pulse_width_s / self.column_s))
-        """Columns in a pulse."""
-        spacing_hz = _ROW_SPACING / pulse_width_s
+        """Number of columns in a pulse."""
+        spacing_hz = CELLS.row_spacing / pulse_width_s
         rows = max(1, math.ceil((high_hz - low_hz) / spacing_hz)) + 1
         self.offsets_hz = np.linspace(low_hz, high_hz, rows)
-        self.rows_of_a_bin = min(rows - 1, math.ceil(1.0 / _ROW_SPACING))
-        """Rows on either side in which a pulse is visible: one over its width."""
+        self.rows_of_a_bin = min(rows - 1, math.ceil(1.0 / CELLS.row_spacing))
+        """Number of rows on either side in which a pulse is visible: one over its width."""
         self._turns = -2j * np.pi * self.offsets_hz[:, None] / sample_rate_hz
         self._kept = math.ceil(kept_s / self.column_s)
         self._recent = math.ceil(recent_s / self.column_s)
@@ -67,17 +62,17 @@ class Cells:
         self.base = 0
         """Column of the first stored byte."""
         self.end = 0
-        """Column after the last one."""
+        """Column after the last computed one."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
-        """Samples from that of `base` on, real and imaginary, relative to the noise's."""
+        """Samples from column `base` on, real and imaginary, relative to the noise."""
         self.recent = np.zeros((rows, 0), np.float32)
-        """Cells up to `end`, in noise energies."""
+        """(rows, columns) newest cells up to `end` [noise energies]."""
         self._medians: list[NDArray[np.float64]] = []
         self.noise = np.ones(rows)
-        """Noise energy in a cell of each row."""
+        """(rows,) noise energy in a cell of each row."""
         self.shape = np.ones(rows)
-        """Noise of each row over the usual one, from ten seconds."""
+        """(rows,) noise of each row over the median of all, averaged over ten seconds."""
 
     @property
     def recent_from(self) -> int:
@@ -85,10 +80,9 @@ class Cells:
         return self.end - self.recent.shape[1]
 
     def push(self, samples: NDArray[np.complex64]) -> int:
-        """Add samples and compute the complete columns.
+        """Add samples and compute the complete columns; return their number.
 
-        `samples` (n,): from the first sample of column `end` on. Returns the number of new
-        columns.
+        `samples` (n,): from the first sample of column `end` on.
         """
         count = (len(samples) - self.length) // self.hop + 1
         if count <= 0:
@@ -112,10 +106,10 @@ class Cells:
         if heard.shape[1] < 4 * self.pulse:
             return
         now = np.median(heard, axis=1) / math.log(2.0)
-        self._medians = [*self._medians, now][-_LEVELS:]
+        self._medians = [*self._medians, now][-CELLS.noise_pieces :]
         usual = np.median(self._medians, axis=0)
         self.shape = usual / max(float(np.median(usual)), 1e-30)
-        self.noise = np.maximum(np.maximum(usual, _LEAST_RISE * now), 1e-30)
+        self.noise = np.maximum(np.maximum(usual, CELLS.least_rise * now), 1e-30)
 
     def _keep(self, cells: NDArray[np.float32], samples: NDArray[np.complex64]) -> None:
         over = cells.shape[1] - self.kept.shape[1]
@@ -141,6 +135,6 @@ class Cells:
         self.past[first : first + len(pairs)] = pairs
 
     def hide(self, column: int, columns: int) -> None:
-        """Replace stored cells by noise, from a column on, in all rows."""
+        """Replace the stored cells of some columns by noise, in all rows."""
         first = max(0, column - self.base)
         self.kept[:, first : max(first, column + columns - self.base)] = NEUTRAL

@@ -1,10 +1,9 @@
-"""Refine bursts that together are nearly sufficient, on the samples instead of the cells.
+"""Refine bursts whose sum is nearly sufficient, on the samples instead of the cells.
 
 Cells are 0.27 ms and 125 Hz apart, and a sum of ten bursts loses 0.4 dB between them. Finer
-cells would be needed for all codes; this is done only for the near-sufficient ones.
+cells would be needed for all codes; this is done only for the nearly sufficient ones.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,29 +11,16 @@ from numpy.typing import NDArray
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.cells import NEUTRAL, UNIT, Cells
+from uavrt.detection.coded.tuning import REFINE
 from uavrt.messages import Tag
-
-_TURNS_HZ = (-42.0, 0.0, 42.0)
-"""Offsets from the row's frequency: a third of the rows' spacing."""
-_STRETCHES = (-0.25, 0.0, 0.25)
-"""Shares of the tolerance, added to the seed's stretch."""
-_SHIFTS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-_DRIFTS = (-1.0, 0.0, 1.0)
-"""Columns from the first to the last burst, added to the interval of the sum."""
-_NEAR = 3
-"""Largest shift of a pulse [columns]; it must not reach a hidden signal."""
-_HIDDEN = 0.25 * math.pi
-"""Energy of a hidden pulse, of the mean amplitude of noise."""
-_MARGIN = 6
-"""Columns on each side of a pulse that are loaded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """Refined result of several bursts.
+    """Refined times and energies of several bursts.
 
-    `energies` (bursts, pulses): in noise energies; hidden pulses have the usual one of noise,
-    those beyond the cells 0.
+    `energies` (bursts, pulses) [noise energies]: hidden pulses have the usual one of noise,
+    those outside of the stored samples 0.
     """
 
     begins: NDArray[np.float64]
@@ -47,24 +33,24 @@ def look(
 ) -> Look:
     """Find the position between cells with the largest sum.
 
-    `part`: share of the tolerance by which the gaps are stretched together. `most`: largest
-    energy that counts for a pulse [noise energies].
+    `part`: stretch of all gaps, as a share of the tolerance. `most`: largest energy that counts
+    for a pulse [noise energies].
     """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
-    parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(_STRETCHES)) / starts_s[-1]
+    parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(REFINE.stretches)) / starts_s[-1]
     offsets = starts_s * parts[:, None] / cells.column_s
     middle = begins[:, None] + offsets[1]
-    firsts = np.rint(middle).astype(np.int64) - _MARGIN
+    firsts = np.rint(middle).astype(np.int64) - REFINE.margin_columns
     within, sums = _prefix(cells, row, firsts)
     places = np.arange(len(begins)) / max(len(begins) - 1, 1) - 0.5
-    moved = np.array(_SHIFTS)[:, None, None] + np.array(_DRIFTS)[:, None] * places
+    moved = np.array(REFINE.shifts)[:, None, None] + np.array(REFINE.drifts)[:, None] * places
     moved = moved.reshape(-1, len(begins))
     # (moves, stretches, bursts, pulses), columns from each pulse's first
     own = begins + moved
     at = own[:, None, :, None] + offsets[:, None, :] - firsts
     energy = _energies(cells, sums, at) / (UNIT**2 * cells.shape[row])
     energy[:, :, :, ~within] = 0.0
-    energy[:, :, :, _hidden(cells, np.rint(middle).astype(np.int64))] = _HIDDEN
+    energy[:, :, :, _hidden(cells, np.rint(middle).astype(np.int64))] = REFINE.hidden_energy
     total = np.minimum(energy, most).sum(axis=(3, 4))
     turn, move, stretch = np.unravel_index(int(total.argmax()), total.shape)
     return Look(
@@ -81,13 +67,13 @@ def _prefix(
 
     Shape (turns, bursts, pulses, n + 1); the flags mark pulses with all samples.
     """
-    count = 2 * _MARGIN * cells.hop + cells.length + 1
+    count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
     within = (first >= 0) & (first + count <= (cells.end - cells.base) * cells.hop)
     index = np.where(within, first, 0)[..., None] + np.arange(count)
     pairs = cells.past[index].astype(np.float64)
     samples = pairs[..., 0] + 1j * pairs[..., 1]
-    hz = cells.offsets_hz[row] + np.array(_TURNS_HZ)
+    hz = cells.offsets_hz[row] + np.array(REFINE.turns_hz)
     turned = samples * np.exp(
         -2j * np.pi / cells.sample_rate_hz * hz[:, None, None, None] * np.arange(count)
     )
@@ -119,7 +105,7 @@ def _energies(
 
 def _hidden(cells: Cells, columns: NDArray[np.int64]) -> NDArray[np.bool_]:
     """True if stored cells at or near a column were replaced by noise, in all rows."""
-    near = columns[..., None] + np.array((-_NEAR, 0, _NEAR))
+    near = columns[..., None] + np.array((-REFINE.near_columns, 0, REFINE.near_columns))
     at = np.clip(near - cells.base, 0, cells.kept.shape[1] - 1)
     hidden: NDArray[np.bool_] = (cells.kept[:, at] == NEUTRAL).all(axis=0).any(axis=-1)
     return hidden

@@ -1,7 +1,6 @@
 """The detector of coded tags: samples of a channel in, one record for each burst out.
 
-A pure stage like `uavrt.detection.detector.PulseDetector`, but for all codes of a channel
-together (docs/explanation/coded-tags.md).
+Handles all codes of a channel together (docs/explanation/coded-tags.md).
 """
 
 import bisect
@@ -18,39 +17,25 @@ from uavrt.detection.coded.cells import CLIP, STEP, Cells
 from uavrt.detection.coded.evidence import required_evidence
 from uavrt.detection.coded.folds import Folds, Found
 from uavrt.detection.coded.foreign import Foreign
-from uavrt.detection.coded.identity import DOUBT, Sightings
+from uavrt.detection.coded.identity import Sightings
 from uavrt.detection.coded.judging import Burst, OnAir, decide, least_pulses, measure
-from uavrt.detection.coded.limits import FALSE_PER_HOUR, limit, sum_limit
+from uavrt.detection.coded.limits import limit, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
 from uavrt.detection.coded.tracks import Tracks
+from uavrt.detection.coded.tuning import CELLS, IDENTITY, LIMITS
 from uavrt.detection.signal.block_order import Intake
 from uavrt.detection.signal.samples import Counters
 from uavrt.detection.signal.signal_cleaning import Cleaner
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
-KEPT_S = 130.0
-"""Duration of the cells from which several bursts are summed."""
-_STEP_S = 0.4
-"""Duration of the samples gathered before the search continues."""
-_TALL = 25.0
-"""Cells above this do not belong to a tag that only several bursts show [noise energies]."""
-_ECHOING, _ECHO_PULSES = 200.0, 5
-"""Cells above this energy leave an echo of the filters, for this number of pulse widths."""
-_TRACKED = 1e-6
-"""Chance of noise in a cell where a burst of an identified tag is expected."""
-_EXPECTED = 6.0
-"""Log odds of an identified tag's burst at its expected time, over other times."""
-_LEAST_ENERGY = 0.25
-"""Least mean energy of a reported burst's pulses over the noise."""
-
 
 class CodedDetector:
     """Finds the bursts of coded tags in the samples of a channel.
 
-    `tags`: coded tags of this channel. `center_frequency_hz`: absolute frequency of the
-    channel's centre. `frequency_window_hz`: half-width of the search around the tags' nominal
-    frequencies. Raises `ConfigError`: a tag lies outside the channel, or a value is invalid.
+    `center_frequency_hz`: absolute frequency of the channel's centre. `frequency_window_hz`:
+    half-width of the search around the tags' frequencies. Raises `ConfigError`: a tag is
+    outside of the channel, or a value is invalid.
     """
 
     def __init__(
@@ -60,7 +45,7 @@ class CodedDetector:
         sample_rate_hz: float,
         center_frequency_hz: float,
         frequency_window_hz: float = 500.0,
-        false_per_hour: float = FALSE_PER_HOUR,
+        false_per_hour: float = LIMITS.false_per_hour,
     ) -> None:
         self.tags = tuple(tags)
         self.sample_rate_hz = float(sample_rate_hz)
@@ -71,8 +56,6 @@ class CodedDetector:
         self._bandwidth_hz = 2.0 * window_hz
         self._false_per_hour = false_per_hour
         self.counters = Counters()
-        self.collisions = 0
-        """Bursts not distinguishable from simultaneous ones."""
         self._width_s = min(tag.pulse_width_s for tag in self.tags)
         self._cells = self._make_cells(window_hz)
         column_s = self._cells.column_s
@@ -121,7 +104,7 @@ class CodedDetector:
         high_hz = max(tag.frequency_hz for tag in self.tags) + window_hz - center_hz
         span_s = max(tag.length_s for tag in self.tags)
         most_s = max(2.0 * tag.k * tag.pulse_intervals_s[0] for tag in self.tags)
-        self._kept_s = min(KEPT_S, most_s)
+        self._kept_s = min(CELLS.kept_s, most_s)
         return Cells(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self._width_s,
@@ -150,7 +133,7 @@ class CodedDetector:
         )
         self._clean = 0
         self._searched = 0
-        """Start columns searched for single bursts."""
+        """Column up to which single bursts were searched."""
         self._claims: list[Burst] = []
         self._ahead: list[Burst] = []
         """Accepted bursts that later ones may still explain."""
@@ -168,10 +151,9 @@ class CodedDetector:
         self._stamps: tuple[list[int], list[int]] = ([], [])
 
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
-        """Process a block of samples.
+        """Process a block of samples; return a record for each burst since the last call.
 
-        `time_ns`: time at the antenna of the first sample [ns, UTC]. Returns a record for each
-        burst found since the last call.
+        `time_ns`: time at the antenna of the first sample [ns, UTC].
         """
         samples = np.ascontiguousarray(samples, np.complex64)
         if len(samples):
@@ -186,13 +168,13 @@ class CodedDetector:
         return self._reporter.drain()
 
     def flush(self) -> list[Pulse]:
-        """End the stream: search the rest."""
+        """End the stream: search the remaining samples, and return their records."""
         self._finish()
         self._start()
         return self._reporter.drain()
 
     def search_reports(self) -> list[SearchReport]:
-        """Get the search reports since the last call."""
+        """Return the search reports since the last call."""
         return self._reporter.drain_reports()
 
     def _finish(self) -> None:
@@ -204,7 +186,7 @@ class CodedDetector:
 
     def _go_on(self, *, last: bool) -> None:
         buffer = self._intake.buffer
-        step = round(_STEP_S * self.sample_rate_hz)
+        step = round(CELLS.step_s * self.sample_rate_hz)
         while True:
             end = buffer.end - self._cleaner.margin
             if end - self._clean < (1 if last else step):
@@ -258,7 +240,7 @@ class CodedDetector:
         self._tracks.forget(upto_ns)
         for track in self._tracks.alive.values():
             book, code = self._place[track.tag.tag_id]
-            limits = {n: limit(n, 1.0, _TRACKED) for n in self._least[book.pulses]}
+            limits = {n: limit(n, 1.0, LIMITS.expected_false) for n in self._least[book.pulses]}
             for at_ns, error_s in track.expected(upto_ns):
                 middle, half = self._column(at_ns), math.ceil(error_s / cells.column_s)
                 first = max(round(middle) - half, self._searched)
@@ -267,7 +249,7 @@ class CodedDetector:
                     continue
                 seed = _best_seed(cells, book, code, track.row, first, last)
                 rate = self._foreign.per_hour
-                found += measure(cells, book, seed, limits, rate, prior=_EXPECTED)
+                found += measure(cells, book, seed, limits, rate, prior=LIMITS.expected_log)
         return found
 
     def _time_ns(self, column: float) -> int:
@@ -283,12 +265,12 @@ class CodedDetector:
 
     def _tell_several(self, found: Found) -> None:
         required = self._required(self._foreign.per_hour)
-        if found.unlisted < required - DOUBT:
+        if found.unlisted < required - IDENTITY.doubt_log:
             return
         over = found.energies.mean(axis=1) - 1.0
         # Before the tag came and after it went there are none.
         own = np.flatnonzero(over >= 0.5 * over.mean())
-        heard = np.flatnonzero(over >= _LEAST_ENERGY)
+        heard = np.flatnonzero(over >= LIMITS.least_energy)
         for place in heard[(heard >= own[0]) & (heard <= own[-1])].tolist():
             columns, energies = found.columns[place], found.energies[place]
             if columns[0] < 0:
@@ -314,7 +296,8 @@ class CodedDetector:
             before=sure,
             foreign_per_hour=self._foreign.per_hour,
         )
-        self.collisions += lost
+        if lost:
+            self.counters.reject("collision with other bursts", lost)
         explained = [
             one
             for one in (*self._on_air.bursts, *accepted)
@@ -324,7 +307,7 @@ class CodedDetector:
         new = []
         for burst in accepted:
             if burst.column < sure:
-                self._on_air.add(burst)
+                self._on_air.bursts.append(burst)
                 required = 0.0
                 if not burst.prior:
                     required = self._required(self._foreign.about(burst))
@@ -362,7 +345,8 @@ class CodedDetector:
         cells = self._cells
         recent = cells.recent[:, first - cells.recent_from : upto - cells.recent_from]
         tall = recent.max(axis=0, initial=0.0)
-        for level, reach in ((_TALL, cells.pulse), (_ECHOING, _ECHO_PULSES * cells.pulse)):
+        echo = CELLS.echo_widths * cells.pulse
+        for level, reach in ((CELLS.tall, cells.pulse), (CELLS.echoing, echo)):
             for column in (np.flatnonzero(tall > level) + first).tolist():
                 cells.hide(column - reach, reach + min(reach + 1, upto - column))
         required = self._required(self._foreign.per_hour)

@@ -14,25 +14,9 @@ from uavrt.detection.coded.cells import CLIP, STEP, Cells
 from uavrt.detection.coded.closely import look
 from uavrt.detection.coded.evidence import evidence_of_sums
 from uavrt.detection.coded.limits import amplitude_limit, longest, sum_limit
-from uavrt.detection.coded.sums import FIELDS, STRETCHES, CodeBook, find_seeds, fold
+from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold
+from uavrt.detection.coded.tuning import SUMS
 from uavrt.messages import Tag
-
-_CLIP = 10.0
-"""Largest cell that counts [noise energies]: three times that of a tag found only here."""
-_SEED_OF_MANY, _SEED_OF_THREE = 3.5, 4.3
-"""Mean cell of a seed; three of four sums of bursts at the limit contain one so large, noise
-has few."""
-_COLUMNS_PER_STEP = 2.0
-"""Shift of the last burst from one tried interval to the next [columns]."""
-THREE = 3
-_EXAMINED_SHARE = 0.88
-"""Share of the least sum from which a sum is refined."""
-_CLEAR_LEAD = 20.0
-"""Least lead of a sum over that of another code with the same pulses."""
-_BOX = 2048
-"""Range of columns within which due seeds are grouped."""
-_AWAY = 10
-"""Largest distance between equal pulses of two codes [columns]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,10 +40,7 @@ class Found:
 
 
 class Waiting:
-    """Seeds that wait for the last burst of their sums.
-
-    They are grouped by due time: only due groups are visited.
-    """
+    """Seeds that wait for the last burst of their sums, grouped by due time."""
 
     def __init__(self) -> None:
         self._boxes: dict[int, list[NDArray[np.int32]]] = {}
@@ -71,7 +52,7 @@ class Waiting:
         columns = np.floor(ends).astype(np.int32)
         call = np.full(len(seeds), self._calls, np.int32)
         entries = np.concatenate((call[:, None], columns[:, None], seeds), axis=1)
-        boxes = columns // _BOX
+        boxes = columns // SUMS.box_columns
         order = np.argsort(boxes, kind="stable")
         found, first = np.unique(boxes[order], return_index=True)
         for box, own in zip(found.tolist(), np.split(order, first[1:]), strict=False):
@@ -80,7 +61,7 @@ class Waiting:
     def due(self, before: float) -> NDArray[np.int32]:
         """Remove and return the seeds due before a column, in the order of arrival."""
         taken = [np.zeros((0, 2 + FIELDS), np.int32)]
-        for box in [one for one in self._boxes if one * _BOX < before]:
+        for box in [one for one in self._boxes if one * SUMS.box_columns < before]:
             entries = np.concatenate(self._boxes.pop(box))
             over = entries[:, 1] < before
             taken.append(entries[over])
@@ -92,9 +73,9 @@ class Waiting:
 
 
 class Folds:
-    """Seeds of the codes with equal numbers of pulses, and their results.
+    """Sums several bursts of the codes with equal numbers of pulses.
 
-    `kept_s`: duration for which cells are kept.
+    `kept_s`: duration for which cells are kept [s].
     """
 
     def __init__(
@@ -112,13 +93,13 @@ class Folds:
         self._bursts = np.array([longest(tag, kept_s) for tag in book.tags])
         self._error = np.array([t.interval_uncertainty_s for t in book.tags]) / cells.column_s
         most = 255 // book.pulses
-        self._clip = min(round(_CLIP / STEP), most)
+        self._clip = min(round(SUMS.most_cell / STEP), most)
         self._clip_of_three = min(CLIP, most)
         self._least_of: dict[int, NDArray[np.float64]] = {}
         self._waiting = {
             bursts: Waiting()
-            for bursts in sorted({THREE, *self._bursts.tolist()})
-            if bursts >= THREE
+            for bursts in sorted({SUMS.few_bursts, *self._bursts.tolist()})
+            if bursts >= SUMS.few_bursts
         }
 
     def note(self, first: int, count: int) -> None:
@@ -127,13 +108,17 @@ class Folds:
         seeds = find_seeds(
             *(self._cells, self._book, first, count),
             clip=self._clip,
-            level=round(_SEED_OF_MANY * pulses / STEP),
+            level=round(SUMS.seed_of_many * pulses / STEP),
         )
         most = self._bursts[seeds[:, 0]]
         for bursts, waiting in self._waiting.items():
-            own = seeds[most == bursts] if bursts != THREE else seeds[most >= THREE]
-            if bursts == THREE:
-                own = own[own[:, 4] >= round(_SEED_OF_THREE * pulses / STEP)]
+            own = (
+                seeds[most == bursts]
+                if bursts != SUMS.few_bursts
+                else seeds[most >= SUMS.few_bursts]
+            )
+            if bursts == SUMS.few_bursts:
+                own = own[own[:, 4] >= round(SUMS.seed_of_three * pulses / STEP)]
             reach = self._error[own[:, 0]] + self._book.intervals[own[:, 0]]
             ends = own[:, 3] + (bursts - 1) * reach + self._book.span + self._cells.pulse
             waiting.add(own, ends)
@@ -154,7 +139,7 @@ class Folds:
     def _hits(
         self, seeds: NDArray[np.int32], bursts: int, error: float, foreign_per_hour: float
     ) -> list[Found]:
-        steps = math.ceil((bursts - 1) * error / _COLUMNS_PER_STEP)
+        steps = math.ceil((bursts - 1) * error / SUMS.columns_per_step)
         best = fold(
             *(self._cells, self._book, seeds),
             bursts=bursts,
@@ -163,7 +148,7 @@ class Folds:
             clip=self._clip_of(bursts),
         )
         found = []
-        nearly = _EXAMINED_SHARE * self._least(bursts)[seeds[:, 0]]
+        nearly = SUMS.examined_share * self._least(bursts)[seeds[:, 0]]
         enough = best[:, 0] * STEP >= nearly
         for seed, one in zip(seeds[enough].tolist(), best[enough].tolist(), strict=True):
             off = error * one[1] / max(steps, 1)
@@ -172,7 +157,7 @@ class Folds:
 
     def _clip_of(self, bursts: int) -> int:
         """Largest cell that counts; pulses visible in three bursts are stronger."""
-        return self._clip_of_three if bursts == THREE else self._clip
+        return self._clip_of_three if bursts == SUMS.few_bursts else self._clip
 
     def _least(self, bursts: int) -> NDArray[np.float64]:
         if bursts not in self._least_of:
@@ -200,7 +185,7 @@ class Folds:
         closely = look(
             *(self._cells, self._book.tags[code]),
             row=row,
-            part=STRETCHES[stretch],
+            part=SUMS.stretches[stretch],
             begins=begins,
             most=self._clip_of(bursts) * STEP,
         )
@@ -249,7 +234,7 @@ class Folds:
             for place in shared:
                 other = chosen[place]
                 near = one.energies.shape == other.energies.shape and (
-                    one.total > other.total - _CLEAR_LEAD
+                    one.total > other.total - SUMS.clear_lead
                 )
                 if near and one.tag.tag_id not in (other.tag.tag_id, *other.also_possible):
                     chosen[place] = _with_rival(other, one.tag.tag_id)
@@ -259,7 +244,7 @@ class Folds:
 def _common(one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
     """Share of one's pulses that are also the other's."""
     apart = np.abs(one.reshape(-1, 1) - other.reshape(1, -1))
-    return float((apart <= _AWAY).any(axis=1).mean())
+    return float((apart <= SUMS.same_columns).any(axis=1).mean())
 
 
 def _with_rival(found: Found, tag_id: int) -> Found:

@@ -8,19 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.judging import Burst
-
-_PER_HOUR = 0.02
-"""Rate of foreign bursts assumed before any is observed on a channel [1/h]."""
-_MEMORY_S = 300.0
-"""Time over which foreign bursts are averaged."""
-_START_S = 10.0
-"""Time added to that since the start, so that one early burst is not a high rate."""
-_WEAKEST, _SURE = 10.0, 14.0
-"""Least energy of a foreign pulse with two others, and of a single one [noise energies]."""
-_BESIDE = 0.25
-"""Least energy of a foreign pulse that contradicts a burst, relative to the burst's mean."""
-_ROWS = 2
-"""Largest difference in rows between pulses of one sender."""
+from uavrt.detection.coded.tuning import FOREIGN
 
 
 class Foreign:
@@ -40,9 +28,9 @@ class Foreign:
 
     @property
     def per_hour(self) -> float:
-        """Foreign bursts per hour, averaged over the last minutes."""
-        heard_s = min(_MEMORY_S, self._upto * self._cells.column_s) + _START_S
-        return _PER_HOUR + 3600.0 * self._count / heard_s
+        """Foreign bursts averaged over the last minutes [1/h]."""
+        heard_s = min(FOREIGN.memory_s, self._upto * self._cells.column_s) + FOREIGN.start_s
+        return FOREIGN.least_per_hour + 3600.0 * self._count / heard_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
         """Find the foreign pulses among the recent cells, and count their bursts.
@@ -55,7 +43,7 @@ class Foreign:
         reach = 2 * cells.pulse
         padded = np.pad(loudest, reach)
         top = loudest >= sliding_window_view(padded, 2 * reach + 1).max(axis=1)
-        at = np.flatnonzero(top & (loudest >= _WEAKEST))
+        at = np.flatnonzero(top & (loudest >= FOREIGN.weakest_energy))
         columns = at + cells.recent_from
         own = [one.columns for one in explained]
         if own and len(columns):
@@ -65,7 +53,7 @@ class Foreign:
         self._energies = loudest[at]
         new = self._columns[(self._columns >= self._upto) & (self._columns < upto)]
         passed_s = (upto - self._upto) * cells.column_s
-        self._count *= math.exp(-passed_s / _MEMORY_S)
+        self._count *= math.exp(-passed_s / FOREIGN.memory_s)
         self._count += sum(self._of_burst(column) for column in new.tolist()) / 4.0
         self._upto = max(upto, self._upto)
 
@@ -73,14 +61,16 @@ class Foreign:
         """True if two more pulses of one sender lie within a burst's length of a pulse."""
         (row,) = self._rows[self._columns == column]
         near = np.abs(self._columns - column) <= self._span
-        return int((near & (np.abs(self._rows - row) <= _ROWS)).sum()) >= 3
+        return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
-        """Foreign bursts per hour at a burst: averaged, or those within a burst's length."""
+        """Foreign bursts at a burst [1/h]: averaged, or those within a burst's length."""
         near = self._columns >= burst.columns[0] - self._span
         near &= self._columns <= burst.columns[-1] + self._span
         near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin
-        near &= self._energies >= max(_SURE, _BESIDE * float(burst.energies.mean()))
+        near &= self._energies >= max(
+            FOREIGN.sure_energy, FOREIGN.beside_share * float(burst.energies.mean())
+        )
         apart = np.abs(self._columns[:, None] - burst.columns)
         near &= (apart > self._guard).all(axis=1)
         if not near.any():

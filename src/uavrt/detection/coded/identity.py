@@ -13,28 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.coded.evidence import evidence_in_step
+from uavrt.detection.coded.tuning import IDENTITY
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-STEPS = 8
-"""Default number of intervals over which bursts are compared."""
-_MISSED = 1.0
-"""Log-likelihood lost by an interval for a missing burst; most bursts are detected."""
-_TRIED = math.log(STEPS)
+_TRIED = math.log(IDENTITY.steps)
 """Log of the number of ranges of steps tried, of which the best is used."""
-_CLEARLY = 3.0
-"""Log-likelihood by which one interval must fit better than the others."""
-_TIMING_S = 1e-3
-_WAIT = 2.2
-"""Wait of an ambiguous burst for later ones [intervals]."""
-DOUBT = math.log(100.0)
-"""Evidence that a record may lack; it is then not confirmed."""
-_ROWS = 1
-"""Largest difference in rows between bursts of one tag."""
 
 
 def in_step(
-    at_s: float, others_s: NDArray[np.float64], tag: Tag, timing_s: float, most: int = STEPS
+    at_s: float,
+    others_s: NDArray[np.float64],
+    tag: Tag,
+    timing_s: float,
+    most: int = IDENTITY.steps,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
     """Find bursts at whole burst intervals before and after one.
 
@@ -71,11 +63,13 @@ def likeliest(
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
         searched = (expected_s >= heard_s[0]) & (expected_s <= heard_s[1])
-        scores.append(float(gains.sum() - _MISSED * (searched & (gains == 0.0)).sum()))
+        scores.append(
+            float(gains.sum() - IDENTITY.missed_log * (searched & (gains == 0.0)).sum())
+        )
     if max(scores) <= 0.0:
         return list(range(len(tags)))
     order = sorted(range(len(tags)), key=lambda place: -scores[place])
-    return [place for place in order if scores[place] > scores[order[0]] - _CLEARLY]
+    return [place for place in order if scores[place] > scores[order[0]] - IDENTITY.clear_log]
 
 
 @dataclass(slots=True, kw_only=True)
@@ -88,9 +82,9 @@ class Sighting:
     """Ids of tags whose bursts overlap too many of its pulses."""
     start_ns: int
     starts_ns: list[int]
-    """Start times of the received pulses."""
+    """Start times of the received pulses [ns]."""
     heard: NDArray[np.float64]
-    """Energies of these pulses relative to the noise."""
+    """Energies of these pulses over the noise [noise energies]."""
     offset_hz: float
     noise: float
     row: int
@@ -99,15 +93,15 @@ class Sighting:
     """Log-likelihood ratio of each of the code's pulses against noise or another's pulse."""
     good: NDArray[np.bool_]
     unlisted: float
-    """Log-likelihood ratio against unlisted codes."""
+    """Log-likelihood ratio of the listed code against unlisted codes."""
     required: float
-    """Log-likelihood ratio that it must reach."""
+    """Log-likelihood ratio required for an identification."""
     reported: bool = False
     tag_id: int | None = None
-    """The sender, once identified."""
+    """Id of the sender, once identified."""
 
     def seconds_to(self, time_ns: int) -> float:
-        """Time from the burst's start."""
+        """Time from the burst's start [s]."""
         return (time_ns - self.start_ns) / NANOSECONDS_PER_SECOND
 
     def age_in_intervals(self, now_ns: int) -> float:
@@ -115,12 +109,12 @@ class Sighting:
         return self.seconds_to(now_ns) / max(tag.pulse_intervals_s[0] for tag in self.tags)
 
     def may_be(self, tag: Tag) -> bool:
-        """True if a tag may have sent it."""
+        """True if a tag may have sent the burst."""
         return self.tag_id == tag.tag_id if self.tag_id else tag in self.tags
 
 
 class Sightings:
-    """The bursts of the last few intervals."""
+    """The bursts of the last few intervals, and their senders."""
 
     def __init__(self) -> None:
         self._by_tag: dict[int, list[Sighting]] = {}
@@ -141,7 +135,7 @@ class Sightings:
             kept = [
                 one
                 for one in self._by_tag.get(tag.tag_id, [])
-                if one.age_in_intervals(now_ns) <= STEPS + 1
+                if one.age_in_intervals(now_ns) <= IDENTITY.steps + 1
             ]
             concerned = concerned + kept
             own = [one for one in new if tag in one.tags]
@@ -154,9 +148,13 @@ class Sightings:
             possible = self._possible(one, now_ns)
             if len(possible) == 1 and self._suffices(one, possible[0], now_ns):
                 one.tag_id = possible[0].tag_id
-            elif one.unlisted < one.required - DOUBT:
+            elif one.unlisted < one.required - IDENTITY.doubt_log:
                 continue
-            elif len(one.tags) > 1 and one.age_in_intervals(now_ns) < _WAIT and not last:
+            elif (
+                len(one.tags) > 1
+                and one.age_in_intervals(now_ns) < IDENTITY.wait_intervals
+                and not last
+            ):
                 self._waiting.append(one)
                 continue
             if not one.reported:
@@ -169,7 +167,9 @@ class Sightings:
         return [
             other
             for other in self._by_tag.get(tag.tag_id, [])
-            if other is not one and other.may_be(tag) and abs(other.row - one.row) <= _ROWS
+            if other is not one
+            and other.may_be(tag)
+            and abs(other.row - one.row) <= IDENTITY.rows
         ]
 
     def _possible(self, one: Sighting, now_ns: int) -> list[Tag]:
@@ -180,7 +180,7 @@ class Sightings:
             one.tags,
             [_times_s(self._others(one, tag), one) for tag in one.tags],
             heard_s=(one.seconds_to(self._begun_ns), one.seconds_to(now_ns)),
-            timing_s=_TIMING_S,
+            timing_s=IDENTITY.timing_s,
         )
         return [one.tags[place] for place in places]
 
@@ -190,11 +190,11 @@ class Sightings:
         if one.unlisted >= one.required:
             return True
         others = self._others(one, tag)
-        expected_s, gains, which = in_step(0.0, _times_s(others, one), tag, _TIMING_S)
+        expected_s, gains, which = in_step(0.0, _times_s(others, one), tag, IDENTITY.timing_s)
         searched = expected_s >= one.seconds_to(self._begun_ns)
         searched &= expected_s <= one.seconds_to(now_ns)
-        for most in range(1, STEPS + 1):
-            near = slice(STEPS - most, STEPS + most)
+        for most in range(1, IDENTITY.steps + 1):
+            near = slice(IDENTITY.steps - most, IDENTITY.steps + most)
             if not gains[near].any():
                 continue
             summed = [
@@ -207,7 +207,7 @@ class Sightings:
                 np.stack([each.good for each in summed]),
             )
             by_one += float(gains[near].max()) - _TRIED
-            by_one -= _MISSED * float((searched & (gains == 0.0))[near].sum())
+            by_one -= IDENTITY.missed_log * float((searched & (gains == 0.0))[near].sum())
             by_several = one.unlisted + max(each.unlisted for each in summed[1:])
             if min(by_one, by_several) >= one.required:
                 return True

@@ -14,52 +14,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from uavrt.detection.coded.cells import Cells
-from uavrt.detection.coded.evidence import FADING, evidence
+from uavrt.detection.coded.evidence import evidence
 from uavrt.detection.coded.sums import CodeBook
-
-_POOL = 1
-"""Columns around a pulse's place in which its cell is the largest."""
-_LEAK = 0.35
-"""Largest amplitude that may be leakage, relative to the strongest at any frequency."""
-_LOUD = 20.0
-"""Least energy for which leakage is considered [noise energies]."""
-_ROUNDED = 1.0 - 1e-6
-"""Share of the least sum, so that rounding does not decide early."""
-_LEAST_AMPLITUDE = 0.33
-"""Least amplitude of a pulse relative to another in the same burst."""
-_HIT = 0.5
-"""Least amplitude at which another signal hides a pulse, relative to the usual one."""
-LEAST_EVIDENCE = 4.0
-"""Least log-likelihood ratio of the listed code against unlisted ones."""
-_HIGHER = 2.3
-"""Noise amplitudes by which a cell near a pulse may exceed the pulse's."""
-_BESIDE = 0.6
-"""Largest amplitude before and after a pulse, relative to it and without noise …"""
-_ENDS = (1.2, 3.2)
-"""… at one of these distances [pulse widths]."""
-ASIDE_S, ASIDE_NOISE_S = 0.75e-3, 3e-3
-"""Largest deviation of a pulse from its place relative to the burst's others; the second value
-is divided by the amplitude, for noise. Half of the gaps' tolerance: at 20 dB the flanks of a
-code's pulses matched one whose gaps differ by 4.5 ms in total."""
-_FLANK = 0.8
-"""Largest amplitude of a flank relative to its pulse; more is a pulse itself."""
-_GUARD_S = 0.5e-3
-"""Duration of the filters' ringing beyond a pulse width."""
-_CLEAR_LOG = 10.0
-"""Log-likelihood by which a code must exceed all that share pulses with it."""
-_MOST_SWAPS = 3
-"""Most replacements of codes that explain pulses by others that explain more."""
-_NAMED, _SURE_PULSE = 2, 12.0
-"""Pulses that must be undisturbed, and the strength of each, for a burst that is not
-identified."""
-_NOWHERE = -(2**40)
-_SATURATED = 12.0
-"""Energy at which stored cells no longer show a pulse's maximum [noise energies]."""
+from uavrt.detection.coded.tuning import LIKELIHOOD, SHAPE
 
 
 @dataclass(slots=True, kw_only=True)
 class Burst:
-    """A burst that one code claims.
+    """A possible burst of one code.
 
     `column`: approximate column of the first pulse. `offsets` (pulses,): columns of the pulses
     from there, by the code. `columns` (pulses,): where the pulses' cells are largest. `good`
@@ -83,7 +45,7 @@ class Burst:
     prior: float = 0.0
     """Log odds that it is sent now, over any other time."""
     score: float = 0.0
-    """Sum over the required one."""
+    """Sum of energies over the required one."""
     also_possible: list[int] = field(default_factory=list)
     """Ids of other tags that may have sent it."""
     hit_by: list[int] = field(default_factory=list)
@@ -91,11 +53,11 @@ class Burst:
 
     @property
     def tag_id(self) -> int:
-        """The tag of its code."""
+        """Id of the tag of its code."""
         return self.book.tags[self.code].tag_id
 
     def renewed(self) -> "Burst":
-        """A copy of the claim that can be judged again independently."""
+        """Copy of the burst that can be judged again independently."""
         return replace(self, good=self.good.copy(), also_possible=[])
 
 
@@ -125,7 +87,7 @@ def measure(
     seeds, offsets, at, energies = seeds[able], offsets[able], at[able], energies[able]
     rows = seeds[:, 1][:, None]
     aside, highest = _aside(cells, rows, at)
-    near, shift = _best(cells.recent, rows, at, _POOL)
+    near, shift = _best(cells.recent, rows, at, SHAPE.pool_columns)
     at = at + shift
     tall = np.maximum(
         _best(cells.recent, rows, at, cells.pulse)[0],
@@ -136,31 +98,33 @@ def measure(
     )
     amplitude = np.sqrt(energies)
     # It ends on both sides; older tags send pulses up to three times as long as usual.
-    far = np.rint(np.array(_ENDS) * cells.pulse).astype(np.intp)[:, None, None]
+    far = np.rint(np.array(SHAPE.end_widths) * cells.pulse).astype(np.intp)[:, None, None]
     before = cells.recent[rows, np.maximum(at - far, 0)].min(axis=0)
     after = cells.recent[rows, np.minimum(at + far, last)].min(axis=0)
     around = np.sqrt(np.maximum(before, after))
-    good = np.sqrt(tall) <= amplitude * (1.0 + FADING) + _HIGHER
-    good &= around <= _BESIDE * amplitude + _HIGHER
-    aside &= amplitude < _FLANK * np.sqrt(highest)
+    good = np.sqrt(tall) <= amplitude * (1.0 + LIKELIHOOD.fading) + SHAPE.higher_amplitude
+    good &= around <= SHAPE.beside_amplitude * amplitude + SHAPE.higher_amplitude
+    aside &= amplitude < SHAPE.flank_amplitude * np.sqrt(highest)
     good &= ~aside
     # A much stronger signal at another frequency leaks into all rows.
     everywhere = sliding_window_view(
         np.pad(cells.recent.max(axis=0), cells.pulse), 2 * cells.pulse + 1
     )
     loudest = everywhere[np.clip(at, 0, last)].max(axis=2)
-    good &= (amplitude >= _LEAK * np.sqrt(loudest)) | (loudest < _LOUD)
+    good &= (amplitude >= SHAPE.leak_amplitude * np.sqrt(loudest)) | (
+        loudest < SHAPE.loud_energy
+    )
     found = []
     enough = good.sum(axis=1) >= least_pulses(book.pulses)
     usual = _median(amplitude, good)[:, np.newaxis]
     # Where nothing lies that could hide a pulse, a pulse is missing.
-    enough &= ~((np.sqrt(near) < _HIT * usual) & ~good).any(axis=1)
+    enough &= ~((np.sqrt(near) < SHAPE.hit_amplitude * usual) & ~good).any(axis=1)
     # One off its place that is as strong as the others is theirs: of another code. Nor do
     # flanks of two pulses make a burst with nothing in the other places.
     tops = np.sqrt(highest)
     usual = _median(tops, good)[:, np.newaxis]
-    alike = np.abs(tops - usual) <= 3.0 * FADING * tops + _HIGHER
-    enough &= ~((aside & alike) | (good & (tops < _HIT * usual))).any(axis=1)
+    alike = np.abs(tops - usual) <= 3.0 * LIKELIHOOD.fading * tops + SHAPE.higher_amplitude
+    enough &= ~((aside & alike) | (good & (tops < SHAPE.hit_amplitude * usual))).any(axis=1)
     for i in np.flatnonzero(enough).tolist():
         seed = seeds[i].tolist()
         burst = Burst(
@@ -185,7 +149,7 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3] - cells.recent_from
     here = cells.recent[seeds[:, 1, None], np.clip(at[:, None] + offsets[:, 0], 0, last)]
-    strong = np.flatnonzero(here.max(axis=1) >= _SATURATED)
+    strong = np.flatnonzero(here.max(axis=1) >= SHAPE.saturated_energy)
     if not len(strong):
         return seeds
     shifts = np.arange(-cells.pulse, cells.pulse + 1)
@@ -234,7 +198,7 @@ def _aside(
         np.maximum(around[apart:], cells.recent[:-apart], out=around[apart:])
         np.maximum(around[:-apart], cells.recent[apart:], out=around[:-apart])
     highest, shift = _best(around, rows, at, cells.pulse)
-    allowed_s = ASIDE_S + ASIDE_NOISE_S / np.sqrt(np.maximum(highest, 1.0))
+    allowed_s = SHAPE.aside_s + SHAPE.aside_noise_s / np.sqrt(np.maximum(highest, 1.0))
     usual = np.median(shift, axis=1, keepdims=True)
     return np.abs(shift - usual) * cells.column_s > allowed_s, highest
 
@@ -257,7 +221,7 @@ def least_pulses(pulses: int) -> int:
 
 
 def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Medians of the selected values of each row; infinite where there are none."""
+    """Medians of the selected values of each row; infinite without any."""
     ordered = np.sort(np.where(of, values, np.inf).astype(np.float64), axis=1)
     count = of.sum(axis=1)
     rows = np.arange(len(ordered))
@@ -269,7 +233,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Keep the bursts, of equal numbers of pulses, whose good ones suffice; score them."""
+    """Score bursts with equal numbers of pulses; keep those whose good pulses suffice."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -281,7 +245,9 @@ def weigh(
         burst.unlisted, burst.alone = float(found.over_unlisted[i]), found.alone[i]
         burst.likelihood = float(found.over_noise[i]) + burst.prior
     return [
-        one for one in bursts if one.score >= 1.0 and one.unlisted + one.prior >= LEAST_EVIDENCE
+        one
+        for one in bursts
+        if one.score >= 1.0 and one.unlisted + one.prior >= LIKELIHOOD.least_log
     ]
 
 
@@ -297,15 +263,15 @@ def scores_of(
 
 
 def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
-    """Drop early what `weigh` would drop with any of its pulses: most of many seeds."""
+    """True for seeds that `weigh` would keep with some of their pulses: few of many."""
     pulses = energies.shape[1]
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
     able = np.zeros(len(energies), np.bool_)
     for count, limit in limits.items():
-        able |= np.minimum(ordered[:, :count], 0.5 * limit).sum(axis=1) >= _ROUNDED * limit
+        able |= np.minimum(ordered[:, :count], 0.5 * limit).sum(axis=1) >= SHAPE.rounded * limit
     # Most seeds are one or two pulses: of as many as must count, these are the most alike.
     least = least_pulses(pulses)
-    able &= ordered[:, least - 1] >= _LEAST_AMPLITUDE**2 * ordered[:, pulses - least]
+    able &= ordered[:, least - 1] >= SHAPE.least_amplitude**2 * ordered[:, pulses - least]
     return able
 
 
@@ -313,8 +279,8 @@ class OnAir:
     """Accepted bursts, which explain everything within their pulses."""
 
     def __init__(self, cells: Cells) -> None:
-        self.guard = cells.pulse + round(_GUARD_S / cells.column_s)
-        """Columns on either side of a pulse that belong to it."""
+        self.guard = cells.pulse + round(SHAPE.guard_s / cells.column_s)
+        """Number of columns on either side of a pulse that belong to it."""
         self.bursts: list[Burst] = []
         self._cells = cells
 
@@ -322,13 +288,9 @@ class OnAir:
         """Drop the bursts that ended before a column."""
         self.bursts = [one for one in self.bursts if one.columns[-1] >= before]
 
-    def add(self, burst: Burst) -> None:
-        """Add an accepted burst."""
-        self.bursts.append(burst)
-
 
 class Covered:
-    """Overlap of claims' pulses with accepted bursts, and what remains of the claims.
+    """Overlap of possible bursts' pulses with accepted bursts, and what remains of them.
 
     `guard`: columns on either side of a pulse that belong to it.
     """
@@ -336,7 +298,7 @@ class Covered:
     def __init__(self, claims: list[Burst], guard: int) -> None:
         shape = len(claims), max((len(one.columns) for one in claims), default=0)
         self._guard = guard
-        self._columns = np.full(shape, _NOWHERE, np.intp)
+        self._columns = np.full(shape, SHAPE.nowhere, np.intp)
         self._energies = np.zeros(shape)
         self._good = np.zeros(shape, np.bool_)
         for pulses in {len(one.columns) for one in claims}:
@@ -346,7 +308,7 @@ class Covered:
             self._good[own, :pulses] = [claims[i].good for i in own]
         self._least = [least_pulses(len(one.columns)) for one in claims]
         self.pulses = np.zeros(shape, np.bool_)
-        """True for overlapped pulses, by claim."""
+        """(claims, pulses) True for pulses that overlap with accepted bursts."""
         self._by: list[tuple[Burst, NDArray[np.bool_]]] = []
         self._on_air: dict[int, list[Burst]] = {}
         self._sum()
@@ -366,7 +328,7 @@ class Covered:
         self.count: list[int] = self.pulses.sum(axis=1).tolist()
         """Number of overlapped pulses, by claim."""
         self.alone: list[int] = alone.sum(axis=1).tolist()
-        """Remaining good pulses, by claim …"""
+        """Number of good pulses that remain, by claim."""
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
@@ -375,7 +337,7 @@ class Covered:
         """True if too few pulses remain for an identification, and for a report."""
         alone = self.alone[claim]
         return alone < self._least[claim] and (
-            alone < _NAMED or self.weakest[claim] < _SURE_PULSE
+            alone < SHAPE.sure_pulses or self.weakest[claim] < SHAPE.sure_energy
         )
 
     def whose(self, claim: int) -> list[Burst]:
@@ -383,7 +345,7 @@ class Covered:
         return [burst for burst, hit in self._by if hit[claim]]
 
     def sends(self, burst: Burst) -> bool:
-        """True if the burst's tag is sending another at that time, so that this is an echo."""
+        """True if the tag of a burst already has an accepted one at that time."""
         own = self._on_air.get(burst.tag_id)
         if own is None:
             return False
@@ -403,13 +365,11 @@ def decide(
 
     The likeliest comes first; then each is removed on trial to see whether the others explain
     more: a third code may share pulses with two interleaved bursts. `claims`: weighed; each
-    sent burst has several versions and codes. `on_air`: previously accepted bursts. `before`:
-    lost bursts that begin before this column are counted. Returns the accepted ones, and the
-    number that collided with others and could not be identified.
+    sent burst has several versions and codes. `on_air`: previously accepted bursts.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, on_air, limits, before, foreign_per_hour, without)
-    for _ in range(_MOST_SWAPS):
+    for _ in range(SHAPE.most_swaps):
         collided = [
             one for one in best if not one.good.all() or one.also_possible or one.hit_by
         ]
@@ -454,7 +414,7 @@ def _greedy(
         if covered.count[i]:
             pulses = len(claim.columns)
             for other in covered.whose(i) if covered.count[i] >= pulses - 1 else ():
-                near = claim.likelihood > other.likelihood - _CLEAR_LOG
+                near = claim.likelihood > other.likelihood - SHAPE.clear_log
                 if near and claim.tag_id not in other.also_possible:
                     other.also_possible.append(claim.tag_id)
             if covered.leaves_nothing_of(i):
@@ -466,7 +426,7 @@ def _greedy(
             if not weigh([burst], limits[pulses], foreign_per_hour):
                 alone = burst.energies[burst.good]
                 lost += len(alone) > 0 and burst.column < before
-                if len(alone) < _NAMED or alone.min() < _SURE_PULSE:
+                if len(alone) < SHAPE.sure_pulses or alone.min() < SHAPE.sure_energy:
                     continue
                 # Too much of it is hit; it is named, and others may not have its pulses.
                 burst.hit_by += [other.tag_id for other in covered.whose(i)]

@@ -1,6 +1,6 @@
 """Required sums for a given number of false identifications per hour and code.
 
-The sum of n cells of noise has Erlang's distribution; of the sums tried in an hour only some
+The sum of n cells of noise has Erlang's distribution. Of the sums tried in an hour only some
 are independent, a number that was measured (docs/explanation/coded-tags.md). Several bursts are
 judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and Rice (1980).
 """
@@ -8,25 +8,14 @@ judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and
 import math
 from functools import lru_cache
 
+from uavrt.detection.coded.tuning import LIMITS
 from uavrt.lean_scipy import special
 from uavrt.messages import Tag
-
-FALSE_PER_HOUR = 1e-4
-"""False identifications allowed from noise, per code."""
-_SHARES = {1: 0.4, 3: 0.2}
-"""Shares of the false alarms for sums of one burst and of three; the rest is for the
-longest."""
-_PER_CELL = 60.0
-"""Independent sums for each pulse width and its inverse: cells overlap, gaps stretch."""
-_PER_INTERVAL = 1.0
-"""Independent burst intervals per pulse width of the last burst's uncertainty."""
-_PER_LOOK = 14.0
-"""Independent sums in a refinement."""
 
 
 @lru_cache(maxsize=256)
 def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
-    """Sum of cells, in noise energies, that noise reaches at this rate."""
+    """Sum of cells that noise reaches at this rate [noise energies]."""
     return float(special.gammainccinv(pulses, min(0.5, false_per_hour / tests_per_hour)))
 
 
@@ -35,17 +24,17 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
     width_s = tag.pulse_width_s
     cells = 3600.0 / width_s * (bandwidth_hz * width_s + 1.0)
     off_s = 2.0 * (bursts - 1) * tag.interval_uncertainty_s
-    return _PER_CELL * cells * (1.0 + _PER_INTERVAL * off_s / width_s)
+    return LIMITS.per_cell * cells * (1.0 + LIMITS.per_interval * off_s / width_s)
 
 
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Least sum that identifies a tag.
+    """Least sum of cells that identifies a tag [noise energies].
 
-    `pulses`: cells in the sum. `false_per_hour`: allowed identifications from noise.
+    `pulses`: number of cells in the sum. `false_per_hour`: allowed identifications from noise.
     """
-    share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
+    share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return limit(pulses, tests, share * false_per_hour)
 
@@ -53,10 +42,18 @@ def sum_limit(
 def amplitude_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Least sum of amplitudes of several refined bursts; otherwise as `sum_limit`."""
-    share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
+    """Least sum of amplitudes of several refined bursts; parameters as of `sum_limit`."""
+    share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
-    return rayleigh_limit(pulses, min(0.1, share * false_per_hour / (_PER_LOOK * tests)))
+    return rayleigh_limit(
+        pulses, min(0.1, share * false_per_hour / (LIMITS.per_refinement * tests))
+    )
+
+
+def _share(bursts: int) -> float:
+    """Share of the false alarms for sums of a number of bursts."""
+    shares = {1: LIMITS.share_of_one, 3: LIMITS.share_of_three}
+    return shares.get(bursts, 1.0 - sum(shares.values()))
 
 
 @lru_cache(maxsize=256)
@@ -73,7 +70,7 @@ def rayleigh_limit(count: int, chance: float) -> float:
 
 
 def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
-    """A sum, by its saddle point, and the chance that noise exceeds it."""
+    """A sum of amplitudes by its saddle point, and the chance that noise exceeds it."""
     half_root_pi = 0.5 * math.sqrt(math.pi)
     h = math.exp(0.25 * s * s) * (1.0 + float(special.erf(0.5 * s)))
     slope = 0.5 * s * h + 1.0 / math.sqrt(math.pi)

@@ -1,6 +1,6 @@
 """Sum cells at the gaps of many codes: the search of all codes of a channel.
 
-A burst is the noncoherent sum of the cells of its pulses at the gaps of its code; the tag's
+A burst is the noncoherent sum of the cells of its pulses at the gaps of its code. The tag's
 crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
 burst interval around a seed, a sum that stands out: nearly always one of three or ten
 detectable bursts does.
@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.cells import Cells
+from uavrt.detection.coded.tuning import SUMS
 from uavrt.messages import Tag
 from uavrt.native import kernels
 
-STRETCHES = (0.0, -0.5, 0.5, -1.0, 1.0)
-"""Stretches to try, as shares of the tolerance of all gaps together."""
-APART = 4
-"""Range of columns in which a seed is the largest sum of its row and code."""
 FIELDS = 5
-"""Fields of a seed: code, row, stretch, column, sum."""
+"""Number of fields of a seed: code, row, stretch, column, sum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +42,7 @@ class CodeBook:
 
     @property
     def span(self) -> int:
-        """Columns from the first to the last pulse of the longest burst."""
+        """Number of columns from the first to the last pulse of the longest burst."""
         return int(self.offsets.max())
 
 
@@ -53,7 +50,7 @@ def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
     """Make the book of codes with equal numbers of gaps."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
-    stretches = np.add.outer(np.array(STRETCHES), (-0.25, 0.0, 0.25))
+    stretches = np.add.outer(np.array(SUMS.stretches), (-0.25, 0.0, 0.25))
     parts = GAP_TOLERANCE_S * stretches / starts_s[:, -1, None, None]
     fine = np.rint(starts_s[:, None, None, :] * (1.0 + parts[..., None]) / column_s)
     return CodeBook(
@@ -69,12 +66,13 @@ def find_seeds(
 ) -> NDArray[np.int32]:
     """Find the sums of bursts that reach a level.
 
-    `first`, `count`: start columns of the bursts. `clip`: largest cell that counts. `level`: in
-    steps of the stored cells, as `clip`. Returns (seeds, 5): code, row, stretch, column, sum.
+    `first`, `count`: first column and number of columns at which the bursts start. `clip`:
+    largest cell that counts. `level`, `clip`: in steps of the stored cells. Returns (seeds, 5):
+    code, row, stretch, column, sum.
     """
     at = first - cells.base
-    if at < APART:
-        count, at = count - (APART - at), APART
+    if at < SUMS.apart_columns:
+        count, at = count - (SUMS.apart_columns - at), SUMS.apart_columns
     if count <= 0:
         return np.zeros((0, FIELDS), np.int32)
     rows, width = cells.kept.shape
@@ -85,7 +83,7 @@ def find_seeds(
         codes, stretches, pulses = book.offsets.shape
         raw = native.seeds(
             *(cells.kept, rows, width, at, count, book.offsets, codes, stretches, pulses),
-            *(clip, level, APART),
+            *(clip, level, SUMS.apart_columns),
         )
         found = np.frombuffer(raw, np.int32).reshape(-1, FIELDS).copy()
     found[:, 3] += cells.base
@@ -97,7 +95,7 @@ def _seeds_in_numpy(
 ) -> NDArray[np.int32]:
     limited = np.minimum(kept, clip)
     found = [np.zeros((0, FIELDS), np.int32)]
-    begin, length = at - APART, count + 2 * APART
+    begin, length = at - SUMS.apart_columns, count + 2 * SUMS.apart_columns
     for code, offsets in enumerate(book.offsets):
         sums = np.stack(
             [
@@ -106,13 +104,13 @@ def _seeds_in_numpy(
             ]
         )
         best = sums.max(axis=0)
-        inner = best[:, APART:-APART]
+        inner = best[:, SUMS.apart_columns : -SUMS.apart_columns]
         top = inner >= level
-        for k in range(1, APART + 1):
-            top &= best[:, APART - k : APART - k + count] < inner
-            top &= best[:, APART + k : APART + k + count] <= inner
+        for k in range(1, SUMS.apart_columns + 1):
+            top &= best[:, SUMS.apart_columns - k : SUMS.apart_columns - k + count] < inner
+            top &= best[:, SUMS.apart_columns + k : SUMS.apart_columns + k + count] <= inner
         row, column = np.nonzero(top)
-        which = sums[:, row, column + APART].argmax(axis=0)
+        which = sums[:, row, column + SUMS.apart_columns].argmax(axis=0)
         code_of = np.full(len(row), code)
         columns = (code_of, row, which, column + at, inner[row, column])
         found.append(np.stack(columns, axis=1).astype(np.int32))
@@ -131,9 +129,9 @@ def fold(
 ) -> NDArray[np.int32]:
     """Sum the bursts around seeds at the burst interval.
 
-    `bursts`: consecutive ones, including the seed. `reach`: columns by which the interval may
-    be off. `steps`: intervals tried on either side. Returns (n, 3): sum, index of the interval
-    (from -steps), position of the first burst (0: the seed).
+    `bursts`: number of consecutive ones, including the seed. `reach`: columns by which the
+    interval may be off. `steps`: number of intervals tried on either side. Returns (n, 3): sum,
+    index of the interval (from -steps), position of the first burst (0: the seed).
     """
     own = np.ascontiguousarray(seeds, np.int32).copy()
     own[:, 3] -= cells.base

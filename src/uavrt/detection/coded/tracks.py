@@ -3,22 +3,17 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from uavrt.detection.coded.tuning import IDENTITY
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-MISSES = 8
-"""Most bursts that may be missed before a tag must be identified again."""
-_OWN_ERROR = 5e-6
-"""Relative error of a measured interval: a crystal's drift with temperature."""
-_TIMING_S = 1e-3
 
 
 @dataclass(slots=True)
 class BurstTrack:
-    """An identified tag.
+    """Prediction of an identified tag's bursts.
 
     `time_ns`: start of its newest burst. `row`: frequency, as a row of the cells. `interval_s`,
-    `error_s`: from burst to burst, and its uncertainty.
+    `error_s`: interval from burst to burst, and its uncertainty.
     """
 
     tag: Tag
@@ -32,31 +27,31 @@ class BurstTrack:
         passed_s = (time_ns - self.time_ns) / NANOSECONDS_PER_SECOND
         count = round(passed_s / self.interval_s)
         if count >= 1:
-            measured_s, error_s = passed_s / count, 2.0 * _TIMING_S / count
+            measured_s, error_s = passed_s / count, 2.0 * IDENTITY.timing_s / count
             nominal_s, most_s = self.tag.pulse_intervals_s[0], self.tag.interval_uncertainty_s
             if abs(measured_s - nominal_s) <= most_s + error_s and error_s < self.error_s:
                 self.interval_s = measured_s
-                self.error_s = error_s + _OWN_ERROR * measured_s
+                self.error_s = error_s + IDENTITY.own_error * measured_s
         self.time_ns, self.row = time_ns, row
 
     def expected(self, upto_ns: int) -> Iterator[tuple[int, float]]:
-        """Expected starts of bursts before a time, and their uncertainties [s]."""
-        for count in range(1, MISSES + 1):
+        """Expected starts of bursts before a time [ns], and their uncertainties [s]."""
+        for count in range(1, IDENTITY.most_missed + 1):
             at_ns = self.time_ns + round(count * self.interval_s * NANOSECONDS_PER_SECOND)
             if at_ns >= upto_ns:
                 return
-            yield at_ns, _TIMING_S + count * self.error_s
+            yield at_ns, IDENTITY.timing_s + count * self.error_s
 
 
 class Tracks:
-    """All identified tags of a channel."""
+    """Predictions of all identified tags of a channel."""
 
     def __init__(self, tags: Sequence[Tag]) -> None:
         self.tags = {tag.tag_id: tag for tag in tags}
         self.alive: dict[int, BurstTrack] = {}
 
     def hear(self, tag_id: int, time_ns: int, row: int) -> BurstTrack:
-        """Add a burst of a tag."""
+        """Add a burst of a tag; return its prediction."""
         track = self.alive.get(tag_id)
         if track is None:
             tag = self.tags[tag_id]
@@ -78,5 +73,5 @@ class Tracks:
             tag_id: track
             for tag_id, track in self.alive.items()
             if now_ns - track.time_ns
-            <= (MISSES + 1) * track.interval_s * NANOSECONDS_PER_SECOND
+            <= (IDENTITY.most_missed + 1) * track.interval_s * NANOSECONDS_PER_SECOND
         }

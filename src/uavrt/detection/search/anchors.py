@@ -1,8 +1,7 @@
-"""Search from anchors: cells strong enough to be a pulse of a group.
+"""Search for groups from anchors: cells strong enough to be a pulse of a group.
 
 Several tags are searched together: their cells and hypotheses form one long array, because a
-NumPy call costs more than the work of a single tag. A single search is a
-group of one.
+NumPy call costs more than the work of a single tag.
 """
 
 import bisect
@@ -15,20 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.hypotheses import (
-    MEASURED,
-    Anchors,
-    Candidate,
-    RateSearch,
-    best_first,
-)
-from uavrt.detection.search.null_lattices import LEVEL, NullLattices
+from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
+from uavrt.detection.search.null_lattices import NullLattices
+from uavrt.detection.search.tuning import GROUPS, NULL
 from uavrt.native import kernels
-
-_ANCHORS_AT_ONCE = 96
-_CANDIDATES_AT_ONCE = 24
-"""Strongest candidates measured at once. A neighbour 10 dB above the tag fills eight with its
-flanks; 36 pulses were once missed next to it."""
 
 
 class AnchorSearch(RateSearch):
@@ -37,20 +26,23 @@ class AnchorSearch(RateSearch):
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
         k, reach = self.k, self.reach
-        self.waits = [MEASURED + math.ceil((k - 1 - p) * self.intervals[-1]) for p in range(k)]
-        """Columns from an anchor at each place until all pulses of its group are complete."""
+        self.waits = [
+            GROUPS.measured_columns + math.ceil((k - 1 - p) * self.intervals[-1])
+            for p in range(k)
+        ]
+        """(places,) columns after an anchor at a place until its group is complete."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
-        """(places, k - 1, intervals): position of the other pulses in the stretch."""
+        """(places, k - 1, intervals): columns of pulses from their first possible one."""
         self.lows = first[:, :, 0] - reach
-        """(places, k - 1): columns from the anchor to the first column of the stretch."""
+        """(places, k - 1): columns from the anchor to the first column searched for a pulse."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
-        """Columns of the stretch searched for one other pulse."""
-        self.length = self.span + self.piece + 2 * reach + 4 + MEASURED
-        """Columns kept in the ring; column c is at c modulo this."""
+        """Number of columns searched for one other pulse."""
+        self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns
+        """Number of columns kept in the ring buffer; column c is at c modulo this."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
-        """Columns of the ring, including the repeated ones."""
+        """Number of columns of the ring buffer, including the repeated ones."""
         self.base = 0
         # Its own when it is first needed: of a hundred tags in a group 48 MB never are.
         self.memory = np.zeros(0, np.float32)
@@ -61,10 +53,10 @@ class AnchorSearch(RateSearch):
         self.anchor_powers: list[float] = []
         self.null: NullLattices | None = None
         self.tested = [0] * k
-        """Number of anchors tested at each place."""
+        """(places,) number of anchors tested at each place."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
-        """Count groups on lattices of no tag, and raise the threshold by their excess."""
+        """Count groups at intervals that no tag has; the excess raises the threshold."""
         if self.k > 1:
             self.null = NullLattices(
                 lows=self.lows,
@@ -82,7 +74,7 @@ class AnchorSearch(RateSearch):
         return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream: this is the number of the first column."""
+        """Begin in mid-stream, with this number for the first column."""
         super().begin_at(column)
         self.pushed = column
 
@@ -90,7 +82,7 @@ class AnchorSearch(RateSearch):
         return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
 
     def open_anchors(self) -> Anchors:
-        """Get the anchors that are not tested completely."""
+        """Return the anchors that are not tested completely."""
         return self.anchor_columns, self.anchor_rows, self.anchor_powers
 
     def kind(self) -> tuple[int, ...]:
@@ -99,15 +91,14 @@ class AnchorSearch(RateSearch):
 
     @property
     def size(self) -> int:
-        """Number of cells in the ring."""
+        """Number of cells in the ring buffer."""
         return self.rows * self.width
 
     def settle_in(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Place the ring in `memory`, shape (n,), from index `base` on; `empty`: it is all
-        zeros.
+        """Move the ring buffer into `memory` (n,), from index `base` on.
 
-        The ring's beginning is repeated behind its end, so that every stretch is contiguous.
-        The cells of one row are contiguous.
+        Its beginning is repeated behind its end, so that every stretch of a row is contiguous.
+        `empty`: the memory is all zeros.
         """
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
         if len(self.cells):
@@ -117,12 +108,12 @@ class AnchorSearch(RateSearch):
         self.memory, self.base, self.cells = memory, base, cells
 
     def settle(self) -> None:
-        """Ensure that there is a ring; in its own memory if it has no other."""
+        """Allocate the ring buffer if it has no memory."""
         if not len(self.memory):
             self.settle_in(np.zeros(self.size, np.float32), 0, empty=True)
 
     def append(self, power: NDArray[np.float32]) -> None:
-        """Write new columns, shape (rows, columns), into the ring."""
+        """Write new columns (rows, columns) into the ring buffer."""
         self.settle()
         count, cells, length = power.shape[1], self.cells, self.length
         at = self.pushed % length
@@ -142,7 +133,7 @@ class AnchorSearch(RateSearch):
         return max(0, self.pushed - self.reach - self.columns)
 
     def advance(self, fresh: int) -> int:
-        """Add columns to the count; return the position of the first in the ring."""
+        """Count columns as searched; return the position of the first in the ring buffer."""
         first = self.columns % self.length
         self.columns += fresh
         if self.columns > self._first_columns:
@@ -156,7 +147,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Collect every anchor at every place whose last pulse is complete."""
+        """Collect the anchors whose last pulse is complete, for each place in a group."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return
@@ -181,10 +172,10 @@ class AnchorSearch(RateSearch):
     def collect(
         self, tested: "_Tested", part: slice, least: float, shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the hypotheses in `part`, all of this search.
+        """Make candidates of the tested anchors in `part`, all of this search.
 
-        `least`: sum that makes a candidate. `shorter`: columns by which the tested intervals
-        were shorter.
+        `least`: least sum of a candidate. `shorter`: columns by which the tested intervals were
+        shorter than the tag's.
         """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
@@ -196,7 +187,7 @@ class AnchorSearch(RateSearch):
         totals = tested.totals[part][hits] / level[hits][:, np.newaxis]
         strengths[totals < best[hits][:, np.newaxis] - 0.01] = 0.0
         strength = strengths.max(axis=1)
-        strongest = np.argsort(-strength)[:_CANDIDATES_AT_ONCE]
+        strongest = np.argsort(-strength)[: GROUPS.candidates_at_once]
         which = hits[strongest]
         interval = self.intervals[strengths.argmax(axis=1)[strongest]] - shorter
         after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
@@ -209,10 +200,10 @@ class AnchorSearch(RateSearch):
     ) -> list[Candidate]:
         """Make candidates of the anchors that the compiled kernel found above the threshold.
 
-        `hits`: their indices, best sums, strengths in noise powers, and intervals. `shorter`:
-        columns by which the tested intervals were shorter.
+        `hits`: their indices, best sums, strengths [noise powers], and intervals. `shorter`:
+        columns by which the tested intervals were shorter than the tag's.
         """
-        hits = sorted(hits, key=lambda hit: -hit[2])[:_CANDIDATES_AT_ONCE]
+        hits = sorted(hits, key=lambda hit: -hit[2])[: GROUPS.candidates_at_once]
         which, score, strength, interval = zip(*hits, strict=True)
         place = np.array([due.places[index] for index in which])
         column = np.array([due.columns[index] for index in which])
@@ -257,7 +248,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tested:
-    """Statistics of some anchors, along the first axis; powers in the input's units."""
+    """Sums of some anchors, along the first axis, in the units of the cells."""
 
     column: NDArray[np.intp]
     row: NDArray[np.intp]
@@ -265,11 +256,11 @@ class _Tested:
     power: NDArray[np.float32]
     level: NDArray[np.float32]
     cells: NDArray[np.float32]
-    """(anchors, k - 1, intervals): the maximum within the jitter at the other places."""
+    """(anchors, k - 1, intervals): largest power within the jitter at the other places."""
     totals: NDArray[np.float32]
-    """(anchors, intervals): sums of the powers."""
+    """(anchors, intervals): sums of the limited powers."""
     best: NDArray[np.float32]
-    """Greatest sum of each anchor, in noise powers."""
+    """(anchors,) largest sum of each anchor [noise powers]."""
 
 
 def search_together(
@@ -278,8 +269,8 @@ def search_together(
     """Add new columns to several searches; test every hypothesis that they complete.
 
     `searches`: with equal rows, K, reach, number of intervals and number of `fresh` columns
-    after these; their rings share one memory. `power` (searches, rows, columns): at most one
-    piece of columns. Returns the candidates of each search, best first.
+    after these; their ring buffers share one memory. `power` (searches, rows, columns): at most
+    one piece of columns. Returns the candidates of each search, best first.
     """
     if kernels() is not None:
         return [
@@ -308,7 +299,7 @@ def search_together(
 def _search_by_kernel(
     search: AnchorSearch, power: NDArray[np.float32], level: NDArray[np.float32]
 ) -> list[Candidate]:
-    """Run `search_together` for one search: its powers (rows, columns), its noise (rows,)."""
+    """Run `search_together` for one search by the compiled kernel."""
     native = kernels()
     if power.strides[1] != power.itemsize:
         power = np.ascontiguousarray(power)
@@ -334,7 +325,9 @@ def _search_by_kernel(
 
     def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
         assert null is not None
-        hits = rated(lows, LEVEL * search.threshold * null.factor(search.threshold))[1]
+        hits = rated(
+            lows, NULL.counted_share * search.threshold * null.factor(search.threshold)
+        )[1]
         return bool(hits) and bool(search.candidates(due, hits, shorter))
 
     if fresh and null is not None:
@@ -343,7 +336,7 @@ def _search_by_kernel(
         return []
     largest, hits = rated(search.lows, search.threshold * search.margin)
     search.best = max(search.best, largest / search.threshold)
-    if hits and len(due.columns) > _ANCHORS_AT_ONCE:
+    if hits and len(due.columns) > GROUPS.anchors_at_once:
         found: list[list[Candidate]] = [[]]
         _test_all([search], due, level[np.newaxis], found)
         return best_first(found[0])
@@ -364,7 +357,7 @@ def _count_null(
         lattice.lows = lows
         member = np.zeros(len(column), np.intp)
         tested = _test([lattice], member, column, row, place, power, level[np.newaxis])
-        least = LEVEL * search.threshold * null.factor(search.threshold)
+        least = NULL.counted_share * search.threshold * null.factor(search.threshold)
         some = bool((tested.best >= least).any())
         return some and bool(search.collect(tested, slice(None), least, shorter))
 
@@ -410,7 +403,7 @@ def _test_all(
     noise: NDArray[np.float32],
     found: list[list[Candidate]],
 ) -> None:
-    """Test anchors, about `_ANCHORS_AT_ONCE` at a time; add candidates to `found`."""
+    """Test anchors in parts of `GROUPS.anchors_at_once`; add candidates to `found`."""
     member = np.array(due.members)
     column, row = np.array(due.columns), np.array(due.rows)
     place, power = np.array(due.places), np.array(due.powers, np.float32)
@@ -419,12 +412,14 @@ def _test_all(
     for index in range(len(searches)):
         last = bisect.bisect_right(due.members, index, first)
         while first < last:
-            part = slice(first, min(first + _ANCHORS_AT_ONCE, last))
+            part = slice(first, min(first + GROUPS.anchors_at_once, last))
             parts.append((index, part))
             first = part.stop
     begin = 0
     for number, (_, part) in enumerate(parts):
-        if part.stop - parts[begin][1].start < _ANCHORS_AT_ONCE and number + 1 < len(parts):
+        if part.stop - parts[begin][1].start < GROUPS.anchors_at_once and number + 1 < len(
+            parts
+        ):
             continue
         low = parts[begin][1].start
         some = slice(low, part.stop)
@@ -495,5 +490,5 @@ def _test(
 
 
 def _stretches(memory: NDArray[np.float32], length: int) -> NDArray[np.float32]:
-    """Every stretch of `length` contiguous cells, without a copy."""
+    """View of all stretches of `length` contiguous cells, without a copy."""
     return np.ndarray((len(memory) - length + 1, length), np.float32, memory, 0, (4, 4))

@@ -17,62 +17,40 @@ from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.search.refine import Refiner
 from uavrt.detection.search.thresholds import begun_within_s, decision_interval_s
+from uavrt.detection.search.tuning import EVIDENCE, THRESHOLDS
 from uavrt.messages import Tag
-
-POWER_LIMIT = 16.0
-"""Largest power that counts for one pulse, in noise powers; otherwise one impulse carries a
-group."""
-_TABLE_STEP = 0.02
-_STEPS_PER_PULSE = 25
-"""Steps of a pulse's start per pulse width; power falls by a twelfth from one to the next."""
-_ROWS_BINS = 0.125
-"""Step of the frequencies [bins]; they extend twice that from the candidate's row."""
-_FREQUENCIES = 5
-_JITTER_SHARE = 0.4
-"""Standard deviation of a pulse's jitter as a share of its bound."""
-
-
-_GATE = 0.9
-"""Least score that is tested here, as a share of the search's threshold."""
-_SURE_SCORE = 1.2
-"""Score from which no test is needed: two cells at their limit, a third above noise."""
-_FIRST_SHARE = 0.8
-_FACTOR_LOG = {3: -3.7}
-"""Log of the number of noise groups at a bound of one per lattice, by K: calibrated."""
-_SLOPE = 1.2
-"""Slope of the tail: the limit makes it longer than the inverse of the bound; calibrated."""
 
 
 def gate(k: int) -> float:
-    """Share of the search's threshold that makes a candidate of K pulses."""
-    return _GATE if k in _FACTOR_LOG else 1.0
+    """Least score of a candidate of K pulses, as a share of the search's threshold."""
+    return EVIDENCE.gate if k == EVIDENCE.tested_k else 1.0
 
 
 class Evidence:
-    """Tests the candidates of one detector."""
+    """Tests candidates near the threshold by their likelihood."""
 
     def __init__(self, tag: Tag, *, grid: Grid, refiner: Refiner) -> None:
         self._tag = tag
         self._grid = grid
         self._refiner = refiner
-        self._half_band_hz = 2.0 * _ROWS_BINS * grid.sample_rate_hz / grid.window
-        self._step = max(1, round(grid.window / _STEPS_PER_PULSE))
-        sigma = _JITTER_SHARE * tag.interval_jitter_s * grid.sample_rate_hz / self._step
+        self._half_band_hz = 2.0 * EVIDENCE.row_bins * grid.sample_rate_hz / grid.window
+        self._step = max(1, round(grid.window / EVIDENCE.steps_per_pulse))
+        sigma = EVIDENCE.jitter_share * tag.interval_jitter_s * grid.sample_rate_hz / self._step
         reach = tag.interval_jitter_s * grid.sample_rate_hz + 2 * grid.hop
         self._side = max(2, math.ceil(reach / self._step))
         self._spread = _kernel(self._side, round(sigma, 3))
         self._lattices = _lattices(tag.k, self._side)
         # Of a lattice's middle, of its ends against that, and of the frequency.
-        self._cell = math.log((self._step / grid.window) ** 2 * _ROWS_BINS)
+        self._cell = math.log((self._step / grid.window) ** 2 * EVIDENCE.row_bins)
         rates = len(tag.pulse_intervals_s)
         self._bounds = [self._bounds_of(rate) for rate in range(1, rates + 1)]
 
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if a candidate is more likely than noise of the allowed false-alarm rate."""
+        """True if a candidate is less likely noise than the tag's false-alarm rate allows."""
         share = gate(search.k)
-        if share == 1.0 or candidate.score >= _SURE_SCORE:
+        if share == 1.0 or candidate.score >= EVIDENCE.sure_score:
             return True
         steady, first = self._bounds[candidate.rate - 1]
         bound = steady if search.steady else first
@@ -85,7 +63,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Least evidence of a group: normally, and in the first decision interval."""
+        """Least log evidence of a group: normally, and within the first decision interval."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
@@ -94,10 +72,10 @@ class Evidence:
         lattices = (
             band_hz * usual_s * (1.0 + (tag.k - 1) * tag.interval_uncertainty_s / width_s)
         )
-        factor = _FACTOR_LOG.get(tag.k, 0.0)
+        factor = EVIDENCE.factor_log if tag.k == EVIDENCE.tested_k else 0.0
         allowed = tag.false_alarm_probability / len(tag.pulse_intervals_s)
-        bound = math.log(lattices) + factor - _SLOPE * math.log(allowed)
-        return bound, bound + math.log(_FIRST_SHARE * min(1.0, begun_s / usual_s))
+        bound = math.log(lattices) + factor - EVIDENCE.slope * math.log(allowed)
+        return bound, bound + math.log(THRESHOLDS.first_share * min(1.0, begun_s / usual_s))
 
     def weigh(
         self,
@@ -106,23 +84,23 @@ class Evidence:
         level: float | NDArray[np.float64],
         strength: float,
     ) -> float:
-        """Log-likelihood ratio around a candidate.
+        """Log-likelihood ratio of pulses around a candidate's to noise.
 
-        `starts` (K,): index of the first sample of each pulse. Missing samples count neither
-        for nor against a pulse. `level` (K,): noise power of a sample, common or per pulse.
-        `strength`: ENR (not in dB) of a pulse. The ratio is a density over the lattice's middle
-        and ends [pulse widths] and over frequency [bins].
+        `starts` (K,): index of the first sample of each pulse; missing samples count neither
+        for nor against it. `level` (K,): noise power of a sample, common or per pulse.
+        `strength`: ENR of a pulse, not in decibels. The ratio is a density over the lattice's
+        middle and ends [pulse widths] and over frequency [bins].
         """
         side, step = self._side, self._step
         window, table = self._grid.window, _ratios(round(strength, 2))
         points = 2 * side + 1
         first = np.rint(starts).astype(np.int64) - side * step
         power, offset = self._refiner.powers(
-            first, (points - 1) * step + 1, offset_hz, self._half_band_hz, _FREQUENCIES
+            first, (points - 1) * step + 1, offset_hz, self._half_band_hz, EVIDENCE.frequencies
         )
-        ratios = np.ones((len(starts), _FREQUENCIES, points), np.float64)
+        ratios = np.ones((len(starts), EVIDENCE.frequencies, points), np.float64)
         if power is not None:
-            scale = 1.0 / (window * _TABLE_STEP * np.asarray(level).reshape(-1, 1, 1))
+            scale = 1.0 / (window * EVIDENCE.table_step * np.asarray(level).reshape(-1, 1, 1))
             cells = np.minimum(power * scale, len(table) - 1).astype(np.intp)
             at = np.arange(points) * step
             for place, shift in enumerate(offset.tolist()):
@@ -137,14 +115,14 @@ class Evidence:
 
 @lru_cache(maxsize=8)
 def _ratios(strength: float) -> NDArray[np.float64]:
-    """Likelihood ratio of a pulse to noise, by power in steps of `_TABLE_STEP`."""
-    power = np.arange(0.0, POWER_LIMIT + _TABLE_STEP, _TABLE_STEP)
+    """Likelihood ratio of a pulse to noise, by power in steps of `EVIDENCE.table_step`."""
+    power = np.arange(0.0, EVIDENCE.power_limit + EVIDENCE.table_step, EVIDENCE.table_step)
     return np.asarray(np.exp(-strength) * np.i0(2.0 * np.sqrt(strength * power)))
 
 
 @lru_cache(maxsize=8)
 def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
-    """Weights that average over a pulse's jitter, shape (points, points); zero outside."""
+    """Weights that average over a pulse's jitter, shape (points, points)."""
     away = np.arange(2 * side + 1)
     apart = away[:, np.newaxis] - away[np.newaxis, :]
     if sigma <= 0.2:
@@ -157,7 +135,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
     """Point of each place for each lattice around the candidate, shape (K, lattices).
 
-    Ordered by the shifts of the middle and of the ends, in steps.
+    Lattices are shifted at their middle, and at their ends against that.
     """
     middle, turn = np.meshgrid(np.arange(-side, side + 1), np.arange(-side, side + 1))
     inside = np.abs(middle) + np.abs(turn) <= side

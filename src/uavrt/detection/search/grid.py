@@ -1,13 +1,12 @@
 """The time-frequency grid of the search: a spectrogram of windows one pulse long.
 
-Reference/detector.md §4.1–4.2: for a rectangular pulse the matched filter bank is the
-discrete-time Fourier transform of each window. The original's hop is half a pulse and its rows
-half a bin apart, which costs 1.0 dB; here the hop is an eighth of a pulse and the rows a
-quarter of a bin apart, in seconds and hertz whatever the sample rate.
+For a rectangular pulse the matched filter bank is the discrete-time Fourier transform of each
+window. The original's hop is half a pulse and its rows half a bin apart, which costs 1.0 dB.
+Here the hop is an eighth of a pulse and the rows a quarter of a bin apart, at any sample rate.
 
-The columns of a row lie side by side in memory, because an anchor looks at about fifty
-neighbouring columns of one row for each other pulse. Shifted maxima are taken over all rows as
-one long row, and what runs over from one row into the next is cut off with the margins.
+The columns of a row are contiguous in memory, because an anchor reads about fifty neighbouring
+columns of one row for each other pulse. Shifted maxima are taken over all rows as one long row;
+what runs over into the next row is cut off with the margins.
 """
 
 import cmath
@@ -18,40 +17,34 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.search.tuning import GRID
 from uavrt.native import kernels
 
 HOPS_PER_PULSE = 8
+"""Number of columns per pulse width."""
 ROWS_PER_BIN = 4
-_SINGLE_THREAD_PRODUCT = 200_000
-"""Matrix products up to this size stay on one thread in OpenBLAS (its limit is 262 144): two
-threads that wake for 50 us of work cost 50 times as much."""
-_DECIMATED_WINDOW = 24
-"""Least samples of a pulse after decimation; with fewer, the hop is too coarse."""
+"""Number of rows per bin, the inverse of the pulse width."""
 OUTPUTS_PER_ROW = 8
-_STOPBAND_DB = 55.0
-_KERNEL_WINDOW = 254
-"""Longest window of the compiled kernel [samples]."""
+"""Number of narrow-band samples in one row of the filter's matrix product."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
     """Windows and rows of one tag's spectrogram.
 
-    `window`, `hop`: length of a window and step between two, in the channel's samples.
+    `window`, `hop`: length of a window and step between two [channel samples].
     `decimation`: channel samples for each sample of the narrow band that the search works on.
-    `reach`: channel samples that the band's filter looks to each side.
-    `offsets_hz` (rows,): row frequencies relative to the centre of the channel.
-    `filter` (samples, outputs): several outputs of the narrow band's filter as one matrix
-    product.
+    `reach`: channel samples that the narrow band's filter needs on each side.
+    `offsets_hz` (rows,): row frequencies from the centre of the channel [Hz].
+    `filter` (samples, outputs): several outputs of that filter as one matrix product.
     `length`: narrow-band samples of a window.
-    `matrix` (length, rows): the transform, scaled so that the output noise power is the
-    channel's per sample.
-    `halves`: instead of the matrix, where rows lie symmetrically around the tag and the narrow
-    band was shifted to put the tag at zero: `half_transforms`.
-    `turn_hz`: what the narrow band is shifted down by after the filter.
+    `matrix` (length, rows): the transform; in noise its output has the power of one sample.
+    `halves`: `half_transforms`, instead of the matrix, where rows lie symmetrically around the
+    tag and the narrow band was shifted to put the tag at zero.
+    `turn_hz`: frequency by which the narrow band is shifted down after the filter [Hz].
     `pairs`: the filter for the compiled kernel: real and imaginary parts of its taps, each
-    twice (float32, shape (2, 2 × taps), filled up to a multiple of eight taps), and how outputs
-    of one row are turned against the first (complex64).
+    twice, as float32 (2, 2 × taps), filled up to a multiple of eight taps; and the phase of
+    each output of a row against the first, as complex64.
     """
 
     sample_rate_hz: float
@@ -74,11 +67,11 @@ class Grid:
 
     @property
     def rows(self) -> int:
-        """Number of frequencies."""
+        """Number of frequencies of the grid."""
         return len(self.offsets_hz)
 
     def start(self, column: float) -> float:
-        """Channel sample at which a column's window starts."""
+        """Index of the channel sample at which a column's window starts."""
         return column * self.hop - (self.decimation - 1) / 2.0
 
     def column(self, start: float) -> float:
@@ -86,13 +79,10 @@ class Grid:
         return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power of every cell.
+        """Power of every cell, shape (columns, rows), each row contiguous in memory.
 
-        `samples` (n,): contiguous samples of the narrow band (of the channel without
-        decimation).
-        Returns: (columns, rows) squared magnitude of the matched filter; in noise its mean is
-        the noise power of one channel sample, for a pulse it is that times ENR + 1. A row's
-        columns lie side by side in memory: it is the transpose of what is computed.
+        `samples` (n,): contiguous narrow-band samples. In noise the mean power is that of one
+        channel sample; for a pulse it is ENR + 1 times as much.
         """
         hop = self.hop // self.decimation
         count = max(0, (len(samples) - self.length) // hop + 1)
@@ -102,7 +92,7 @@ class Grid:
         elif self.halves is not None:
             self._power_by_halves(samples, result)
         elif self.matrix is not None:
-            chunk = max(1, _SINGLE_THREAD_PRODUCT // self.matrix.size)
+            chunk = max(1, GRID.blas_product // self.matrix.size)
             for first in range(0, count, chunk):
                 last = min(first + chunk, count)
                 frames = _windows(samples, first * hop, (last - first, self.length), hop)
@@ -114,8 +104,8 @@ class Grid:
 
     @property
     def for_kernel(self) -> bool:
-        """True if the compiled kernel can compute the cells' power."""
-        small = self.halves is not None and self.length <= _KERNEL_WINDOW
+        """True if the compiled kernel can compute the power of the cells."""
+        small = self.halves is not None and self.length <= GRID.kernel_window
         return small and kernels() is not None
 
     def power_by_kernel(
@@ -147,7 +137,7 @@ class Grid:
         parts = np.empty((2, len(samples)), np.float32)
         parts[0], parts[1] = samples.real, samples.imag
         middle, columns = self.rows // 2, result.shape[1]
-        chunk = max(1, _SINGLE_THREAD_PRODUCT // cosines.size)
+        chunk = max(1, GRID.blas_product // cosines.size)
         for first in range(0, columns, chunk):
             count = min(chunk, columns - first)
             frames = np.ndarray(
@@ -176,16 +166,16 @@ class Grid:
 
 
 class Spectrogram:
-    """Columns of a stream of channel samples, each once."""
+    """Computes each column of a stream of channel samples once."""
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
         self.band = np.zeros(0, np.complex64)
-        """Narrow-band samples at the start of the next columns."""
+        """Narrow-band samples from the start of the next column on."""
         self.consumed = 0
-        """Narrow-band samples made so far."""
+        """Number of narrow-band samples made so far."""
         self._turns = np.zeros((0, 1), np.complex64)
-        """Phase of each row of outputs relative to the first."""
+        """Phase of each row of filter outputs relative to the first."""
 
     @property
     def begun(self) -> int:
@@ -205,7 +195,7 @@ class Spectrogram:
         return power
 
     def lengthened(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Remaining narrow-band samples, extended by new channel samples."""
+        """Narrow-band samples not used yet, extended by those of new channel samples."""
         grid, native = self.grid, kernels()
         if native is None or grid.filter is None or grid.pairs is None:
             return np.concatenate((self.band, self.decimate(samples)))
@@ -231,7 +221,7 @@ class Spectrogram:
         stride = outputs * grid.decimation
         count = max(0, (len(samples) - length) // stride + 1)
         band = np.empty((count, outputs), np.complex64)
-        chunk = max(1, _SINGLE_THREAD_PRODUCT // grid.filter.size)
+        chunk = max(1, GRID.blas_product // grid.filter.size)
         for first in range(0, count, chunk):
             last = min(first + chunk, count)
             pieces = _windows(samples, first * stride, (last - first, length), stride)
@@ -260,8 +250,8 @@ def make_grid(
 ) -> Grid:
     """Make the grid around one tag.
 
-    `offset_hz`: middle of the search relative to the centre of the channel. `half_width_hz`:
-    half-width of the search; infinite or large: the whole channel.
+    `offset_hz`: middle of the search from the centre of the channel [Hz]. `half_width_hz`:
+    half-width of the search [Hz]; infinite or large: the whole channel.
     """
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
@@ -269,7 +259,7 @@ def make_grid(
     decimation = 1
     if not circular:
         decimation = int(
-            min(sample_rate_hz / (2.5 * half_width_hz), samples / _DECIMATED_WINDOW)
+            min(sample_rate_hz / (2.5 * half_width_hz), samples / GRID.least_window)
         )
         decimation = max(1, decimation)
     length = max(4, round(samples / decimation))
@@ -336,9 +326,12 @@ def half_transforms(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cosines and sines of the rows from the tag's frequency up, shared by all tags.
 
-    `length`: samples of a window; rows are 1 / (`ROWS_PER_BIN` × length) of the rate apart.
-    Returns (cosines, sines): (rows, length - length // 2), for the pairs of samples from the
-    middle outwards, an odd window's middle last; (rows, length // 2).
+    `length`: samples of a window. Returns (cosines, sines): (rows, length - length
+
+    2), for the pairs of samples from the middle outwards, an odd window's middle last; (rows,
+    length
+
+    2).
     """
     half = length // 2
     away = np.arange(half) + (1.0 if length % 2 else 0.5)
@@ -355,15 +348,15 @@ def _band_filter(
 ) -> NDArray[np.complex128]:
     """Band-pass around the tag whose aliases fall outside ± `pass_hz`, shape (odd,).
 
-    Kaiser window by Kaiser's formulas. The samples stay at their frequency (folded by the
-    decimation); the rows of the transform are folded alike, so nothing is mixed.
+    Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
+    decimation; the rows of the transform are folded alike.
     """
     stop_hz = sample_rate_hz / decimation - pass_hz
     width = max(stop_hz - pass_hz, 0.02 * sample_rate_hz / decimation) / sample_rate_hz
-    side = math.ceil((_STOPBAND_DB - 7.95) / (2.285 * 2.0 * math.pi * width) / 2.0)
+    side = math.ceil((GRID.stopband_db - 7.95) / (2.285 * 2.0 * math.pi * width) / 2.0)
     n = np.arange(-side, side + 1)
     cutoff = 1.0 / decimation
-    beta = 0.1102 * (_STOPBAND_DB - 8.7)
+    beta = 0.1102 * (GRID.stopband_db - 8.7)
     taps = cutoff * np.sinc(cutoff * n) * np.kaiser(len(n), beta)
     taps /= taps.sum()
     # The samples are correlated with these taps, not convolved: hence the sign.
@@ -373,7 +366,7 @@ def _band_filter(
 def _windows(
     samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
 ) -> NDArray[np.complex64]:
-    """Overlapping windows of contiguous samples, without a copy.
+    """View of overlapping windows of contiguous samples, without a copy.
 
     The constructor is much faster than `numpy.lib.stride_tricks.as_strided`, and checks that
     the windows lie inside the buffer.

@@ -2,17 +2,17 @@
 
 A hypothesis is a row, an anchor cell, the anchor's place among the K pulses, and an interval.
 Its statistic is the anchor's power plus, for each other place, the largest power within the
-jitter around where that pulse should be; all relative to the row's noise and none above a
-limit. By the pigeonhole principle a sum of K terms that reaches T has a term that reaches T/K,
-so only cells above T/K need be anchors: a few in a second of noise at K = 3. Only what an
-anchor looks at is maximised over the jitter; the work is linear in K.
+jitter around the expected pulse; all relative to the row's noise and none above a limit. A sum
+of K terms that reaches T has a term that reaches T/K, so only cells above T/K need be anchors:
+a few in a second of noise at K = 3. Only the columns near an anchor are maximised over the
+jitter; the work is linear in K.
 
-The anchor sits at its own peak and the others within the jitter of it, so pulses whose errors
+The anchor is at its own peak and the others are within the jitter of it, so pulses whose errors
 differ by more than the bound lose a part of their energy.
 
 The limit is 14 noise powers per cell. At equal false alarms it costs nothing (Pd .553 against
-.549 at 9 dB), because the threshold falls with it; a log-likelihood would gain .008 more but
-let one impulse carry a group. The strength without the limit settles ties.
+.549 at 9 dB), because the threshold falls with it. A log-likelihood would gain .008 more but
+let one impulse carry a group. The strength without the limit decides between equal sums.
 """
 
 import math
@@ -24,58 +24,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.known_pulses import KnownPulses
+from uavrt.detection.search.tuning import GROUPS
 
 Anchors = tuple[list[int], list[int], list[float]]
 """Columns, rows and powers of strong cells, in order of time."""
-CELL_LIMIT = 14.0
-"""Most that one cell adds to a sum of several, in noise powers: 0.5 of a K = 3 threshold.
-
-Without a limit one impulse carries a group. The limit costs nothing at the threshold: it lowers
-the false alarms of noise as much (measured: docs/explanation/detection.md)."""
-_PIECE_S = 0.46
-"""Most columns taken in at once, in seconds: a ring of cells needs no more beyond its span, and
-a detector's pieces are of 0.44 s."""
 
 
 class Candidate(NamedTuple):
     """A hypothesis whose statistic reached the threshold."""
 
     score: float
-    """The statistic over the threshold."""
+    """Statistic over the threshold."""
     strength: float
-    """The sum without the limit on a cell, in noise powers: settles ties of strong pulses."""
+    """Sum without the limit on a cell [noise powers]: decides between equal scores."""
     rate: int
     row: int
     columns: tuple[float, ...]
-    """Where its pulses should be, in columns since the start."""
-
-
-MEASURED = 4
-"""Columns that must follow a group's last pulse, half a pulse width: a strong one begins with a
-flank that is at the limit, and the group was measured there, 3 dB low, before its top came."""
-EQUAL_SCORES = 4
-"""Decimal places of a score that count. Strong groups share one score because cells are limited
-before the sum; float32 rounding must not choose between them."""
+    """Expected column of each pulse, counted since the start."""
 
 
 def best_first(found: list[Candidate]) -> list[Candidate]:
-    """Sort candidates in place: by score, ties by strength."""
+    """Sort candidates in place: by score, equal scores by strength."""
     if len(found) > 1:
-        found.sort(key=lambda one: (-round(one.score, EQUAL_SCORES), -one.strength))
+        found.sort(key=lambda one: (-round(one.score, GROUPS.score_digits), -one.strength))
     return found
 
 
 class RateSearch(ABC):
-    """Search of one rate over a sliding stretch of columns.
+    """Search of one rate over a sliding range of columns; implemented twice.
 
-    What all searches have; `uavrt.detection.search.anchors.AnchorSearch` and
-    `uavrt.detection.search.long_groups.LongSearch` are the two ways to do it.
+    `uncertainty_s`, `jitter_s`: bounds of the interval's constant error and of each pulse's
+    own.
 
-    `interval_s`, `uncertainty_s`, `jitter_s`: the tag's interval, the bound of its constant
-    error and of each pulse's own.
-    `first_threshold`, `first_columns`: threshold while fewer columns than these have been seen.
-    In the first decision interval few groups can have begun; it may spend its false alarms on
-    these.
+    `first_threshold`, `first_columns`: threshold for this number of first columns. Few groups
+    can have begun in the first decision interval, so that a lower one gives as many false
+    alarms.
     """
 
     def __init__(
@@ -98,7 +81,7 @@ class RateSearch(ABC):
         self._steady_threshold = threshold
         self._first_columns = first_columns
         self.threshold = threshold if first_threshold is None else first_threshold
-        self.limit = CELL_LIMIT if k > 1 else math.inf
+        self.limit = GROUPS.cell_limit if k > 1 else math.inf
         self.reach = jitter_reach(jitter_s, hop_s)
         intervals = interval_grid(
             interval_s=interval_s,
@@ -110,7 +93,7 @@ class RateSearch(ABC):
         self.intervals = intervals
         self.longest = math.ceil(float(intervals[-1]))
         self.span = (k - 1) * self.longest + 1
-        """Columns from the first to the last pulse at the longest interval."""
+        """Number of columns from the first to the last pulse at the longest interval."""
         places = np.arange(k)
         self._offsets = np.rint(
             (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
@@ -119,7 +102,7 @@ class RateSearch(ABC):
         """(place, place, intervals): columns from one pulse to another."""
         self.columns = 0
         """Number of columns whose maxima over the jitter are known."""
-        self.piece = max(16, math.ceil(_PIECE_S / hop_s))
+        self.piece = max(16, math.ceil(GROUPS.piece_s / hop_s))
         self.best = 0.0
         """Largest statistic over the threshold since the last reset."""
         self.own_margin = 1.0
@@ -130,7 +113,7 @@ class RateSearch(ABC):
         """Receives strong cells that the search has finished with: columns, rows and powers."""
 
     def open_anchors(self) -> Anchors:
-        """Get the strong cells that the search has not finished with."""
+        """Return the strong cells that the search has not finished with."""
         return [], [], []
 
     @property
@@ -140,19 +123,19 @@ class RateSearch(ABC):
 
     @property
     def steady(self) -> bool:
-        """True if the threshold is no longer that of the first decision."""
+        """True once the threshold is no longer that of the first decision."""
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream: this is the number of the first column."""
+        """Begin in mid-stream, with this number for the first column."""
         self.columns = column + self.reach
         self._first_columns = 0
 
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Add new columns and test every hypothesis that they complete.
 
-        `noise` (rows,): noise power of each row, in the same units. Returns candidates, best
-        first; several may be of the same pulses.
+        `noise` (rows,): noise power of each row, in the units of `power`. Returns candidates,
+        best first; several may be of the same pulses.
         """
         found: list[Candidate] = []
         for first in range(0, len(power), self.piece):
@@ -161,7 +144,7 @@ class RateSearch(ABC):
 
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Test the remaining hypotheses, assuming silence after the last column."""
-        columns = self.longest * (self.k - 1) + 2 * self.reach + 1 + MEASURED
+        columns = self.longest * (self.k - 1) + 2 * self.reach + 1 + GROUPS.measured_columns
         if self.columns <= self._first_columns:
             self._first_columns += columns
         return self.push(np.zeros((columns, self.rows), np.float32), noise)
@@ -172,10 +155,10 @@ class RateSearch(ABC):
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
-    """Columns to search on either side of an expected pulse.
+    """Number of columns to search on either side of an expected pulse.
 
-    Two pulses both off by the full bound are rare, and a pulse a little beyond the reach still
-    shows by its flank: 0.7 of the bound loses less than the smaller search gains.
+    Two pulses both off by the full bound are rare, and a pulse a little beyond still shows by
+    its flank: 0.7 of the bound loses less than the smaller search gains.
     """
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 
@@ -183,10 +166,10 @@ def jitter_reach(jitter_s: float, hop_s: float) -> int:
 def interval_grid(
     *, interval_s: float, uncertainty_s: float, hop_s: float, k: int, reach: int
 ) -> NDArray[np.float64]:
-    """Intervals to try, in columns.
+    """Intervals to try [columns].
 
-    They are so close that between two of them none of the K pulses moves by more than the
-    jitter's reach or half a column, whichever is larger.
+    Between two of them no pulse moves by more than the jitter's reach or half a column,
+    whichever is larger.
     """
     middle = interval_s / hop_s
     if k == 1:

@@ -7,16 +7,11 @@ from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.refine import Measured
-
-SAME_BINS = 1.5
-"""Distance of two frequencies below which a known pulse explains any other [bins]."""
-LEAK_SHARE = 0.2
-"""Least share of a candidate's strength that a known pulse's leakage must have to explain
-it."""
+from uavrt.detection.search.tuning import GROUPS
 
 
 class KnownPulses:
-    """Pulses of confirmed tracks and of groups just found.
+    """Pulses of confirmed tracks and of groups just found, and the candidates they explain.
 
     For a tag in reception, they explain nearly all candidates.
     """
@@ -35,8 +30,8 @@ class KnownPulses:
     ) -> NDArray[np.bool_]:
         """Find the candidates that contain a known pulse or its leakage.
 
-        `strength` (candidates,): sums of powers, in noise powers. `reach`: columns on either
-        side searched for a pulse's jitter.
+        `strength` (candidates,): sums of powers [noise powers]. `reach`: columns searched for
+        the jitter on either side.
         """
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window
@@ -55,5 +50,7 @@ class KnownPulses:
         away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
         apart = np.abs(away_hz) / bin_hz
         leak = power / np.maximum(1.0, math.pi * apart / 2.0) ** 2
-        meet &= (apart < SAME_BINS) | (leak > LEAK_SHARE * strength[:, np.newaxis])
+        meet &= (apart < GROUPS.same_bins) | (
+            leak > GROUPS.leak_share * strength[:, np.newaxis]
+        )
         return np.asarray(meet.any(axis=1))

@@ -1,4 +1,4 @@
-"""Track sudden rises of the noise: throttle, a transmitter near by.
+"""Follow sudden changes of the noise: throttle, a transmitter near by.
 
 `uavrt.detection.search.noise` estimates each row's noise over tens of seconds. A rise common to
 many rows is detected within a tenth of a second. Cells are divided by the level before any sum,
@@ -7,7 +7,7 @@ so that pulses in quiet and in loud noise get their proper weight.
 A slot of time is half a pulse, a band of frequency one bin. A level is a mean over the longest
 stretch of slots that agrees with all shorter ones (the intersection of confidence intervals:
 Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997), backward and forward
-separately; where they disagree there is a step, and the louder one is used.
+separately. Where they disagree there is a step, and the louder one is used.
 """
 
 import math
@@ -18,88 +18,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
+from uavrt.detection.search.tuning import LEVEL
 from uavrt.native import kernels
 
 SLOT = HOPS_PER_PULSE // 2
-"""Columns in a slot."""
-_TRUNCATION = 4.0
-_MEAN = 1.0 - math.exp(-_TRUNCATION)
-"""Mean of a unit exponential that is limited to the truncation."""
-_PAST = 80
-"""Past slots that are used."""
-_STRETCHES = (6, 10, 16, 26, 42, 80)
-"""Numbers of slots for averaging a level; a step is located to within the shortest."""
-_MOST_SPLITS = 4
-_SPLIT = 6.5
-"""Least log-likelihood ratio at which two groups of bands have different levels."""
-_SIGMAS = 2.2
-"""Least difference between means of different levels [standard deviations]."""
-_VARIANCE = 1.5
-"""Variance of a slot in one bin, relative to its mean squared; neighbouring windows overlap by
-half."""
-_TRIGGER = 3.0
-"""Least deviation at which a steady level is doubted [standard deviations]."""
-_BAND_TRIGGER = 3.6
-_CALM = 11
-"""Slots in the shortest piece that is compared with the level."""
-_BURST = 1.7
-"""Ratio of a slot to both sides at which it is a strong pulse, not noise."""
-_BURST_SIGMAS = 2.6
-"""Height of a slot above its neighbours that marks a weak pulse in three slots [standard
-deviations]."""
-_BESIDE = (4, 8)
-"""Distance of the neighbours of a pulse, which takes three or four slots [slots]."""
-_MEDIAN_SLOTS = 11
-_AHEAD = 10
-_MOST_MARGIN = 0.3
-_SAME = 0.12
-"""Relative difference below which levels count as the same."""
-_STAYED = 40
-_LEARNT = 40
-"""Slots assumed to be known before the first one."""
-_STEADY_RATIO = 0.5
-_LEAST = 1e-9
-"""Least level, since a receiver may be silent."""
+"""Number of columns in a slot."""
+_MEAN = 1.0 - math.exp(-LEVEL.most_power)
+"""Mean of a unit exponential that is limited to `LEVEL.most_power`."""
 
 
 @dataclass(slots=True)
 class _Stretch:
-    """Levels of consecutive columns."""
+    """Noise levels of consecutive columns."""
 
     first: int
     common: NDArray[np.float32]
-    """Common level, (slots,)."""
+    """(slots,) common level of all bands."""
     bands: NDArray[np.float32] | None
-    """Level of each band relative to the common one, where bands differ, (bands, slots)."""
+    """(bands, slots) level of each band over the common one; None where bands do not differ."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Levels that change: for the search, and for measuring."""
+    """Changing noise levels: for dividing cells, and for measuring pulses."""
 
     divisor: NDArray[np.float32]
-    """(new slots,): common level for the search, including its possible error."""
+    """(new slots,) common level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots): relative to that, where bands differ."""
+    """(bands, new slots) level of each band over `divisor`; None where bands do not differ."""
     measured: NDArray[np.float32]
-    """(slots,): common level for measuring."""
+    """(slots,) common level for measuring pulses."""
     measured_bands: NDArray[np.float32] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Levels of some slots."""
+    """Noise levels of some slots."""
 
     common: NDArray[np.float32]
-    """Common level, (slots,)."""
+    """(slots,) common level of all bands."""
     margin: NDArray[np.float32]
-    """(slots,): factor on it for the search, as it is uncertain."""
+    """(slots,) factor on `common` for the search, because the level is uncertain."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots): relative to the common level, where bands differ."""
+    """(bands, new slots) level of each band over `common`; None where bands do not differ."""
 
 
 class _LevelRecord:
-    """Levels of the last columns. `keep`: number of columns kept."""
+    """Noise levels of the last columns. `keep`: number of columns kept."""
 
     def __init__(self, band_of: NDArray[np.intp], keep: int) -> None:
         self._band_of, self._keep = band_of, keep
@@ -127,19 +92,19 @@ class _LevelRecord:
             del self._stretches[0]
 
     def correct(self, measured: NDArray[np.float32], past: int) -> None:
-        """Take what is known by now of slots that might have been a pulse's."""
+        """Replace levels of slots that may have been a pulse by later estimates."""
         if self._stretches:
             before = self._stretches[-1].common
-            upto = min(_BESIDE[1], past, len(before))
+            upto = min(LEVEL.beside_slots[1], past, len(before))
             before[len(before) - upto :] = measured[past - upto : past]
 
 
 class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
-    `keep`: columns whose levels are kept. `steepness`: threshold of the search over K: false
-    alarms grow by this factor faster than a cell's error. `circular`: the last row is adjacent
-    to the first.
+    `keep`: number of columns whose levels are kept. `steepness`: threshold of the search over
+    K, the exponent with which false alarms grow with a cell's error. `circular`: the last row
+    is adjacent to the first.
     """
 
     def __init__(
@@ -154,15 +119,15 @@ class Leveller:
         self._steepness = steepness
         self._circular = circular
         self._now = np.ones(count, np.float32)
-        """Newest level of each band."""
+        """(bands,) newest level of each band."""
         self._usual = np.ones(count, np.float32)
-        """Level of each band, averaged since its last change."""
+        """(bands,) level of each band, averaged since its last change."""
         self._stayed = 0
-        """Calls since that change."""
+        """Number of calls since the last change."""
         # The rows' noise was just learnt from what came before.
-        self._past = np.ones((count, _LEARNT), np.float32)
-        self._whole = np.ones(_LEARNT, np.float32)
-        """Valid slots of the past: 1 or 0."""
+        self._past = np.ones((count, LEVEL.learnt_slots), np.float32)
+        self._whole = np.ones(LEVEL.learnt_slots, np.float32)
+        """(past slots,) 1 for slots without lost samples, else 0."""
         self.record = _LevelRecord(self.band_of, keep)
         self.unsteady = False
         """True while the level changes, or bands differ."""
@@ -170,7 +135,7 @@ class Leveller:
 
     @property
     def rows_now(self) -> NDArray[np.float32]:
-        """Level of each row, averaged since its last change, shape (rows,)."""
+        """(rows,) level of each row, averaged since its last change."""
         return self._usual[self.band_of]
 
     def level(
@@ -180,7 +145,7 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Divide new columns by their level, in place.
+        """Divide new columns (rows, columns) by their level, in place.
 
         `noise` (rows,): noise of each row at a level of one. `whole` (columns,): columns
         without lost samples; None: all.
@@ -192,10 +157,14 @@ class Leveller:
     ) -> float:
         self.unsteady = self.uneven = False
         total = max(float(weights.sum()), 1.0)
-        level = mean * (1.0 + 0.5 * self._steepness * _VARIANCE / self._bins / total)
+        level = mean * (1.0 + 0.5 * self._steepness * LEVEL.slot_variance / self._bins / total)
         self._now[:] = mean
-        self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
+        self._keep_past(both, weights)
         return level
+
+    def _keep_past(self, both: NDArray[np.float32], weights: NDArray[np.float32]) -> None:
+        past = LEVEL.past_slots
+        self._past, self._whole = both[:, -past:].copy(), weights[-past:]
 
     def _level_by_kernel(
         self,
@@ -217,7 +186,7 @@ class Leveller:
             return
         level, self._stayed = steady
         self.unsteady = self.uneven = False
-        self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
+        self._keep_past(both, weights)
         self.record.note(first, np.full(count, level, np.float32), None)
 
     def _level(
@@ -234,38 +203,39 @@ class Leveller:
         if not self._nearly_steady(both):
             both[:, past:] = self._robust(slots, noise, both, past)
         found = self._follow(both, weights, past)
-        measured, common, bands = found.measured, found.divisor, found.bands
+        measured, bands = found.measured, found.bands
         self.record.correct(measured, past)
         self.unsteady, self.uneven = True, bands is not None
-        self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
+        self._keep_past(both, weights)
         self.record.note(first, measured[past:].copy(), found.measured_bands)
         self._now[:] = measured[-1]
         if found.measured_bands is not None:
             self._now *= found.measured_bands[:, -1]
         if bands is None:
-            power /= np.repeat(common, SLOT)[:columns]
+            power /= np.repeat(found.divisor, SLOT)[:columns]
         else:
-            power /= np.repeat((bands * common)[self.band_of], SLOT, axis=1)[:, :columns]
+            level = (bands * found.divisor)[self.band_of]
+            power /= np.repeat(level, SLOT, axis=1)[:, :columns]
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if all levels are close enough to the newest for the limits on cells to hold."""
-        pieces = both.shape[1] // _CALM
-        some = both[:, both.shape[1] - pieces * _CALM :]
-        common = self._common(some).reshape(pieces, _CALM).mean(axis=1)
+        """True if all levels are so near the newest that the limits on cells hold."""
+        pieces = both.shape[1] // LEVEL.piece_slots
+        some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
+        common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)
         bands = some.mean(axis=1)
         least = min(float(common.min()), float(bands.min()))
-        return least > _STEADY_RATIO * max(float(common.max()), float(bands.max()))
+        return least > LEVEL.steady_ratio * max(float(common.max()), float(bands.max()))
 
     def _average(self) -> None:
         """Average the newest level with earlier equal ones."""
-        self._stayed = min(self._stayed + 1, _STAYED)
-        if bool((np.abs(self._now - self._usual) > _SAME * self._usual).any()):
+        self._stayed = min(self._stayed + 1, LEVEL.most_averaged)
+        if bool((np.abs(self._now - self._usual) > LEVEL.same_share * self._usual).any()):
             self._stayed = 1
         self._usual = self._usual + (self._now - self._usual) / np.float32(self._stayed)
 
     def _common(self, bands: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Mean over the bands, weighted by their rows, shape (slots,)."""
+        """(slots,) mean over the bands, weighted by their rows."""
         return np.asarray(self._members @ bands / self._members.sum(), np.float32)
 
     def _robust(
@@ -275,25 +245,26 @@ class Leveller:
         both: NDArray[np.float32],
         past: int,
     ) -> NDArray[np.float32]:
-        """Means of each band's new cells, limited by neighbouring ones; (bands, slots)."""
-        lead = min(past, _MEDIAN_SLOTS // 2)
+        """(bands, slots) means of each band's new cells, limited by neighbouring ones."""
+        width, most = LEVEL.median_slots, np.float32(LEVEL.most_power)
+        half = width // 2
+        lead = min(past, half)
         cells = slots / noise[:, np.newaxis]
         x = self._sums @ cells
         # What is usual is not known yet for the newest: what a quarter of the bands exceed.
         newest = np.zeros_like(x)
-        last = _BESIDE[0]
+        last = LEVEL.beside_slots[0]
         newest[:, -last:] = np.quantile(x[:, -last:], 0.75, axis=0)
         for _ in range(2):
             around = np.concatenate((both[:, past - lead : past], x), axis=1)
             if len(around) > 2:
                 padded = np.pad(around, ((1, 1), (0, 0)), mode="edge")
                 around = (padded[:-2] + padded[1:-1] + padded[2:]) / np.float32(3.0)
-            half = _MEDIAN_SLOTS // 2
             padded = np.pad(around, ((0, 0), (half, half)), mode="reflect")
-            windows = np.lib.stride_tricks.sliding_window_view(padded, _MEDIAN_SLOTS, axis=1)
+            windows = np.lib.stride_tricks.sliding_window_view(padded, width, axis=1)
             usual = np.partition(windows, half, axis=2)[:, lead:, half]
-            usual = np.maximum(usual, np.maximum(newest, np.float32(_LEAST)))
-            x = self._sums @ np.minimum(cells, np.float32(_TRUNCATION) * usual[self.band_of])
+            usual = np.maximum(usual, np.maximum(newest, np.float32(LEVEL.least_level)))
+            x = self._sums @ np.minimum(cells, most * usual[self.band_of])
             x /= np.float32(_MEAN)
         return x
 
@@ -307,7 +278,7 @@ class Leveller:
         """
         if kernels() is not None:
             return self._follow_by_kernel(both, weights, past)
-        common = np.maximum(self._common(both), np.float32(_LEAST))
+        common = np.maximum(self._common(both), np.float32(LEVEL.least_level))
         weights = weights.copy()
         doubtful = _take_out_bursts(common, weights, self._bins)
         levels = measured = self._levels(both, common, weights, past)
@@ -343,7 +314,7 @@ class Leveller:
         past: int,
     ) -> _Levels:
         """Level of each slot, and of the bands from slot `past` on."""
-        scale = math.sqrt(_VARIANCE / self._bins)
+        scale = math.sqrt(LEVEL.slot_variance / self._bins)
         back, begin, least = _longest(common, weights, scale)
         ahead, end, _ = _longest(common[::-1], weights[::-1], scale)
         ahead, end = ahead[::-1], end[::-1]
@@ -352,12 +323,12 @@ class Leveller:
         n = total[end] - total[begin]
         level = np.where(n > 0.0, (sums[end] - sums[begin]) / np.maximum(n, 1e-9), back)
         # Where little lies ahead a stretch takes in too much from before a rise.
-        level[-_AHEAD:] = np.maximum(level, least)[-_AHEAD:]
-        level = np.maximum(level, _LEAST)
-        margin = np.minimum(0.5 * self._steepness * scale**2 / np.maximum(n, 1.0), _MOST_MARGIN)
+        level[-LEVEL.newest_slots :] = np.maximum(level, least)[-LEVEL.newest_slots :]
+        level = np.maximum(level, LEVEL.least_level)
+        margin = 0.5 * self._steepness * scale**2 / np.maximum(n, 1.0)
         return _Levels(
             common=np.asarray(level, np.float32),
-            margin=np.asarray(1.0 + margin, np.float32),
+            margin=np.asarray(1.0 + np.minimum(margin, LEVEL.most_margin), np.float32),
             bands=self._bands(both, weights, begin[past:], end[past:], level[past:]),
         )
 
@@ -369,7 +340,7 @@ class Leveller:
         end: NDArray[np.intp],
         level: NDArray[np.float64],
     ) -> NDArray[np.float32] | None:
-        """Level of each band relative to the common one; None while they are equal."""
+        """(bands, slots) level of each band over the common one; None while they are equal."""
         if len(both) < 4:
             return None
         total, sums = _sums(weights), _sums(both * weights)
@@ -383,7 +354,7 @@ def _take_out_bursts(
     common: NDArray[np.float32], weights: NDArray[np.float32], bins: float
 ) -> NDArray[np.bool_]:
     """Set the weights of strong pulses to zero; return which newest slots may be pulses."""
-    near, far = _BESIDE
+    near, far = LEVEL.beside_slots
     width = far - near + 1
     # Nothing is known of what comes; before the first slot it was as after it.
     padded = np.pad(common, (0, far), mode="edge")
@@ -392,9 +363,11 @@ def _take_out_bursts(
     before, after = medians[: len(common)], medians[far + near : far + near + len(common)]
     # Of three slots together weaker pulses are seen, where the rows are many.
     three = np.convolve(np.pad(common, 1, mode="edge"), np.full(3, 1.0 / 3.0), "valid")
-    burst = min(1.0 + _BURST_SIGMAS * math.sqrt(_VARIANCE / bins), _BURST)
-    high = (common > _BURST * before) | (three > burst * before)
-    short = high & ((common > _BURST * after) | (three > burst * after))
+    burst = min(
+        1.0 + LEVEL.pulse_sigmas * math.sqrt(LEVEL.slot_variance / bins), LEVEL.pulse_ratio
+    )
+    high = (common > LEVEL.pulse_ratio * before) | (three > burst * before)
+    short = high & ((common > LEVEL.pulse_ratio * after) | (three > burst * after))
     weights[short] = 0.0
     doubtful = high.copy()
     doubtful[:-far] = False
@@ -421,13 +394,13 @@ def _longest(
     low, high = np.zeros(len(common)), np.full(len(common), np.inf)
     least = np.zeros(len(common))
     going = np.ones(len(common), np.bool_)
-    for length in _STRETCHES:
+    for length in LEVEL.stretches:
         begin = np.maximum(end - length, 0)
         some = total[end] - total[begin]
         here = np.where(some > 0, (sums[end] - sums[begin]) / np.maximum(some, 1e-9), mean)
         error = scale / np.sqrt(np.maximum(some, 1e-9))
         surely = here * (1.0 - error)
-        error *= _SIGMAS
+        error *= LEVEL.differ_sigmas
         low = np.maximum(low, here * (1.0 - error))
         high = np.minimum(high, here * (1.0 + error))
         going &= low <= high
@@ -449,7 +422,7 @@ def _agreed(
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
-    apart = np.abs(back - ahead) > _SIGMAS * scale * error * 0.5 * (back + ahead)
+    apart = np.abs(back - ahead) > LEVEL.differ_sigmas * scale * error * 0.5 * (back + ahead)
     apart &= (seen > 0) & (coming > 0)
     louder = back >= ahead
     return np.where(apart & ~louder, at, begin), np.where(apart & louder, at + 1, end)
@@ -461,23 +434,18 @@ def _segments(
     """Split the bands where their levels differ, and widen the louder side by one band.
 
     The likeliest split comes first: fitting two means of exponentials instead of one raises the
-    log-likelihood by the sum of cells × ln(mean).
-
-    `ratio` (bands, slots): mean of each band over the common level.
-
-    `n` (slots,): number of slots in each mean.
-
-    `circular`: the last band is adjacent to the first.
-    Returns (bands, slots): the mean of each band's segment.
+    log-likelihood by the sum of cells × ln(mean). `ratio` (bands, slots): mean of each band
+    over the common level. `n` (slots,): number of slots in each mean. `circular`: the last band
+    is adjacent to the first. Returns (bands, slots): the mean of each band's segment.
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))
-    cells = n / _VARIANCE
+    cells = n / LEVEL.slot_variance
     slot = np.arange(slots)
     begin, end = np.zeros((count, slots), np.intp), np.full((count, slots), count)
     split = np.arange(1, count)[:, np.newaxis]
     band = np.arange(count)[:, np.newaxis]
-    for _ in range(_MOST_SPLITS):
+    for _ in range(LEVEL.most_splits):
         low, high = begin[1:], end[1:]
         below, above = split - low, high - split
         first = (sums[1:-1] - sums[low, slot]) / np.maximum(below, 1)
@@ -487,7 +455,7 @@ def _segments(
         gain -= below * np.log(np.maximum(first, 1e-9)) + above * np.log(second)
         gain[below == 0] = 0.0
         best = gain.argmax(axis=0)
-        going = gain[best, slot] * cells > _SPLIT
+        going = gain[best, slot] * cells > LEVEL.split_log
         if not going.any():
             break
         at, low, high = best + 1, begin[best + 1, slot], end[best + 1, slot]
@@ -509,10 +477,7 @@ def level_together(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Run `Leveller.level` for several searches.
-
-    `power` (searches, rows, columns): divided in place.
-    """
+    """Run `Leveller.level` for several searches; `power` (searches, rows, columns)."""
     if not power.shape[2]:
         return
     # The noise level stays unchanged where samples were lost.
@@ -567,13 +532,13 @@ def _level_alike(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Level searches with the same bands and the same number of past slots; (searches, …)."""
+    """Level searches with the same bands and the same number of past slots."""
     one = levellers[0]
     columns = power.shape[2]
     cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]
     count = cells.shape[2]
     limit = np.stack([leveller._now for leveller in levellers])[:, one.band_of]
-    np.minimum(cells, (np.float32(_TRUNCATION) * limit)[:, :, np.newaxis], out=cells)
+    np.minimum(cells, (np.float32(LEVEL.most_power) * limit)[:, :, np.newaxis], out=cells)
     new = np.matmul(one._sums, cells)
     new /= np.float32(_MEAN)
     both = np.concatenate((np.stack([leveller._past for leveller in levellers]), new), axis=2)
@@ -608,13 +573,13 @@ def _steady(
     common = np.matmul(members / members.sum(), both)
     common *= weights
     total = np.maximum(weights.sum(axis=1), np.float32(1.0))
-    mean = np.maximum(common.sum(axis=1) / total, np.float32(_LEAST))
-    pieces = common.shape[1] // _CALM
-    tail = slice(common.shape[1] - pieces * _CALM, None)
-    shape = (len(common), pieces, _CALM)
+    mean = np.maximum(common.sum(axis=1) / total, np.float32(LEVEL.least_level))
+    pieces = common.shape[1] // LEVEL.piece_slots
+    tail = slice(common.shape[1] - pieces * LEVEL.piece_slots, None)
+    shape = (len(common), pieces, LEVEL.piece_slots)
     some = weights[:, tail].reshape(shape).sum(axis=2)
     sums = common[:, tail].reshape(shape).sum(axis=2)
-    scale = _TRIGGER * math.sqrt(_VARIANCE / bins) * mean[:, np.newaxis]
+    scale = LEVEL.doubt_sigmas * math.sqrt(LEVEL.slot_variance / bins) * mean[:, np.newaxis]
     steady = np.ones(len(common), np.bool_)
     for _ in range(3):
         away = np.abs(sums - some * mean[:, np.newaxis])
@@ -628,7 +593,9 @@ def _steady(
     own /= (total * mean)[:, np.newaxis]
     tall = np.zeros((len(own), own.shape[1] + 1), np.float32)
     np.cumsum(own - np.float32(1.0), axis=1, out=tall[:, 1:])
-    error = _BAND_TRIGGER * np.sqrt(_VARIANCE * ROWS_PER_BIN / members[0] / total)
+    error = LEVEL.band_doubt_sigmas * np.sqrt(
+        LEVEL.slot_variance * ROWS_PER_BIN / members[0] / total
+    )
     for width in (1, 3, 7):
         if width > own.shape[1] // 2 + 1:
             break

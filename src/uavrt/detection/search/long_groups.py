@@ -1,8 +1,8 @@
-"""Search for groups of many pulses: try every cell as the last pulse.
+"""Search for groups of nine pulses or more: try every cell as the last pulse.
 
-With K = 9 and more, one cell in ten exceeds T/K, so anchors would not narrow the search. The
-maximum over the jitter is computed once for all cells, and of the past only columns that may
-contain a pulse are read: 0.3 of the time for K = 40.
+With such K one cell in ten exceeds T/K, so anchors would not narrow the search. The maximum
+over the jitter is computed once for all cells, and of the past only columns that may contain a
+pulse are read: 0.3 of the time for K = 40.
 """
 
 import math
@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import ROWS_PER_BIN, sliding_maximum
 from uavrt.detection.search.hypotheses import Candidate, RateSearch, best_first
-from uavrt.detection.search.thresholds import LEAST_POWER
-
-_CANDIDATES_AT_ONCE = 8
-"""Most candidates measured at once, since each takes up to 10 ms; a tag of 50 dB makes many."""
+from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 
 
 class LongSearch(RateSearch):
@@ -28,7 +25,7 @@ class LongSearch(RateSearch):
         """(k, intervals): columns back from the last pulse to each pulse, the last one
         first."""
         self._cells = np.zeros((self.span + self.piece + 2, self.rows), np.float32)
-        """Ring of maxima over the jitter; column c is at c modulo the length."""
+        """Ring buffer of maxima over the jitter; column c is at c modulo the length."""
         self._tail = np.zeros((self.rows, 0), np.float32)
         self._searched = 0
 
@@ -64,7 +61,7 @@ class LongSearch(RateSearch):
 
     def _pass_on(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> None:
         """Pass new strong cells on: the maxima in time of their rows."""
-        row, column = np.nonzero(power >= LEAST_POWER * noise[:, np.newaxis])
+        row, column = np.nonzero(power >= THRESHOLDS.least_power * noise[:, np.newaxis])
         if not len(row):
             return
         strong = power[row, column]
@@ -80,8 +77,7 @@ class LongSearch(RateSearch):
         )
 
     def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
-        """Try every cell as the last pulse with every interval: for many pulses in a small
-        volume.
+        """Try every cell as the last pulse with every interval.
 
         Only columns that may contain a pulse are read: a third at K = 40.
         """
@@ -156,4 +152,6 @@ def _tops(strength: NDArray[np.float32]) -> list[int]:
     padded = np.pad(strength, ROWS_PER_BIN)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * ROWS_PER_BIN + 1)
     tops = np.flatnonzero((strength > 0.0) & (strength >= around.max(axis=1)))
-    return [int(row) for row in tops[np.argsort(-strength[tops])][:_CANDIDATES_AT_ONCE]]
+    return [
+        int(row) for row in tops[np.argsort(-strength[tops])][: GROUPS.long_candidates_at_once]
+    ]

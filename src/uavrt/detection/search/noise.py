@@ -1,6 +1,6 @@
 """Noise power of each row, estimated from the same statistic that is searched.
 
-The original estimates noise in whole bins and interpolates to the half bins; a carrier on a
+The original estimates noise in whole bins and interpolates to the half bins. A carrier on a
 whole bin then raises the half bins but not their threshold, and every segment gives a false
 alarm. Here each row is estimated separately.
 """
@@ -13,50 +13,24 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.search.tuning import NOISE
 from uavrt.dsp.sliding_medians import medians
 
-TRUNCATION = 4.0
-"""Ratio to the noise above which cells are excluded: 1.8 % of noise, all of a pulse."""
-_KEPT = 1.0 - math.exp(-TRUNCATION)
-_KAPPA = 1.0 - TRUNCATION * math.exp(-TRUNCATION) / _KEPT
-"""Mean of a unit exponential below the truncation (0.925)."""
-_SLOPE_GAIN = 1.31
-"""Inverse of one minus the slope of the fixed-point iteration: factor on a step."""
-LONG_S = 20.0
-"""Time constant of the steady estimate."""
-SHORT_S = 1.0
-"""Time constant of the alarm that the noise has risen."""
-RISE = 2.2
-"""Ratio at which a short-term noise replaces the long-term one (3 % of pulses give 1.3)."""
-_RISEN = math.exp(-TRUNCATION / RISE)
-"""Share of the cells above the truncation after such a rise."""
-_SETTLE_S = 2.0
-_YOUNG_S = 8.0
-_YOUNG_REACH = 24
-"""Rows on each side while few data exist: an error of 5 % doubles the false alarms."""
-_FLAT = 1.2
-"""Ratio of the medians' spread to their error up to which a spectrum counts as flat. A tilt of
-0.4 dB over the band may be missed, no more than the medians' error."""
-_STEEP = 4.0
-"""Difference of the medians on both sides of a row that marks an edge [errors], if above 0.7
-dB; not if all rows lie on a line, where the median is right."""
-_LEAST_STEEP = 0.15
-_EDGE_FLAT = 1.5
-"""Spread of the rows on one side over a row's error up to which that side is flat."""
-_RAGGED_SIGMAS = 0.5
-"""Uncertainty between hum lines [standard deviations]: 3 to 5 % more noise than the median,
-which gave 3.4 times the false groups."""
-_USUAL_THRESHOLD = 25.0
-"""Typical threshold [noise powers], for the effect of uncertain noise on false alarms."""
-_NEIGHBOUR_REACH = 8
-"""Rows on each side (two bins) whose median is the broadband noise."""
+_KEPT = 1.0 - math.exp(-NOISE.excluded_ratio)
+"""Share of unit exponentials below `NOISE.excluded_ratio`."""
+_KAPPA = 1.0 - NOISE.excluded_ratio * math.exp(-NOISE.excluded_ratio) / _KEPT
+"""Mean of unit exponentials below `NOISE.excluded_ratio`: 0.925."""
+_RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
+"""Share of cells above `NOISE.excluded_ratio` after a rise by `NOISE.rise_ratio`."""
 
 
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Fixed-point step of the truncated mean, and the share of cells kept."""
-    kept = (power < (np.float32(TRUNCATION) * noise)[..., np.newaxis, :]).astype(np.float32)
+    kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
+        np.float32
+    )
     columns = power.shape[-2]
     ones = np.ones(columns, np.float32)
     # Products with ones add columns several times faster than sums along an axis.
@@ -68,7 +42,7 @@ def _truncated(
 
 @lru_cache(maxsize=64)
 def _neighbours(rows: int, reach: int, mode: Literal["wrap", "reflect"]) -> NDArray[np.intp]:
-    """Indices of the rows around each row, shape (rows, 2 × reach + 1)."""
+    """(rows, 2 × reach + 1) indices of the rows around each row."""
     padded = np.pad(np.arange(rows), reach, mode=mode)
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).copy()
 
@@ -88,8 +62,8 @@ def _beside_an_edge(
     own = windows[:, reach]
     near = np.log(windows[:, max(0, reach - 2) : reach + 3]).mean(axis=1)
     # Five rows a quarter of a bin apart know as much as one and a half.
-    result = np.exp(near) * (1.0 + 0.5 * _USUAL_THRESHOLD * error**2 / 1.5)
-    flattest = np.full(len(own), _EDGE_FLAT * error)
+    result = np.exp(near) * (1.0 + 0.5 * NOISE.usual_threshold * error**2 / 1.5)
+    flattest = np.full(len(own), NOISE.edge_flat_ratio * error)
     for side in (windows[:, : reach + 1], windows[:, reach:]):
         level = np.median(side, axis=1)
         spread = side.std(axis=1) / level
@@ -115,11 +89,11 @@ class RowNoise:
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
-        """True while the rows' present rises differ; their estimates, biased near edges, are
-        then not learnt."""
+        """True while rows rise differently: their estimates, biased near edges, may only
+        rise."""
         self.ragged = False
-        """True while many spectral lines are removed, which lowers their noise: the rows
-        between them then exceed the median."""
+        """True while many carriers are removed: the rows between them then exceed the
+        median."""
 
     @property
     def ready(self) -> bool:
@@ -128,36 +102,33 @@ class RowNoise:
 
     @property
     def level(self) -> NDArray[np.float32]:
-        """Noise power of each row by which the search divides, shape (rows,)."""
+        """(rows,) noise power of each row by which the search divides."""
         return self._level
 
     @property
     def relative_error(self) -> float:
         """Relative standard deviation of a row's level in white noise."""
-        seconds = min(self._seen_s, 2.0 * LONG_S)
+        seconds = min(self._seen_s, 2.0 * NOISE.long_s)
         pooled = 1.0 if self._long is None else 2.0 * self._reach(len(self._long)) + 1.0
         # Rows a quarter of a bin apart and their median: measured, as good as one in five.
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds * pooled / 5.0, 1.0))
 
     def start(self, power: NDArray[np.float32]) -> None:
-        """Make the first estimate from all the present columns."""
+        """Make the first estimate from all present columns."""
         noise = medians(power) / np.float32(math.log(2.0))
         noise = np.maximum(noise, np.float32(1e-30))
         for _ in range(6):
             noise, kept = _truncated(power, noise)
             noise = np.maximum(noise, np.float32(1e-30))
         self._long = noise
-        self._exceeding = np.maximum(1.0 - kept, np.float32(math.exp(-TRUNCATION)))
+        self._exceeding = np.maximum(1.0 - kept, np.float32(math.exp(-NOISE.excluded_ratio)))
         self._seen_s = len(power) * self._column_s
         self._settle()
 
     def take_over(self, other: "RowNoise", level: NDArray[np.float32]) -> None:
-        """Continue from another estimate with more rows.
-
-        `level` (rows,): its level at the rows of this one.
-        """
+        """Continue from the estimate of another band, which has `level` at these rows."""
         self._long, self._level = level, level.copy()
-        self._exceeding = np.full_like(level, math.exp(-TRUNCATION))
+        self._exceeding = np.full_like(level, math.exp(-NOISE.excluded_ratio))
         self._seen_s, self._settled_s = other._seen_s, other._settled_s
 
     def update(self, power: NDArray[np.float32]) -> None:
@@ -173,14 +144,14 @@ class RowNoise:
         *,
         risen: bool,
     ) -> bool:
-        """Add new averages; return whether the level must be recomputed."""
+        """Store new averages; return whether the level must be recomputed."""
         self._long, self._exceeding = long, exceeding
         self._seen_s += span_s
         if not risen:
-            return self._seen_s - self._settled_s > _SETTLE_S
+            return self._seen_s - self._settled_s > NOISE.settle_s
         short_weight = _short_weight(span_s)
-        rise = np.float32(-TRUNCATION) / np.log(np.clip(exceeding, 1e-3, 0.98))
-        rows = rise > RISE
+        rise = np.float32(-NOISE.excluded_ratio) / np.log(np.clip(exceeding, 1e-3, 0.98))
+        rows = rise > NOISE.rise_ratio
         # Learn a rise at the short time constant; falls take the long one.
         long[rows] *= 1.0 + short_weight * (rise[rows] - 1.0)
         self._settle()
@@ -200,19 +171,19 @@ class RowNoise:
     def _settle_on(self, smooth: NDArray[np.float32], reach: int) -> None:
         assert self._long is not None
         self._settled_s = self._seen_s
-        if self._seen_s < _YOUNG_S and self._is_flat(smooth):
+        if self._seen_s < NOISE.young_s and self._is_flat(smooth):
             # No more structure than chance makes: all rows together know the noise better.
             smooth = np.full_like(smooth, np.median(self._long))
         else:
             smooth = self._shaped(smooth, reach)
         # A row 2.5 standard deviations above its neighbours is a line, not a fluctuation.
-        sigmas = _RAGGED_SIGMAS if self.ragged else 2.5
+        sigmas = NOISE.hum_sigmas if self.ragged else 2.5
         line = self._long > smooth * np.float32(1.0 + sigmas * self._row_error)
         self._level = np.where(line, self._long, smooth)
 
     def _is_flat(self, smooth: NDArray[np.float32]) -> bool:
         spread = float(smooth.std()) / max(float(smooth.mean()), 1e-30)
-        return spread < _FLAT * self.relative_error
+        return spread < NOISE.flat_ratio * self.relative_error
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
@@ -221,18 +192,18 @@ class RowNoise:
 
     @property
     def _row_error(self) -> float:
-        seconds = min(self._seen_s, 2.0 * LONG_S)
+        seconds = min(self._seen_s, 2.0 * NOISE.long_s)
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
     def _shaped(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
         """Noise of a spectrum that is not flat, from the medians of the neighbours."""
         assert self._long is not None
-        straight = self._straight(smooth, reach) if self._seen_s < _YOUNG_S else None
+        straight = self._straight(smooth, reach) if self._seen_s < NOISE.young_s else None
         if straight is not None:
             return straight
         around = _neighbours(len(self._long), reach, self._mode)
         before, after = smooth[around[:, 0]], smooth[around[:, -1]]
-        least = max(_STEEP * self.relative_error, _LEAST_STEEP)
+        least = max(NOISE.steep_errors * self.relative_error, NOISE.least_steep)
         steep = np.abs(before - after) > least * np.maximum(before, after)
         # Between two slopes both ends are alike, and the row far below them.
         steep |= self._long < smooth * np.float32(1.0 - 3.0 * self._row_error)
@@ -251,7 +222,7 @@ class RowNoise:
             return None
         slope, start = np.polyfit(rows[inner], np.log(smooth[inner]), 1)
         line = np.exp(start + slope * rows).astype(np.float32)
-        if float((smooth[inner] / line[inner]).std()) > _FLAT * self.relative_error:
+        if float((smooth[inner] / line[inner]).std()) > NOISE.flat_ratio * self.relative_error:
             return None
         line *= np.median(self._long / line)
         # Noise puts six rows in a thousand there; rows behind a filter's edge are more.
@@ -259,7 +230,7 @@ class RowNoise:
         return line if float(below.mean()) < 0.03 else None
 
     def _reach(self, rows: int) -> int:
-        reach = _YOUNG_REACH if self._seen_s < _YOUNG_S else _NEIGHBOUR_REACH
+        reach = NOISE.young_reach if self._seen_s < NOISE.young_s else NOISE.reach
         return min(reach, rows // 2)
 
 
@@ -274,7 +245,8 @@ def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> N
     span_s = power.shape[1] * noises[0]._column_s
     exceeding += np.float32(_short_weight(span_s)) * ((1.0 - kept) - exceeding)
     weights = [
-        min(1.0, span_s * _SLOPE_GAIN / min(noise._seen_s + span_s, LONG_S)) for noise in noises
+        min(1.0, span_s * NOISE.step_gain / min(noise._seen_s + span_s, NOISE.long_s))
+        for noise in noises
     ]
     before, long = long, long + np.array(weights, np.float32)[:, np.newaxis] * (mean - long)
     for index, noise in enumerate(noises):
@@ -299,4 +271,4 @@ def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> N
 
 
 def _short_weight(span_s: float) -> float:
-    return 1.0 - math.exp(-span_s / SHORT_S)
+    return 1.0 - math.exp(-span_s / NOISE.short_s)

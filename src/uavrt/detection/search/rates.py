@@ -6,7 +6,6 @@ from uavrt.detection.search.anchors import AnchorSearch
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.hypotheses import RateSearch, jitter_reach
 from uavrt.detection.search.long_groups import LongSearch
-from uavrt.detection.search.null_lattices import LEVEL
 from uavrt.detection.search.thresholds import (
     begun_within_s,
     decision_interval_s,
@@ -16,24 +15,20 @@ from uavrt.detection.search.thresholds import (
     spread,
     threshold,
 )
+from uavrt.detection.search.tuning import GROUPS, NULL, THRESHOLDS
 from uavrt.messages import Tag
-
-_FIRST_SHARE = 0.8
-"""Share of the groups that can begin in the first decision's stretch: calibrated. Groups near
-its ends extend beyond the samples."""
-_LONG_FROM_K = 9
 
 
 def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[RateSearch]:
-    """One search for each of the tag's rates."""
+    """Make one search for each of the tag's rates, with its thresholds."""
     bandwidth = min(2.0 * frequency_window_hz, grid.sample_rate_hz)
     searches: list[RateSearch] = []
-    kind = LongSearch if tag.k >= _LONG_FROM_K else AnchorSearch
+    kind = LongSearch if tag.k >= GROUPS.long_from_k else AnchorSearch
     for rate, interval_s in enumerate(tag.pulse_intervals_s, start=1):
         reach_s = jitter_reach(tag.interval_jitter_s, grid.hop_s) * grid.hop_s
         interval_time_s = decision_interval_s(tag, rate)
         first_s = decision_span_s(tag, rate)
-        begun_s = _FIRST_SHARE * min(begun_within_s(tag, rate), interval_time_s)
+        begun_s = THRESHOLDS.first_share * min(begun_within_s(tag, rate), interval_time_s)
         expected = tag.false_alarm_probability / len(tag.pulse_intervals_s)
         some = spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s)
         steady, first = (
@@ -65,7 +60,9 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
             first_columns=math.ceil(first_s / grid.hop_s),
         )
         if isinstance(search, AnchorSearch):
-            at_level = group_tail(tag.k, some, LEVEL * steady) / group_tail(tag.k, some, steady)
+            at_level = group_tail(tag.k, some, NULL.counted_share * steady) / group_tail(
+                tag.k, some, steady
+            )
             search.count_null(
                 expected / interval_time_s * grid.hop_s * at_level, interval_s / grid.hop_s
             )

@@ -1,9 +1,9 @@
 """Time, frequency and energy of single pulses, by local maximum likelihood on the samples.
 
 For a rectangular pulse of unknown phase in white noise the likelihood is the squared magnitude
-of the matched filter; it is evaluated at every sample and, around the best, at a continuous
-frequency (Newton). Cramér–Rao bound of the frequency: sqrt(6 / ENR) / (2 pi tp), 1.95 Hz for
-20 ms at 20 dB.
+of the matched filter. It is evaluated at every sample and, around the best, at a continuous
+frequency (Newton). Cramér–Rao bound of the frequency: sqrt(6 / ENR) / (2 pi tp), 1.95 Hz for 20
+ms at 20 dB.
 """
 
 import math
@@ -17,44 +17,24 @@ from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.levelling import Leveller
+from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.signal.samples import SampleBuffer
-
-TRACK_BAND_HZ = 20.0
-"""How far a followed pulse may lie from its track [Hz]."""
-_NEWTON_STEPS = 3
-_BURST = 9.0
-"""Excess of a quarter window's energy that marks a burst [standard deviations of noise]."""
-_BURST_SHARE = 0.65
-_WIDE = 6.0
-"""Excess of energy at which a window's spectrum is checked [standard deviations of noise]."""
-_BESIDE_WINDOWS = 4.0
-"""Pulse widths before and after a pulse whose median power is the noise around it; bursts of a
-pulse or two do not change it."""
-_BREAKS = (0.25, 0.5, 0.75)
-"""Positions in a pulse where its phase may break."""
-_BROKEN = 3.5
-"""Gain in power from allowing a phase break [noise powers]; subtracted to keep the false
-alarms."""
-_LOSING_S = 0.3
-_NARROW_SHARE = 0.35
-"""Share of a window's energy in its strongest row below which it is no pulse; noise bursts have
-0.1 to 0.3."""
 
 
 @dataclass(slots=True)
 class Measured:
-    """One pulse as measured in the samples."""
+    """Time, frequency and power of one pulse, as measured in the samples."""
 
     start: float
     """Index of its first sample."""
     offset_hz: float
-    """Frequency relative to the channel's centre."""
+    """Frequency from the channel's centre [Hz]."""
     power: float
     """Matched-filter power over the noise power: ENR + 1 on average."""
     noise: float
     """Noise power of one sample at the pulse's frequency."""
     contrast: float
-    """Power over the mean power of the windows around the pulse (1.5 to 3 widths away)."""
+    """Power over the mean power of the windows 1.5 to 3 pulse widths away."""
     received: float = 1.0
     """Share of its samples that were not lost; `power` refers to these."""
 
@@ -65,12 +45,12 @@ class Measured:
 
 
 def timing_error_s(width_s: float, power: float) -> float:
-    """Standard deviation of a pulse's measured time, for its power."""
+    """Standard deviation of the measured time of a pulse with this power [s]."""
     return 0.08 * width_s * math.sqrt(20.0 / max(power, 4.0))
 
 
 class Refiner:
-    """Local search around expected pulses."""
+    """Measures pulses near expected times and frequencies."""
 
     def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
         self._grid = grid
@@ -79,7 +59,7 @@ class Refiner:
         self.upto = 0
         """Index after the last clean sample."""
         self.leveller: Leveller | None = None
-        """Noise level at each time; None: constant."""
+        """Changes of the noise level; None: it is constant."""
         self._moments = _moments(grid.window)
         self._bin_hz = grid.sample_rate_hz / grid.window
         offsets = grid.offsets_hz
@@ -87,7 +67,7 @@ class Refiner:
         self._row_hz = float(offsets[1] - offsets[0]) if len(offsets) > 1 else 1.0
 
     def noise_at(self, offset_hz: float, noise: NDArray[np.float32], start: float) -> float:
-        """Noise power of one sample at a frequency, in the window from a sample on."""
+        """Noise power of one sample at a frequency, in the window that begins at `start`."""
         # Rows lie equally far apart; numpy.interp, which must search for them, takes ten times.
         at = (offset_hz - self._lowest_hz) / self._row_hz
         if not 0.0 <= at < len(noise):
@@ -116,13 +96,11 @@ class Refiner:
     ) -> list[Measured] | None:
         """Find pulses of one common frequency near expected starts.
 
-        `starts` (pulses,): expected index of the first sample of each.
-        `half_width`: samples to look before and after.
-        `offset_hz`, `half_band_hz`: frequencies to look at.
-        `climb`: follow a peak that lies at the edge of the times looked at.
-        `spread`: standard deviation of the expected starts [samples]: of several peaks the
-        likeliest is taken, not the highest.
-        Returns: None when the samples are no longer (or not yet) there.
+        `starts` (pulses,): expected index of the first sample of each, searched ± `half_width`.
+        `offset_hz`, `half_band_hz`: middle and half-width of the frequencies searched. `climb`:
+        follow a peak at the limit of these times. `spread`: standard deviation of the starts
+        [samples]; of several peaks the likeliest is taken. Returns None if the samples are not
+        available.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -176,10 +154,8 @@ class Refiner:
     ) -> Measured | None:
         """Find a pulse in whose middle samples are missing, so that its phase breaks there.
 
-        `start`: expected index of its first sample. `half_width`, `offset_hz`, `half_band_hz`,
-        `noise`, `spread`: as in `search`. Returns the pulse at the given frequency, which a
-        broken pulse does not show, with its power reduced by the gain from the free phase. None
-        without the samples.
+        Parameters as in `search`. Returns the pulse at the given frequency, which a broken
+        pulse does not show, with its power reduced by the gain from the free phase.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -193,7 +169,7 @@ class Refiner:
         begin, end = sums[:, :-window], sums[:, window:]
         places = begin.shape[1]
         size = np.zeros(places)
-        for share in _BREAKS:
+        for share in MEASURE.break_places:
             at = round(share * window)
             middle = sums[:, at : at + places]
             size = np.maximum(size, (abs(middle - begin) + abs(end - middle)).max(axis=0))
@@ -205,19 +181,21 @@ class Refiner:
         return Measured(
             start=float(first + best),
             offset_hz=offset_hz,
-            power=max(weight * float(size[best]) ** 2 / (window * level) - _BROKEN, 0.0),
+            power=max(
+                weight * float(size[best]) ** 2 / (window * level) - MEASURE.break_gain, 0.0
+            ),
             noise=level,
             contrast=math.inf,
             received=1.0 / weight if weight else 1.0,
         )
 
     def loses(self, start: float) -> bool:
-        """Whether samples near a pulse were lost."""
-        near = _LOSING_S * self._grid.sample_rate_hz
+        """True if samples near a pulse were lost."""
+        near = MEASURE.losing_s * self._grid.sample_rate_hz
         return self._buffer.loses(start - near, start + near)
 
     def _weight(self, start: int) -> float:
-        """Get the factor on the power of the window at an index; see `weights`."""
+        """Factor that compensates lost samples in the power of a window; see `weights`."""
         weights = self._buffer.weights(np.array([start]), self._window)
         return 1.0 if weights is None else float(weights[0])
 
@@ -232,8 +210,8 @@ class Refiner:
         """Matched-filter power at many starts and some frequencies.
 
         `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
-        frequencies, count), or None if fewer samples are kept than one stretch; (pulses,), by
-        how much each stretch was moved to available samples.
+        frequencies, count), or None if fewer samples are kept than needed for one pulse;
+        (pulses,), number of samples by which each start was moved to available samples.
         """
         length = self._window + count - 1
         latest = self.upto - length
@@ -278,7 +256,7 @@ class Refiner:
         return sums
 
     def _polish(self, start: int, offset_hz: float, noise: NDArray[np.float32]) -> Measured:
-        """Refine the frequency at a fixed time, then the time to a fraction of a sample."""
+        """Refine the frequency at a fixed time by Newton's method, and measure the power."""
         window, rate = self._window, self._grid.sample_rate_hz
         x = self._buffer.view(start, start + window).astype(np.complex128)
         n = self._moments[1].real
@@ -286,7 +264,7 @@ class Refiner:
         reach_hz = 0.4 * self._bin_hz
         frequency = offset_hz
         zero = first = second = 0j
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(MEASURE.newton_steps):
             zero, first, second = self._moments @ (x * np.exp(1j * radian * frequency * n))
             slope = 2.0 * (zero.conjugate() * 1j * radian * first).real
             curve = 2.0 * (
@@ -315,8 +293,8 @@ class Refiner:
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
         """Remove known pulses from the samples within this context.
 
-        `pulses`: each is subtracted with the best-fitting amplitude at its time and frequency.
-        A start off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
+        Each is subtracted with the best-fitting amplitude at its time and frequency. A start
+        off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
         """
         buffer = self._buffer
         before = []
@@ -354,10 +332,9 @@ class Refiner:
         return pulse.power / max(mean, 0.05)
 
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
-        """True for an impulse: the energy is in a quarter of the window or in many rows.
+        """True if the energy of a pulse is in a quarter of its window, or in many rows.
 
-        `floor`: mean power of a sample without pulses; the power around the pulse is used if
-        larger.
+        `floor`: mean power of a sample without pulses, used if larger than around the pulse.
         """
         if not self._looks_like_impulse(pulse, floor):
             return False
@@ -368,7 +345,7 @@ class Refiner:
         """Mean power around a pulse; if before and after differ, that at the pulse."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
-        for near, far in ((-_BESIDE_WINDOWS, -0.5), (1.5, 1.0 + _BESIDE_WINDOWS)):
+        for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):
             first = max(start + round(near * window), buffer.start)
             last = min(start + round(far * window), self.upto)
             if last - first < window:
@@ -392,12 +369,14 @@ class Refiner:
         burst = float((energy[quarter:] - energy[:-quarter]).max()) - quarter * floor
         whole = float(energy[-1]) - pulse.received * window * floor
         # A pulse of 20 dB has a quarter of its energy there, and noise adds or takes.
-        least = _BURST * math.sqrt(quarter) * floor + 0.5 * pulse.power * pulse.noise
-        if burst > least and burst > _BURST_SHARE * whole:
+        least = (
+            MEASURE.burst_sigmas * math.sqrt(quarter) * floor + 0.5 * pulse.power * pulse.noise
+        )
+        if burst > least and burst > MEASURE.burst_share * whole:
             return True
-        narrow = _NARROW_SHARE * whole
+        narrow = MEASURE.narrow_share * whole
         return (
-            whole > _WIDE * math.sqrt(window) * floor
+            whole > MEASURE.wide_sigmas * math.sqrt(window) * floor
             and pulse.power * pulse.noise < narrow
             and self.strongest(pulse)[1] * pulse.noise < narrow
         )

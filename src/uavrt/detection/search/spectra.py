@@ -1,11 +1,10 @@
 """Spectrograms of several tags at once.
 
 Tags with equal pulse width and search window share the transform, since their narrow bands are
-shifted to put each tag at zero. Four at once fit a cache of 1 MB. With the tag at zero, each
-window is split into sums and differences of samples that mirror each other around its middle;
-two real matrix products then give the rows at + f and - f together, with a quarter of the
-multiplications of one complex product. The complex product remains where rows are not
-symmetric: at a channel's edge, or when the whole channel is searched.
+shifted to put each tag at zero. Each window is then split into sums and differences of samples
+that mirror each other around its middle. Two real matrix products give the rows at + f and - f
+together, with a quarter of the multiplications of one complex product. The complex product
+remains where rows are not symmetric: at a channel's edge, or for the whole channel.
 """
 
 import math
@@ -15,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import OUTPUTS_PER_ROW, Grid, Spectrogram
-
-_TAGS_AT_ONCE = 4
+from uavrt.detection.search.tuning import GRID
 
 
 class Workspace:
@@ -26,7 +24,7 @@ class Workspace:
         self._arrays: dict[str, NDArray[np.float32]] = {}
 
     def take(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """Get an array of arbitrary content, valid until the same name is requested again."""
+        """Array of arbitrary content, valid until the same name is requested again."""
         size = math.prod(shape)
         kept = self._arrays.get(name)
         if kept is None or kept.size < size:
@@ -49,9 +47,9 @@ def push_together(
     stretches: Sequence[NDArray[np.complex64]],
     workspace: Workspace,
 ) -> NDArray[np.float32]:
-    """Add channel samples of each, from index `needed` on.
+    """Add channel samples to several spectrograms, each from index `needed` on.
 
-    `spectrograms`: with the same `halves` and the same number of carried samples. `stretches`:
+    `spectrograms`: with the same `halves` and the same number of unused samples. `stretches`:
     of equal length, for at least one column. Returns the new columns' power (spectrograms,
     rows, columns), in the workspace.
     """
@@ -67,8 +65,8 @@ def push_together(
             spectrogram.band = block[used:].copy()
             grid.power_by_kernel(block, power, index * grid.rows * count, count)
         return power
-    for begin in range(0, len(stretches), _TAGS_AT_ONCE):
-        some = slice(begin, begin + _TAGS_AT_ONCE)
+    for begin in range(0, len(stretches), GRID.tags_at_once):
+        some = slice(begin, begin + GRID.tags_at_once)
         blocks = []
         for spectrogram, stretch in zip(spectrograms[some], stretches[some], strict=True):
             block = np.concatenate((spectrogram.band, spectrogram.decimate(stretch)))

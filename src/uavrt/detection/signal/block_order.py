@@ -6,17 +6,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.signal.samples import BACKWARD_RESTART_BLOCKS, Counters, SampleBuffer
+from uavrt.detection.signal.samples import Counters, SampleBuffer
+from uavrt.detection.signal.tuning import CHANNEL
 from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 
-REORDER_S = 0.1
-"""Longest wait for a block that was overtaken by one later block [s]."""
-_BLOCKS_KNOWN = 64
-
 
 class LongestBlock:
-    """Upper bound of the next block's length: the longest of the previous 64 to 128."""
+    """Upper bound of the next block's length: the longest of the last 64 to 128 blocks."""
 
     def __init__(self) -> None:
         self.length = 0
@@ -25,9 +22,9 @@ class LongestBlock:
         self._count = 0
 
     def note(self, length: int) -> None:
-        """Add the length of a block."""
+        """Add the length of a block [samples]."""
         self._count += 1
-        if self._count == _BLOCKS_KNOWN:
+        if self._count == CHANNEL.recent_blocks:
             self._before, self._lately, self._count = self._lately, 0, 0
             self.length = max(self._before, length)
         if length > self._lately:
@@ -37,7 +34,7 @@ class LongestBlock:
 
 
 class Intake:
-    """Puts the blocks of one detector into its buffer."""
+    """Sorts the blocks of one detector into its buffer, by their times."""
 
     def __init__(self, tag: Tag, *, sample_rate_hz: float, counters: Counters) -> None:
         longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
@@ -57,20 +54,21 @@ class Intake:
         self._rate_hz = sample_rate_hz
         self._counters = counters
         self.stale_blocks = 0
-        """Consecutive blocks from the past."""
+        """Number of consecutive blocks that began before the buffer's end."""
 
     def clear(self) -> None:
-        """Clear all samples."""
+        """Clear the buffer, as before the first block."""
         self.buffer.clear()
         self.stale_blocks = 0
 
     def admit(
         self, samples: NDArray[np.complex64], time_ns: int, *, after: int
     ) -> Literal["taken", "refused", "later", "earlier"]:
-        """Add a block at its position.
+        """Add a block at the position of its time.
 
-        `after`: first index at which a gap can still be filled. Returns ``later``, ``earlier``
-        if it was not added because it begins another stream.
+        `after`: first index at which a gap can still be filled. Returns ``later`` or
+        ``earlier`` if the time jumped too far: the block was not added, since it begins another
+        stream.
         """
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:
@@ -91,7 +89,7 @@ class Intake:
                 if overlap >= len(samples):
                     counters.blocks_stale += 1
                     self.stale_blocks += 1
-                    if self.stale_blocks < BACKWARD_RESTART_BLOCKS:
+                    if self.stale_blocks < CHANNEL.restart_blocks:
                         return "refused"
                     counters.restarts += 1
                     return "earlier"
@@ -107,7 +105,7 @@ class Intake:
         if not self.buffer.holes:
             return False
         low, high = self.buffer.holes[-1]
-        patience = round(REORDER_S * self._rate_hz)
+        patience = round(CHANNEL.reorder_s * self._rate_hz)
         # One block behind it may be longer than that, and be the one that overtook.
         young = self.buffer.end - high < patience or self.buffer.newest <= high
         return young and low < upto

@@ -1,4 +1,4 @@
-"""Unfiltered neighbours of samples that a filter replaces step by step."""
+"""Keep the unfiltered neighbours of samples that a filter replaces step by step."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,18 +7,18 @@ Samples = NDArray[np.complex64]
 
 
 class Surroundings:
-    """Provides the samples of successive calls with their unfiltered neighbours."""
+    """Joins the samples of successive calls with their unfiltered neighbours."""
 
     def __init__(self) -> None:
         self._past: Samples | None = None
-        """The newest samples before the filter; None: nothing was filtered."""
+        """Newest samples before the filter; None: nothing was filtered."""
 
     def of(self, before: Samples, samples: Samples, after: Samples, reach: int) -> Samples:
         """Join `reach` neighbours to either side of new samples.
 
-        `before`: earlier samples, in the state in which the last call left them. `samples`
-        (n,): those that follow the last call's. `after`: later samples; missing ones count as
-        zero. Returns shape (n + 2 reach,).
+        `before`: earlier samples, as the last call left them. `samples` (n,): those after the
+        last call's. `after`: later samples; missing ones count as zero. Returns shape (n + 2
+        reach,).
         """
         zeros = np.zeros(2 * reach, np.complex64)
         past = before if self._past is None else self._past
@@ -26,9 +26,9 @@ class Surroundings:
         return np.concatenate((past, samples, np.concatenate((after, zeros))[:reach]))
 
     def filtered(self, whole: Samples, reach: int) -> None:
-        """Store the original samples that the next call needs."""
+        """Keep the unfiltered samples that the next call of `of` needs."""
         self._past = whole[-2 * reach : -reach].copy()
 
     def unfiltered(self) -> None:
-        """Record that the samples stay unfiltered."""
+        """Record that the samples of this call stay unfiltered."""
         self._past = None

@@ -9,30 +9,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-_APART_BINS = 1.0
-"""Distance of the examined frequencies on each side of the tag's [bins]."""
-_RISE_S = 120.0
-"""Time constant with which the quiet level rises."""
-_LOUD = 24.0
-"""Ratio of an occupied instant's power to the quiet level. The lowest quartile in a minute is
-about 0.3 of the mean noise, which hardly ever reaches this."""
-_ABOVE_CHANNEL = 4.0
-"""Largest ratio of the quiet level to that of the channel's quietest frequencies: noise falls
-by half at the channel's edges, and the lowest of many measurements by as much. More is a steady
-signal."""
-_LOOK_EVERY = 4
-"""Calls between two measurements of the channel's quietest frequencies."""
-_GROUP_BINS = 8
-"""Neighbouring bins whose mean is the level of a frequency."""
-_STRIDE = 8
-_RECEIVED = 0.5
-"""Least share of a window's samples that are neither lost nor blanked."""
+from uavrt.detection.signal.tuning import OCCUPANCY
 
 
 class Occupancy:
-    """Counts the instants, one pulse long, in which a frequency is usable.
+    """Counts the instants, one pulse long, in which a frequency is free of other signals.
 
-    `offset_hz`: the tag's frequency relative to the channel's centre.
+    `offset_hz`: the tag's frequency from the channel's centre.
     """
 
     def __init__(
@@ -41,7 +24,7 @@ class Occupancy:
         self._length = max(4, round(pulse_width_s * sample_rate_hz))
         self._length_s = self._length / sample_rate_hz
         bin_hz = sample_rate_hz / self._length
-        offsets = offset_hz + _APART_BINS * bin_hz * np.array([-1.0, 0.0, 1.0])
+        offsets = offset_hz + OCCUPANCY.apart_bins * bin_hz * np.array([-1.0, 0.0, 1.0])
         turn = np.arange(self._length)[:, np.newaxis] * offsets / sample_rate_hz
         # Side lobes would show a neighbour.
         self._taper = np.hanning(self._length + 2)[1:-1].astype(np.float32)
@@ -52,24 +35,27 @@ class Occupancy:
         self._usable = self._looked = self._calls = 0
 
     def look(self, samples: NDArray[np.complex64]) -> None:
-        """Count the instants of new samples without carriers; lost samples are zero."""
+        """Count the free instants of new samples without carriers; lost samples are zero."""
         count = len(samples) // self._length
         if not count:
             return
         windows = samples[: count * self._length].reshape(count, self._length)
-        received = (windows[:, ::_STRIDE] != 0.0).mean(axis=1)
-        windows, received = windows[received > _RECEIVED], received[received > _RECEIVED]
+        received = (windows[:, :: OCCUPANCY.stride] != 0.0).mean(axis=1)
+        windows, received = (
+            windows[received > OCCUPANCY.least_received],
+            received[received > OCCUPANCY.least_received],
+        )
         if not len(windows):
             return
         cells = windows @ self._filters
         power = (cells.real**2 + cells.imag**2).mean(axis=1) / received
-        risen = self._quiet * math.exp(count * self._length_s / _RISE_S)
+        risen = self._quiet * math.exp(count * self._length_s / OCCUPANCY.rise_s)
         own = float(np.partition(power, len(power) // 4)[len(power) // 4])
         self._quiet = min(risen, own)
-        if self._calls % _LOOK_EVERY == 0:
-            self._quiet = min(self._quiet, _ABOVE_CHANNEL * self._lowest(windows))
+        if self._calls % OCCUPANCY.channel_every == 0:
+            self._quiet = min(self._quiet, OCCUPANCY.above_channel * self._lowest(windows))
         self._calls += 1
-        self._usable += int(np.count_nonzero(power < _LOUD * self._quiet))
+        self._usable += int(np.count_nonzero(power < OCCUPANCY.loud_ratio * self._quiet))
         self._looked += len(power)
 
     def _lowest(self, windows: NDArray[np.complex64]) -> float:
@@ -77,11 +63,13 @@ class Occupancy:
         spectrum = np.fft.fft(windows * self._taper)
         power = spectrum.real**2 + spectrum.imag**2
         quiet = np.partition(power, len(power) // 4, axis=0)[len(power) // 4]
-        groups = max(len(quiet) // _GROUP_BINS, 1)
-        return float(quiet[: groups * _GROUP_BINS].reshape(groups, -1).mean(axis=1).min())
+        groups = max(len(quiet) // OCCUPANCY.group_bins, 1)
+        return float(
+            quiet[: groups * OCCUPANCY.group_bins].reshape(groups, -1).mean(axis=1).min()
+        )
 
     def take_share(self) -> float | None:
-        """Share of usable instants since the last call; None: all samples were lost."""
+        """Share of free instants since the last call; None: all samples were lost."""
         share = self._usable / self._looked if self._looked else None
         self._usable = self._looked = 0
         return share

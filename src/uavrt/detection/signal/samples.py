@@ -14,48 +14,41 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.signal.tuning import CHANNEL
 from uavrt.dsp.zero_runs import zero_runs
 from uavrt.native import kernels
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-BACKWARD_RESTART_BLOCKS = 3
-"""Consecutive stale blocks that mean a clock set back: the stream starts again."""
-_SHORTEST_S = 0.0005
-_SHORTEST = 4
-"""Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones."""
-LEAST_RECEIVED = 0.45
-"""Smallest received share of a window that is evaluated."""
-
 
 @dataclass(slots=True)
 class Counters:
-    """Counters of a detector since its start; every refusal has its counter."""
+    """Counts of a detector since its start, one for each reason of a refusal."""
 
     samples: int = 0
     samples_lost: int = 0
-    """Samples missing in the stream by the blocks' times, replaced by zeros."""
+    """Samples missing according to the blocks' times; replaced by zeros."""
     samples_blanked: int = 0
     """Samples blanked as impulses."""
     blocks_stale: int = 0
-    """Refused blocks from before the present."""
+    """Refused blocks whose time had already passed."""
     restarts: int = 0
-    """Jumps of time too long to bridge."""
+    """Jumps of time too long to bridge, at which the detector began again."""
     pulses: int = 0
     groups: int = 0
     tracks: int = 0
     rejected: dict[str, int] = field(default_factory=dict)
-    """Candidates above the threshold that were rejected, by reason."""
+    """Number of candidates above the threshold that were rejected, by reason."""
 
-    def reject(self, reason: str) -> None:
-        """Count one rejected candidate."""
-        self.rejected[reason] = self.rejected.get(reason, 0) + 1
+    def reject(self, reason: str, count: int = 1) -> None:
+        """Count rejected candidates."""
+        self.rejected[reason] = self.rejected.get(reason, 0) + count
 
 
 class SampleBuffer:
-    """A sliding stretch of samples, addressed by their index since the start.
+    """The recent samples of a channel, addressed by their index since the start.
 
-    `keep`: samples to keep behind the newest.
-    `tolerance_s`: deviations of a block's time below this are a slow clock, not a loss.
+    `keep`: number of newest samples that are kept. `tolerance_s`: deviation of a block's time
+    below which the clock is slow and nothing is lost [s].
     """
 
     def __init__(self, *, sample_rate_hz: float, keep: int, tolerance_s: float) -> None:
@@ -75,10 +68,12 @@ class SampleBuffer:
         self.holes: list[tuple[int, int]] = []
         """Index ranges that no block has filled yet: zeros."""
         self.lost: list[tuple[int, int]] = []
-        """Index ranges of lost samples, found as runs of zeros up to `examined`."""
+        """Index ranges of lost samples: runs of zeros found up to `examined`."""
         self.examined = 0
         """Index up to which the samples were searched for zeros."""
-        self._shortest = max(_SHORTEST, math.ceil(_SHORTEST_S * sample_rate_hz))
+        self._shortest = max(
+            CHANNEL.shortest_loss_samples, math.ceil(CHANNEL.shortest_loss_s * sample_rate_hz)
+        )
         self.blanked: list[tuple[int, int]] = []
         """Index ranges that were blanked as impulses."""
 
@@ -93,12 +88,12 @@ class SampleBuffer:
         return self._stamp_index[-1]
 
     def deviation_ns(self, time_ns: int) -> float:
-        """Delay of a block relative to the time expected from the samples."""
+        """Delay of a block against the time expected from the number of samples [ns]."""
         ahead = self.end - self._stamp_index[-1]
         return (time_ns - self._stamp_ns[-1]) - ahead * self._ns_per_sample
 
     def time_ns(self, index: float) -> int:
-        """Time of a sample at the antenna, also between samples and a little beyond."""
+        """Time of a sample at the antenna [ns]; also between samples, and a little beyond."""
         at = max(0, bisect.bisect_right(self._stamp_index, index) - 1)
         return self._stamp_ns[at] + round((index - self._stamp_index[at]) * self._ns_per_sample)
 
@@ -119,7 +114,7 @@ class SampleBuffer:
         return self._data[first - self.start : last - self.start]
 
     def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
-        """Add blocks while each continues the last; return their number.
+        """Add blocks while each continues the last; return the number of blocks added.
 
         With a hundred tags blocks come a thousand times a second, nearly all of them here.
         `blocks`: samples, and the time of the first.
@@ -163,7 +158,7 @@ class SampleBuffer:
             count -= part
 
     def fill_hole(self, samples: NDArray[np.complex64], time_ns: int, after: int) -> bool:
-        """Put a late block into its gap, if that is after index `after`."""
+        """Put a late block into its gap, if it begins at index `after` or later."""
         first = round(self.index(time_ns))
         last = first + len(samples)
         for at, (low, high) in enumerate(self.holes):
@@ -177,7 +172,7 @@ class SampleBuffer:
         return False
 
     def clear(self) -> None:
-        """Clear everything; indices start from zero."""
+        """Remove all samples; indices count from zero again."""
         self.start = self.end = 0
         self._stamp_index.clear()
         self._stamp_ns.clear()
@@ -187,7 +182,7 @@ class SampleBuffer:
         self.examined = 0
 
     def examine(self, upto: int) -> None:
-        """Find lost samples up to an index; call it before impulses are blanked there."""
+        """Find lost samples up to an index; must precede the blanking of impulses there."""
         first = max(self.examined, self.start)
         for low, high in zero_runs(self.view(first, upto), self._shortest):
             low, high = first + low, first + high
@@ -197,7 +192,7 @@ class SampleBuffer:
         self.examined = max(upto, self.examined)
 
     def silence(self, first: int, last: int) -> None:
-        """Set the lost samples of [first, last) to zero again."""
+        """Set the lost samples of [first, last) to zero again, after a filter."""
         for low, high in self.lost:
             if low < last and first < high:
                 self.view(max(low, first), min(high, last))[:] = 0.0
@@ -207,9 +202,9 @@ class SampleBuffer:
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """Get the factor on the power of each window that compensates its lost samples.
+        """Factors on the power of windows that compensate their lost samples.
 
-        Returns one over the received share; 0 where it is below `LEAST_RECEIVED`. None: all
+        Returns one over the received share of each; 0 below `CHANNEL.least_received`. None: all
         samples were received.
         """
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
@@ -218,7 +213,9 @@ class SampleBuffer:
         for begin, end in self.lost:
             gone = np.minimum(first + window, end) - np.maximum(first, begin)
             share -= np.maximum(gone, 0) / window
-        return np.where(share < LEAST_RECEIVED, 0.0, 1.0 / np.maximum(share, LEAST_RECEIVED))
+        return np.where(
+            share < CHANNEL.least_received, 0.0, 1.0 / np.maximum(share, CHANNEL.least_received)
+        )
 
     def _write(self, samples: NDArray[np.complex64]) -> None:
         count = len(samples)
@@ -262,12 +259,12 @@ def blank_impulses(
 ) -> list[tuple[int, int]]:
     """Zero bursts too short for a pulse, in place.
 
-    A burst is a stretch whose power over `short` samples is 12 times the floor and 4 times
-    that found a `flank` before *and* after it. Inside a pulse at least one flank is as strong
-    as the middle, however strong the pulse; impulses of up to two flanks fail it
-    (1 ms impulses made a false group in every segment).
+    A burst is a stretch whose power over `short` samples is 12 times the floor and 4 times the
+    power a `flank` before *and* after it. Inside a pulse at least one flank is as strong as the
+    middle, however strong the pulse. Impulses of up to two flanks are blanked; of 1 ms, they
+    made a false group in every segment.
 
-    `samples`: the stretch with at least ``flank + short`` samples around [first, last).
+    `samples`: with at least ``flank + short`` samples around [first, last).
     """
     if not len(samples):
         return []

@@ -5,25 +5,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.signal.carrier_lines import FEW_LINES, LineCanceller
+from uavrt.detection.signal.carrier_lines import LineCanceller
 from uavrt.detection.signal.occupancy import Occupancy
 from uavrt.detection.signal.samples import Counters, SampleBuffer, blank_impulses
 from uavrt.detection.signal.sparks import SparkLimiter
+from uavrt.detection.signal.tuning import CARRIERS, CHANNEL
 from uavrt.detection.signal.whitening import Whitener
-
-_LINES_EVERY_S = 2.4
-"""Interval between two searches for carriers: one that is subtracted may drift, and 2 Hz/s in
-2.5 s is more than an amplitude's fit can follow."""
-_FLOOR_STRIDE = 4
-_MEDIAN = math.log(2.0)
-"""Median of an exponential distribution over its mean."""
 
 
 class Cleaner:
     """Cleans the samples of one stream, stretch by stretch.
 
-    `band_hz`: offset from the channel's centre and half-width of the searched band: the noise
-    is made white and steady there, and impulses are searched in white noise.
+    `band_hz`: offset from the channel's centre and half-width of the searched band [Hz]. The
+    noise is made white and steady there, and impulses are searched in white noise.
     """
 
     def __init__(
@@ -59,35 +53,35 @@ class Cleaner:
         self._blanked = 0
         """Index up to which impulses are blanked."""
         self._white = 0
-        """Index up to which the noise is white."""
+        """Index up to which the noise is made white."""
         self._steady = 0
-        """Index up to which the noise is steady."""
+        """Index up to which the noise is made steady."""
         self.flank = max(2, round(0.35 * pulse_width_s * sample_rate_hz))
-        """Samples examined on either side of an impulse."""
+        """Number of samples examined on either side of an impulse."""
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
-        self._every = round(_LINES_EVERY_S * sample_rate_hz)
+        self._every = round(CARRIERS.search_every_s * sample_rate_hz)
         self._look_at = 0
-        """End of the stretch at which carriers are searched again."""
+        """Index from which carriers are searched again."""
         self.floor = 0.0
-        """Median power of a sample; zero before the first stretch."""
+        """Median power of a sample; zero before the first call."""
         self.mean_floor = 0.0
         """Mean power of a clean sample without pulses."""
 
     @property
     def margin(self) -> int:
-        """Samples needed beyond a stretch."""
+        """Number of samples after a stretch that are needed to clean it."""
         ahead = self._whitener.reach if self._whitener is not None and self.whitening else 0
         return self._beyond + self._ahead + ahead
 
     @property
     def _beyond(self) -> int:
-        """Samples beyond a stretch that the search for impulses needs."""
+        """Number of samples after a stretch that the search for impulses needs."""
         return self.flank + self._short
 
     @property
     def many_lines(self) -> bool:
-        """True if more than a few carriers are removed: mains hum."""
-        return self._lines.frequencies_hz.size > FEW_LINES
+        """True if so many carriers are removed as mains hum has."""
+        return self._lines.frequencies_hz.size > CARRIERS.few_lines
 
     @property
     def whitening(self) -> bool:
@@ -95,7 +89,10 @@ class Cleaner:
         return self._whitener is not None and self._whitener.active
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Clean the samples of indices [first, last); `renew` measures the floor again."""
+        """Clean the samples of indices [first, last).
+
+        `renew`: measure the median power again.
+        """
         ready = max(self._without_lines, min(buffer.end, last + self.margin))
         buffer.examine(ready)
         if self._whitener is None or self._limiter is None:
@@ -117,7 +114,7 @@ class Cleaner:
         self._whiten(self._whitener, buffer, last)
         self._make_steady(self._limiter, buffer, last)
         if self._whitener.active or self._limiter.active:
-            self.mean_floor = _median_power(buffer.view(first, last)) / _MEDIAN
+            self.mean_floor = _median_power(buffer.view(first, last)) / math.log(2.0)
 
     def _whiten(self, whitener: Whitener, buffer: SampleBuffer, last: int) -> None:
         end = min(buffer.end, last + self._steady_ahead)
@@ -156,8 +153,8 @@ class Cleaner:
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Blank impulses in [first, last), examining a flank on either side.
 
-        They are searched in white noise: a strong neighbour's peaks of power are no impulses,
-        and the cuts would leak into the band of the tag.
+        White noise is examined: a strong neighbour's peaks of power are no impulses, and the
+        cuts would leak into the band of the tag.
         """
         margin = self._beyond
         low = max(buffer.start, first - margin)
@@ -173,7 +170,7 @@ class Cleaner:
             return
         if self.floor <= 0.0 or renew:
             self.floor = _median_power(stretch) or self.floor
-            self.mean_floor = self.floor / _MEDIAN
+            self.mean_floor = self.floor / math.log(2.0)
         if self.floor > 0.0:
             blanked = blank_impulses(
                 stretch,
@@ -190,8 +187,8 @@ class Cleaner:
 
 
 def _median_power(samples: NDArray[np.complex64]) -> float:
-    """Median power of some samples, without lost ones (zeros); 0: all are lost."""
-    some = samples[::_FLOOR_STRIDE]
+    """Median power of some samples that are not lost (zero); 0: all are lost."""
+    some = samples[:: CHANNEL.floor_stride]
     power = some.real**2 + some.imag**2
     power = power[power > 0.0]
     middle = len(power) // 2

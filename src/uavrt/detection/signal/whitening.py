@@ -19,48 +19,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.signal.in_place import Samples, Surroundings
-
-REACH_S = 0.008
-"""Half-length of the filter, which resolves 100 Hz."""
-_SEGMENT_S = 0.034
-"""Length of the windows that measure the density: bins of 29 Hz, of 44 Hz by Hann's taper."""
-_MEMORY_S = 10.0
-_LIMIT = 6.0
-"""Largest weight of a window [densities]: pulses last for a fiftieth of the time."""
-_RISE = 2.2
-"""Ratio of a median of new windows to the density from which it replaces the density; noise
-alone errs by a quarter."""
-_SUPPRESSED = 10.0
-"""Ratio of the noise density to that of the tag's band above which the filter divides by the
-square root: a neighbour's power after the filter is one over this."""
-_SMOOTH_BINS = 5
-_COLOURED = 3.0
-"""Ratio of the highest density to that of the tag's band at which filtering begins."""
-_PLAIN = 2.0
-"""The same ratio at which filtering ends."""
-_YOUNG_S = 2.0
-_YOUNG_COLOURED = 6.0
-"""The same ratio in the first two seconds, when the density is uncertain by a third."""
-_LOOK_EVERY = 4
-"""Steps between checks of white noise, and between new filters otherwise: a check takes a tenth
-of a step."""
-_FEWEST = 12
-"""Least windows whose median is accurate enough to show a rise."""
+from uavrt.detection.signal.tuning import WHITENING
 
 
 class Whitener:
     """Tracks the noise density of a channel and filters the samples to make it flat.
 
-    `offset_hz`, `half_width_hz`: the searched band, relative to the channel's centre. All
-    higher densities are reduced to its lowest.
+    `offset_hz`, `half_width_hz`: the searched band, from the channel's centre. Higher densities
+    are reduced to the lowest of this band.
     """
 
     def __init__(
         self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float
     ) -> None:
-        self.reach = round(REACH_S * sample_rate_hz)
+        self.reach = round(WHITENING.reach_s * sample_rate_hz)
         self._radian = 2.0 * math.pi * offset_hz / sample_rate_hz
-        self._length = 1 << round(math.log2(_SEGMENT_S * sample_rate_hz))
+        self._length = 1 << round(math.log2(WHITENING.segment_s * sample_rate_hz))
         self._sample_s = 1.0 / sample_rate_hz
         self._taper = np.hanning(self._length + 2)[1:-1].astype(np.float32)
         frequencies = np.fft.fftfreq(self._length, 1.0 / sample_rate_hz)
@@ -75,7 +49,7 @@ class Whitener:
 
     @property
     def active(self) -> bool:
-        """Whether the samples are being filtered."""
+        """True while the samples are filtered."""
         return self._taps is not None
 
     def learn(self, samples: Samples) -> None:
@@ -84,8 +58,8 @@ class Whitener:
         `samples` (n,): without carriers, not filtered; lost samples are zero.
         """
         self._steps += 1
-        rests = self._taps is None and self._seen_s > _YOUNG_S
-        if rests and self._steps % _LOOK_EVERY:
+        rests = self._taps is None and self._seen_s > WHITENING.young_s
+        if rests and self._steps % WHITENING.check_every:
             return
         length = self._length
         hop = length // 2
@@ -103,35 +77,43 @@ class Whitener:
         middle = np.partition(power, at, axis=0)[at] / math.log(2.0)
         if not self._seen_s:
             self._density = np.maximum(middle, 1e-30)
-        span_s = len(samples) * self._sample_s * (_LOOK_EVERY if rests else 1)
+        span_s = len(samples) * self._sample_s * (WHITENING.check_every if rests else 1)
         self._seen_s += span_s
-        weight = min(1.0, span_s / min(self._seen_s, _MEMORY_S))
-        limited = np.minimum(power, _LIMIT * self._density).mean(axis=0)
+        weight = min(1.0, span_s / min(self._seen_s, WHITENING.memory_s))
+        limited = np.minimum(power, WHITENING.most_weight * self._density).mean(axis=0)
         self._density += weight * (limited - self._density)
-        new = self._taps is None or self._seen_s <= _MEMORY_S or not self._steps % _LOOK_EVERY
-        if len(pieces) >= _FEWEST:
-            risen = _smooth(middle) > _RISE * _smooth(self._density)
+        new = (
+            self._taps is None
+            or self._seen_s <= WHITENING.memory_s
+            or not self._steps % WHITENING.check_every
+        )
+        if len(pieces) >= WHITENING.fewest_windows:
+            risen = _smooth(middle) > WHITENING.rise_ratio * _smooth(self._density)
             self._density[risen] = middle[risen]
             new = new or bool(risen.any())
         if new:
             self._choose()
 
     def _choose(self) -> None:
-        """Make the filter for the density; none for white noise."""
+        """Make the filter for the present density; none for white noise."""
         density = _smooth(self._density)
         least = float(density[self._searched].min())
         ratio = density / max(least, 1e-30)
         highest = float(ratio.max())
-        least_coloured = _COLOURED if self._seen_s > _YOUNG_S else _YOUNG_COLOURED
-        if highest < (least_coloured if self._taps is None else _PLAIN):
+        least_coloured = (
+            WHITENING.coloured_ratio
+            if self._seen_s > WHITENING.young_s
+            else WHITENING.young_coloured_ratio
+        )
+        if highest < (least_coloured if self._taps is None else WHITENING.plain_ratio):
             self._taps = None
             return
         over = np.maximum(self._density / max(least, 1e-30), 1.0)
-        lags = np.fft.ifft(np.sqrt(over * np.minimum(over, _SUPPRESSED)))
+        lags = np.fft.ifft(np.sqrt(over * np.minimum(over, WHITENING.suppressed_ratio)))
         self._taps = self._filter(lags)
 
     def _filter(self, lags: NDArray[np.complex128]) -> NDArray[np.complex64]:
-        """Make the predictor for this autocorrelation, correlated with itself."""
+        """Make the filter from an autocorrelation: its predictor, correlated with itself."""
         order = self.reach
         order = min(order, len(lags) // 2 - 1)
         index = np.arange(order)
@@ -165,6 +147,9 @@ class Whitener:
 
 
 def _smooth(density: NDArray[np.float64]) -> NDArray[np.float64]:
-    side = _SMOOTH_BINS // 2
+    side = WHITENING.smoothed_bins // 2
     sums = np.cumsum(np.concatenate(([0.0], density[-side:], density, density[:side])))
-    return np.asarray((sums[_SMOOTH_BINS:] - sums[:-_SMOOTH_BINS]) / _SMOOTH_BINS)
+    return np.asarray(
+        (sums[WHITENING.smoothed_bins :] - sums[: -WHITENING.smoothed_bins])
+        / WHITENING.smoothed_bins
+    )

@@ -1,16 +1,16 @@
 """Assign trains to tags by likelihood, at most one to one, and price the alternatives.
 
-Trains and tags that may belong together make a graph with few edges. Its parts are shared out
-one by one. In each, trains are added one after the other, and each time the assignment is
-changed along the path that loses least, which keeps it the best of those so far (successive
-shortest paths with Dijkstra's algorithm: Edmonds and Karp, Journal of the ACM 19, 1972). What
-it costs to give a train to another tag is the shortest way back to the assignment, for all at
-once by Floyd and Warshall's algorithm. The work grows with the cube of the trains of one part,
-not with the ways to share them out.
+Trains and tags that may belong together make a graph with few edges; its connected parts are
+assigned one by one. In each, trains are added one after the other, and the assignment changes
+along the path that loses least, which keeps it the best so far (successive shortest paths with
+Dijkstra's algorithm: Edmonds and Karp, Journal of the ACM 19, 1972). The loss of giving a train
+another tag is the shortest path back to the assignment, for all at once by Floyd and Warshall's
+algorithm. The work grows with the cube of the trains of one part, not with the number of
+assignments.
 
-Not `scipy.optimize.linear_sum_assignment`: it does not give the second best, without which
-no pulse can name the other tags it may be, and would load more of SciPy into the drone's
-processes. Of the trains of one stretch of frequencies, the six heard last take part.
+Not `scipy.optimize.linear_sum_assignment`: it does not give the second best, without which no
+pulse can name the other tags it may be, and would load more of SciPy into the drone's
+processes.
 """
 
 import heapq
@@ -50,8 +50,8 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
 def best_sharing(able: Sequence[Mapping[int, float]]) -> list[int | None]:
     """Assign trains to tags with the largest sum of values.
 
-    `able`: positive value of each train for each tag that it may be. Returns the tag of each
-    train; None: no tag.
+    `able`: positive value of each train for each possible tag. Returns the tag of each train;
+    None: no tag.
     """
     made = _Sharing(able)
     for start in range(len(able)):
@@ -62,7 +62,7 @@ def best_sharing(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 class _Sharing:
     """The best assignment of the trains so far.
 
-    Each tag has a price; a train's tag gives it at least as much value above the price as any
+    Each tag has a price: a train's tag gives it at least as much value above the price as any
     other tag, or none.
     """
 
@@ -124,7 +124,7 @@ class _Sharing:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """Get the loss of the best assignment that gives a train a certain tag.
+    """Loss of the best assignment that gives a train a certain tag.
 
     Returns it for each train and possible tag; 0 for the assigned one.
     """

@@ -1,4 +1,4 @@
-"""Bounds on a tag's signal: the frequencies searched, and its interval."""
+"""Bounds on a tag's signal: the searched frequencies, and its interval."""
 
 import math
 from dataclasses import dataclass
@@ -8,31 +8,17 @@ from numpy.typing import NDArray
 
 from uavrt.detection.search.refine import Measured, timing_error_s
 from uavrt.detection.signal.frequency_circle import apart_hz
-from uavrt.detection.track.tracks import (
-    CLOCK_ERROR,
-    MOST_TOLD_BY_ONE,
-    WEAKEST_POWER,
-    Track,
-    least_real,
-)
+from uavrt.detection.track.tracks import Track, least_real
+from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 from uavrt.messages import Tag
-
-_EDGE_BINS = 0.5
-"""Distance beyond the band at which a pulse is accepted: half its width [bins]."""
-_SIGMAS = 2.5
-"""Tolerance for the timing noise of a pulse [standard deviations]."""
-_LINE_SIGMAS = 3.0
-"""Tolerance for the interval of a line through many pulses [standard deviations]."""
-_KNOWN_SHARE = 0.5
-"""Largest error of a long group's interval at its confirmation, as a share of its bound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """Bounds of one tag's groups and tracks.
+    """Bounds within which groups and tracks may be those of one tag.
 
-    `half_width_hz`: of the search; at or above half the sample rate: the whole channel.
-    `excluded_hz`: stretches without the tag, relative to the channel's centre.
+    `half_width_hz`: half-width of the search [Hz]; at or above half the sample rate: the whole
+    channel. `excluded_hz`: bands without the tag, from the channel's centre [Hz].
     """
 
     tag: Tag
@@ -42,14 +28,14 @@ class Bounds:
     excluded_hz: tuple[tuple[float, float], ...] = ()
 
     def excluded_rows(self, offsets_hz: NDArray[np.float64]) -> NDArray[np.intp]:
-        """True for rows in an excluded stretch, limits included."""
+        """Indices of the rows in an excluded band, limits included."""
         inside = np.zeros(len(offsets_hz), np.bool_)
         for low, high in self.excluded_hz:
             inside |= (offsets_hz >= low) & (offsets_hz <= high)
         return np.flatnonzero(inside)
 
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
-        """Why the measured pulses of a group are not the tag's; None if they may be.
+        """Reason why the measured pulses of a group are not the tag's; None if they may be.
 
         `places`: places among the K, in order of time.
         """
@@ -62,30 +48,26 @@ class Bounds:
         return "not the tag's interval" if self._off_interval(times, rate) else None
 
     def left_by(self, track: Track) -> bool:
-        """True if a track has left the tag's bounds."""
-        times = [
-            (slot.number, slot.time_s, slot.measured.power)
-            for slot in track.slots
-            if slot.state in ("accepted", "reported")
-        ]
+        """True if a track has left the bounds of the tag."""
+        times = [(slot.number, slot.time_s, slot.measured.power) for slot in track.received]
         return self.off_frequency(track.offset_hz) is not None or self._off_interval(
             times, track.rate
         )
 
     def most_interval_error_s(self, rate: int) -> float:
-        """Largest deviation from a rate's declared interval, by the samples' clock."""
+        """Largest deviation from a rate's declared interval, by the samples' clock [s]."""
         nominal_s = self.tag.pulse_intervals_s
         own_s = nominal_s[rate - 1]
         # One crystal makes both rates: of the longer interval it errs by more.
         most_s = self.tag.interval_uncertainty_s * own_s / min(nominal_s)
-        return most_s + CLOCK_ERROR * own_s
+        return most_s + BOUNDS.clock_error * own_s
 
     def off_frequency(self, offset_hz: float) -> str | None:
-        """Why a frequency is not the tag's; None if it may be."""
+        """Reason why a frequency is not the tag's; None if it may be."""
         if any(low <= offset_hz <= high for low, high in self.excluded_hz):
             return "in an excluded stretch"
         away_hz = abs(apart_hz(offset_hz, self.home_hz, self.sample_rate_hz))
-        if away_hz > self.half_width_hz + _EDGE_BINS / self.tag.pulse_width_s:
+        if away_hz > self.half_width_hz + BOUNDS.edge_bins / self.tag.pulse_width_s:
             return "outside the frequencies searched"
         return None
 
@@ -93,7 +75,7 @@ class Bounds:
         """True for each of many frequencies that may be the tag's, as `off_frequency`."""
         away_hz = offsets_hz - self.home_hz
         away_hz -= self.sample_rate_hz * np.rint(away_hz / self.sample_rate_hz)
-        own = np.abs(away_hz) <= self.half_width_hz + _EDGE_BINS / self.tag.pulse_width_s
+        own = np.abs(away_hz) <= self.half_width_hz + BOUNDS.edge_bins / self.tag.pulse_width_s
         for low, high in self.excluded_hz:
             own &= (offsets_hz < low) | (offsets_hz > high)
         return own
@@ -107,31 +89,33 @@ class Bounds:
         most_s = self.most_interval_error_s(rate)
         width_s = self.tag.pulse_width_s
         noise_s = timing_error_s(width_s, weak) + timing_error_s(width_s, power)
-        jitter_s = 2.0 * self.tag.interval_jitter_s + _SIGMAS * noise_s
+        jitter_s = 2.0 * self.tag.interval_jitter_s + BOUNDS.timing_sigmas * noise_s
         span = last - first
         if span > 0 and abs((end_s - begin_s) / span - own_s) > most_s + jitter_s / span:
             return True
         # Of many pulses it is known far better than by the first and the last.
         interval_s, error_s = self._line(pulses)
-        return abs(interval_s - own_s) > most_s + _LINE_SIGMAS * error_s
+        return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
         """True if a long group's interval is so uncertain that it may be another train's.
 
         If a train began before the stream, only its last pulses exist, and pulses of a train 2
-        ms off lie on the same lattice for some places.
+        ms off fit the same lattice for some places.
         """
-        if self.tag.k <= MOST_TOLD_BY_ONE:
+        if self.tag.k <= FOLLOW.most_alone:
             return False
         pulses = [
             (slot.number, slot.time_s, slot.measured.power)
             for slot in track.slots
-            if slot.state in ("accepted", "reported", "open")
-            and slot.measured.power > WEAKEST_POWER
+            if (slot.received or slot.state == "open")
+            and slot.measured.power > FOLLOW.weakest_power
         ]
         if len(pulses) < 2:
             return True
-        return self._line(pulses)[1] > _KNOWN_SHARE * self.most_interval_error_s(track.rate)
+        return self._line(pulses)[1] > BOUNDS.known_share * self.most_interval_error_s(
+            track.rate
+        )
 
     def _line(self, pulses: list[tuple[int, float, float]]) -> tuple[float, float]:
         """Interval of the straight line through pulses, and its standard deviation [s]."""

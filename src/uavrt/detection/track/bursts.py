@@ -1,4 +1,4 @@
-"""Other signals in the band: recent bursts that no track explains, and their rate.
+"""Bursts of other transmitters in the band: recent ones that no track explains, and their rate.
 
 The anchors of the search are all cells strong enough to be a pulse; the search for long groups
 passes its strong cells on. Those on no tag's lattice are bursts of other transmitters: a
@@ -13,39 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import ROWS_PER_BIN, Grid
-from uavrt.detection.search.known_pulses import LEAK_SHARE, SAME_BINS
 from uavrt.detection.search.refine import Measured
-from uavrt.detection.search.thresholds import LEAST_POWER, effective_hypotheses
+from uavrt.detection.search.thresholds import effective_hypotheses
+from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 from uavrt.detection.track.chance import QUIET, OnAir
 from uavrt.detection.track.tracks import Track
+from uavrt.detection.track.tuning import BURSTS
 
-_NOISE_SIGMAS = 3.0
-"""Excess over noise at which bursts are counted [standard deviations]."""
-_MEMORY_S = 30.0
-"""Time for which a burst is remembered; radio calls last some seconds."""
-_MOST = 3000
-"""Most bursts remembered, enough for their rate."""
-_PENDING = 6000
-_WINDOWS_S = (4.0, 10.0, _MEMORY_S)
-"""Durations of which the highest rate counts [s], so that a recent start counts, too."""
-_POOLED_S = 2.0
-"""Weight of the whole band's rate, as time at the track's own frequencies [s]."""
-_LIKE_DB = 8.0
-"""Largest difference in strength of bursts that may belong to a pulse [dB]."""
-_OWN_ROWS = 2.6
-"""Largest distance of a burst found in place of a track's pulse: 30 Hz [rows]."""
-_PAIR_S = 0.012
-"""Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
-_LEAST_PHASES = 3
-"""Least number of the interval's phases with such pairs; fewer are another tag's."""
 Known = tuple[float, float, float]
-"""A known pulse: first sample, offset [Hz] and power."""
+"""A known pulse: index of its first sample, offset [Hz] and power."""
 _Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
-"""Times, rows and powers."""
+"""Times [s], rows and powers of strong cells."""
 
 
 class Bursts:
-    """Recent bursts in one band."""
+    """Recent bursts of other transmitters in one band."""
 
     def __init__(self, grid: Grid, pulse_width_s: float) -> None:
         self._grid = grid
@@ -59,24 +41,26 @@ class Bursts:
             uncertainty_s=0.0,
             reach_s=0.0,
         )
-        """Rate of noise peaks above a power P, divided by exp(-P)."""
+        """Rate of noise peaks above a power P, divided by exp(-P) [1/s]."""
         self._pending: tuple[list[int], list[int], list[float]] = ([], [], [])
         self._time_s = np.zeros(0)
         self._row = np.zeros(0, np.intp)
         self._power = np.zeros(0)
         self._begin_s = 0.0
-        """Time since which all bursts are remembered."""
+        """Time since which all bursts are kept [s]."""
         self._now_s = 0.0
         self._kept: _Cells = self._time_s, self._row, self._power
 
     def add(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
-        """Add anchors that the search has finished with, in order of time."""
+        """Add strong cells that the search has finished with, in order of time."""
         for own, new in zip(self._pending, (columns, rows, powers), strict=True):
             own += new  # type: ignore[operator]
-        if len(self._pending[0]) > 2 * _PENDING:
-            self._begin_s = max(self._begin_s, self._pending[0][-_PENDING] * self._column_s)
+        if len(self._pending[0]) > 2 * BURSTS.most_pending:
+            self._begin_s = max(
+                self._begin_s, self._pending[0][-BURSTS.most_pending] * self._column_s
+            )
             for own in self._pending:
-                del own[:-_PENDING]
+                del own[: -BURSTS.most_pending]
 
     def look(
         self,
@@ -87,7 +71,7 @@ class Bursts:
         begin_column: int,
         known: Sequence[Known],
     ) -> None:
-        """Update the statistics.
+        """Update the bursts with the newest cells.
 
         `fresh`: columns, rows and powers of the search's open anchors. `now_column`,
         `begin_column`: last searched column, and the stream's first. `known`: pulses of
@@ -95,7 +79,7 @@ class Bursts:
         """
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
-        oldest_s = max(self._begin_s, begin_s, self._now_s - _MEMORY_S)
+        oldest_s = max(self._begin_s, begin_s, self._now_s - BURSTS.memory_s)
         if self._pending[0]:
             new = self._gather(self._pending, noise)
             for own in self._pending:
@@ -105,8 +89,8 @@ class Bursts:
                 for pair in zip((self._time_s, self._row, self._power), new, strict=True)
             )
         if len(self._time_s):
-            if len(self._time_s) > _MOST:
-                oldest_s = max(oldest_s, float(self._time_s[-_MOST]))
+            if len(self._time_s) > BURSTS.most_kept:
+                oldest_s = max(oldest_s, float(self._time_s[-BURSTS.most_kept]))
             first = int(np.searchsorted(self._time_s, oldest_s))
             if first:
                 self._time_s = self._time_s[first:]
@@ -122,15 +106,14 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> OnAir:
-        """Rates of other signals around a place of a track.
+        """Rates of bursts around an expected pulse of a track.
 
-        `found`: the strongest at that place. The track's own pulses, there and earlier, are
-        excluded.
+        `found`: the strongest signal at that place. The track's own pulses are excluded.
         """
         time_s, row, power = self._kept
         if not len(time_s):
             return QUIET
-        like = 10.0 ** (_LIKE_DB / 10.0)
+        like = 10.0 ** (BURSTS.similar_db / 10.0)
         some = power * like >= found.power
         some &= ~self._on_lattice(track, found, time_s)
         if not some.any():
@@ -142,12 +125,12 @@ class Bursts:
         own_row = (found.offset_hz - float(offsets[0])) / step_hz
         turn = self._grid.sample_rate_hz / step_hz
         away = (row - own_row + turn / 2.0) % turn - turn / 2.0
-        own = np.abs(away) <= _OWN_ROWS
+        own = np.abs(away) <= BURSTS.near_rows
         bands = max(1.0, len(offsets) / ROWS_PER_BIN)
-        least = max(LEAST_POWER, found.power / like)
+        least = max(THRESHOLDS.least_power, found.power / like)
         noise_per_s = self._noise_per_s * math.exp(-least)
         begin, chance = 0.0, 0.0
-        for window_s in _WINDOWS_S:
+        for window_s in BURSTS.windows_s:
             since_s = max(self._begin_s, self._now_s - window_s)
             heard_s = max(self._now_s - since_s, 1.0)
             late = time_s >= since_s
@@ -156,7 +139,9 @@ class Bursts:
             pooled = count / heard_s / bands
             here = self._distinct(time_s[all_like & own])
             begin = max(begin, beyond_noise(int(count), noise_per_s * heard_s) / heard_s)
-            chance = max(chance, (here + _POOLED_S * pooled) / (heard_s + _POOLED_S))
+            chance = max(
+                chance, (here + BURSTS.pooled_s * pooled) / (heard_s + BURSTS.pooled_s)
+            )
             if heard_s < window_s:
                 break
         mine = time_s[own & alike]
@@ -194,22 +179,22 @@ class Bursts:
     def _paired(
         self, time_s: NDArray[np.float64], interval_s: float, chance_per_s: float
     ) -> float:
-        """Rate of bursts an interval apart, as in a frame with the same period."""
+        """Rate of bursts an interval apart, as in a frame with the same period [1/s]."""
         if len(time_s) < 4:
             return 0.0
         time_s = np.sort(time_s)
         time_s = time_s[np.diff(time_s, prepend=-np.inf) > 0.5 * self._width_s]
-        low = np.searchsorted(time_s, time_s + interval_s - _PAIR_S)
-        high = np.searchsorted(time_s, time_s + interval_s + _PAIR_S)
+        low = np.searchsorted(time_s, time_s + interval_s - BURSTS.pair_s)
+        high = np.searchsorted(time_s, time_s + interval_s + BURSTS.pair_s)
         first = time_s[high > low]
         begun = np.count_nonzero(time_s < self._now_s - interval_s)
         phases = set((first % interval_s / (2.0 * self._width_s)).astype(np.intp).tolist())
-        if begun < 4 or len(phases) < _LEAST_PHASES:
+        if begun < 4 or len(phases) < BURSTS.least_phases:
             return 0.0
-        expected = chance_per_s * 2.0 * _PAIR_S * begun
+        expected = chance_per_s * 2.0 * BURSTS.pair_s * begun
         if len(first) < expected + 2.0 * expected**0.5:
             return 0.0
-        return len(first) / begun / (2.0 * _PAIR_S)
+        return len(first) / begun / (2.0 * BURSTS.pair_s)
 
     def _without(self, known: Sequence[Known], cells: _Cells) -> _Cells:
         """Remove the cells that known pulses or their leakage explain."""
@@ -228,7 +213,7 @@ class Bursts:
             away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
             apart = np.abs(away_hz) * grid.window / grid.sample_rate_hz
             leak = strength[place] / np.maximum(1.0, math.pi * apart / 2.0) ** 2
-            new[some] &= (apart > SAME_BINS) & (leak < LEAK_SHARE * power[some])
+            new[some] &= (apart > GROUPS.same_bins) & (leak < GROUPS.leak_share * power[some])
         return cells if new.all() else (time_s[new], row[new], power[new])
 
     def _gather(
@@ -240,7 +225,7 @@ class Bursts:
         time_s = np.array(cells[0]) * self._column_s
         row = np.array(cells[1])
         power = np.array(cells[2]) / noise[row]
-        strong = power >= LEAST_POWER
+        strong = power >= THRESHOLDS.least_power
         time_s, row, power = time_s[strong], row[strong], power[strong]
         strongest = (-power).argsort(kind="stable")
         place = (time_s / self._width_s).astype(np.intp) * 4096 + row // ROWS_PER_BIN
@@ -251,9 +236,9 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts beyond the noise's expected number, with a margin.
+    """Number of bursts beyond the noise's expected number; 0 within a margin.
 
     Without the margin, half of the real single-pulse groups were held back.
     """
     more = count - expected
-    return more if more > _NOISE_SIGMAS * expected**0.5 else 0.0
+    return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

@@ -1,12 +1,10 @@
-"""How often pulses of two independent transmitters coincide."""
+"""Chance that pulses of two independent transmitters coincide."""
 
 import math
 
 import numpy as np
 
-SEEN_TOGETHER = 0.9
-"""Share of a ghost's pulses that are received together with their original's."""
-_STEPS = 32
+from uavrt.detection.track.tuning import GHOSTS
 
 
 def by_chance(
@@ -24,7 +22,7 @@ def by_chance(
     # No run of this number that is steeper fits into the window.
     steepest_s = window_s / (together - 1)
     reach_s = min(uncertainty_s, steepest_s)
-    drift_s = (np.arange(_STEPS) + 0.5) / _STEPS * reach_s
+    drift_s = (np.arange(GHOSTS.drift_steps) + 0.5) / GHOSTS.drift_steps * reach_s
     phase_s = window_s - (together - 1) * drift_s
     phase_s = phase_s + (pulses - together) * np.minimum(drift_s, phase_s)
     share = reach_s / uncertainty_s if uncertainty_s > 0.0 else 1.0
@@ -32,8 +30,8 @@ def by_chance(
 
 
 def of_ghosts(together: int, pulses: int) -> float:
-    """Chance that no more than this number of a ghost's pulses coincide with its original's."""
-    return 1.0 - _at_least(together + 1, pulses, SEEN_TOGETHER)
+    """Chance that at most this number of a ghost's pulses coincides with its original's."""
+    return 1.0 - _at_least(together + 1, pulses, GHOSTS.coincident_share)
 
 
 def _at_least(count: int, of: int, chance: float) -> float:

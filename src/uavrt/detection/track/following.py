@@ -6,29 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import Grid
-from uavrt.detection.search.refine import TRACK_BAND_HZ, Measured, Refiner
+from uavrt.detection.search.refine import Measured, Refiner
+from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.signal.samples import SampleBuffer
 from uavrt.detection.track.bounds import Bounds
 from uavrt.detection.track.chance import QUIET, OnAir
 from uavrt.detection.track.masking import hiding, is_due, stronger_beside, strongest_first
-from uavrt.detection.track.tracks import Slot, Track
+from uavrt.detection.track.tracks import Slot, Track, independent_cells
+from uavrt.detection.track.tuning import FOLLOW
 from uavrt.detection.track.two_rates import become, lags, set_up_rivals, settle_rivalry
 from uavrt.units import ns_from_s
 
-_SURE_POWER = 20.0
-"""Power below which a pulse may be one whose middle samples are missing."""
-_TOLD = 0.25
-"""Weight of a frequency's distance from the track's while samples are being lost: a phase break
-shifts it by up to 20 Hz, which once made pulses count as bursts."""
-
 
 def _quiet(_track: Track, _found: Measured) -> OnAir:
-    """Report no other signals; a module-level function, so that detectors can be pickled."""
+    """Return no bursts; a module-level function, so that detectors can be pickled."""
     return QUIET
 
 
 class Follower:
-    """Follows the tracks of one detector."""
+    """Follows the tracks of one detector from pulse to pulse."""
 
     def __init__(
         self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
@@ -39,12 +35,12 @@ class Follower:
         self._buffer = buffer
         self._refiner = refiner
         self.epoch_ns = 0
-        """Origin of the tracks' seconds [ns]."""
+        """Absolute time of zero seconds in the tracks [ns]."""
         self._tracks: list[Track] = []
         self._around: Callable[[Track, Measured], OnAir] = _quiet
 
     def seconds(self, index: float) -> float:
-        """Time of a sample, as the tracks count it [s]."""
+        """Time of a sample in the seconds of the tracks [s]."""
         return (self._buffer.time_ns(index) - self.epoch_ns) * 1e-9
 
     def follow(
@@ -60,8 +56,8 @@ class Follower:
         """Search where the tracks expect their next pulses; drop ended tracks.
 
         `upto`: index after the last clean sample. `settle`: called after each pulse; assigns
-        tags and reports. `floor`: mean power of a sample without pulses. `around`: reports
-        other signals around a track's place.
+        tags and reports. `floor`: mean power of a sample without pulses. `around`: rates of
+        bursts around an expected pulse.
         """
         self._tracks = tracks
         self._around = around
@@ -77,11 +73,11 @@ class Follower:
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Tracks that continue behind a jump of the clock, as if no samples were missing.
+        """Tracks that continue behind a jump of the clock, to be confirmed again.
 
-        A jump may come from a corrected clock or from missing samples. `tracks`: changed in
-        place; their seconds are those after the jump, from its first sample. The returned
-        tracks must be confirmed again: if samples are missing, they find nothing and end.
+        The clock may have been corrected, or samples may be missing; then the tracks find
+        nothing and end. `tracks`: changed in place: their seconds count from the first sample
+        after the jump.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)
@@ -121,8 +117,7 @@ class Follower:
             abs(slot.time_s - time_s) < near_s
             for other in self._tracks
             if other is not track and other.confirmed and not other.dead
-            for slot in other.slots
-            if slot.state in ("accepted", "reported")
+            for slot in other.received
         )
 
     def _step(
@@ -143,7 +138,7 @@ class Follower:
         around = {"earliest_s": time_s - masked_s, "latest_s": time_s + masked_s}
         if others and is_due(others, **around):
             return False
-        band = TRACK_BAND_HZ
+        band = MEASURE.track_band_hz
         with self._refiner.without(hiding(track, others, **around)):
             found = self._refiner.search(
                 np.array([start]),
@@ -181,16 +176,18 @@ class Follower:
         found: Measured,
         noise: NDArray[np.float32],
     ) -> Measured:
-        """Found pulse where samples are being lost, or a stronger broken pulse."""
-        if found.power < _SURE_POWER:
+        """Pulse found where samples are being lost, or a stronger one with missing samples."""
+        if found.power < FOLLOW.whole_power:
             spread = track.spread_s() * self._grid.sample_rate_hz
-            offset_hz, band_hz = track.offset_hz, TRACK_BAND_HZ
+            offset_hz, band_hz = track.offset_hz, MEASURE.track_band_hz
             broken = self._refiner.search_broken(
                 start, half, offset_hz, band_hz, noise, spread=spread
             )
             if broken is not None and broken.power > found.power:
                 return broken
-        found.offset_hz = track.offset_hz + _TOLD * (found.offset_hz - track.offset_hz)
+        found.offset_hz = track.offset_hz + FOLLOW.broken_weight * (
+            found.offset_hz - track.offset_hz
+        )
         return found
 
     def _slot(self, track: Track, measured: Measured, half_s: float) -> Slot:
@@ -199,7 +196,7 @@ class Follower:
             time_s=self.seconds(measured.start),
             time_ns=self._buffer.time_ns(measured.start),
             measured=measured,
-            volume=track.volume(half_s, TRACK_BAND_HZ),
+            volume=independent_cells(half_s, MEASURE.track_band_hz, self._tag.pulse_width_s),
             on_air=self._around(track, measured),
         )
 
@@ -223,7 +220,7 @@ class Follower:
                     np.array([0.5 * (low + high)]),
                     0.5 * (high - low),
                     track.offset_hz,
-                    TRACK_BAND_HZ,
+                    MEASURE.track_band_hz,
                     noise,
                 )
                 if found is None:

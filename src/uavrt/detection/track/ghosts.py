@@ -20,29 +20,10 @@ from uavrt.config.ghost_places import Receiver
 from uavrt.detection.search.refine import timing_error_s
 from uavrt.detection.track.coincidence import by_chance, of_ghosts
 from uavrt.detection.track.masking import level
-from uavrt.detection.track.tracks import CLOCK_ERROR, Slot, Track
+from uavrt.detection.track.tracks import Slot, Track
 from uavrt.detection.track.trains import H
+from uavrt.detection.track.tuning import BOUNDS, GHOSTS
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-STRONGER = 10.0**0.8
-"""Least ratio of the original's power to its ghost's. An image is 25 to 40 dB down. The third
-harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its products. For
-a product of two, each is stronger by this ratio."""
-LEAST_PULSES = 3
-ALLOWED = 1e-3
-"""Largest share of real tags mistaken for ghosts among those that coincide with another's
-pulses."""
-_SIGMAS = 2.5
-_EDGE_STRONGER = 100.0
-"""Least power ratio of a pulse to its edges far from its frequency."""
-_EDGE_NOISE = 2.5
-"""Amplitude that the largest noise adds to an edge in a search."""
-_EDGE_WIDTHS = 0.75
-"""Largest distance of an edge from the pulse's start [pulse widths]."""
-_EDGE_SHARE = 0.6
-"""Least share of a train's pulses that coincide with another's if it consists of its edges."""
-_ROUNDING_NS = 1000
-"""More than present times lose as floating-point numbers [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +34,12 @@ class _Heard(Generic[H]):
     frequency_hz: float
     times_ns: list[int]
     near_s: list[float]
-    """For each pulse, distance within which another one is simultaneous."""
+    """Distance of each pulse within which another one is simultaneous [s]."""
 
     @property
     def edge_s(self) -> float:
-        """Distance from a pulse within which its edges are found."""
-        return _EDGE_WIDTHS * self.track.tag.pulse_width_s
+        """Distance from a pulse within which its edges are found [s]."""
+        return GHOSTS.edge_widths * self.track.tag.pulse_width_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +60,9 @@ class _Instants(Generic[H]):
         self._times_ns, self._whose = times_ns[order], whose[order].tolist()
 
     def of_company(self, one: _Heard[H]) -> list[_Heard[H]]:
-        """Get the trains of which enough pulses may coincide with those of a train."""
+        """Trains of which enough pulses may coincide with those of a train."""
         near_s = np.maximum(one.near_s, one.edge_s)
-        near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + _ROUNDING_NS
+        near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + GHOSTS.rounding_ns
         times_ns = np.array(one.times_ns, np.int64)
         first = np.searchsorted(self._times_ns, times_ns - near_ns, side="left").tolist()
         last = np.searchsorted(self._times_ns, times_ns + near_ns, side="right").tolist()
@@ -91,7 +72,7 @@ class _Instants(Generic[H]):
         return [
             other
             for number, other in enumerate(self._heard)
-            if often[number] >= LEAST_PULSES and other is not one
+            if often[number] >= GHOSTS.least_pulses and other is not one
         ]
 
 
@@ -107,13 +88,13 @@ def mark_ghosts(
         _listen(hearer, track, slots)
         for hearer in hearers
         for track in hearer.tracks
-        if len(slots := _accepted(track)) >= LEAST_PULSES
+        if len(slots := _accepted(track)) >= GHOSTS.least_pulses
     ]
     strongest = max((one.level for one in heard), default=0.0)
     instants: _Instants[H] | None = None
     new = []
     for one in heard:
-        if strongest < STRONGER * one.level and one.track.ghost_of is None:
+        if strongest < GHOSTS.stronger_ratio * one.level and one.track.ghost_of is None:
             continue
         before = one.track.ghost_of
         instants = instants or _Instants(heard)
@@ -133,8 +114,8 @@ def _original(
         (other, found)
         for other in heard
         if other.track.ghost_of is None
-        and other.level >= STRONGER * one.level
-        and (found := _coincidence(one, other, one.near_s)).together >= LEAST_PULSES
+        and other.level >= GHOSTS.stronger_ratio * one.level
+        and (found := _coincidence(one, other, one.near_s)).together >= GHOSTS.least_pulses
     ]
     for other, found in stronger:
         partners_hz = [
@@ -148,7 +129,7 @@ def _original(
             partners_hz,
             nominal_hz=one.hearer.tag.frequency_hz,
             half_width_hz=one.hearer.half_width_hz,
-        ) <= ALLOWED * of_ghosts(found.together, found.pulses):
+        ) <= GHOSTS.mistaken_share * of_ghosts(found.together, found.pulses):
             return other.hearer.tag.tag_id
     return None
 
@@ -156,17 +137,17 @@ def _original(
 def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
     """True if a train is only another's leakage far from its frequency.
 
-    The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Nearer trains,
-    within its search band, are assigned by senders.py.
+    The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
+    the search band of the weaker tag are assigned by senders.py.
     """
-    if other.level < _EDGE_STRONGER * one.level or one.hearer.could_be(other.frequency_hz):
+    if other.level < GHOSTS.edge_ratio * one.level or one.hearer.could_be(other.frequency_hz):
         return False
     apart_hz = abs(one.frequency_hz - other.frequency_hz)
     edge = math.sqrt(other.level) / (math.pi * apart_hz * other.track.tag.pulse_width_s)
-    if edge < 1.0 or one.level > (edge + _EDGE_NOISE) ** 2:
+    if edge < 1.0 or one.level > (edge + GHOSTS.edge_noise) ** 2:
         return False
     found = _coincidence(one, other, [one.edge_s] * len(one.times_ns))
-    return found.together >= max(LEAST_PULSES, _EDGE_SHARE * found.pulses)
+    return found.together >= max(GHOSTS.least_pulses, GHOSTS.edge_share * found.pulses)
 
 
 def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
@@ -176,7 +157,8 @@ def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
         found.pulses,
         near_s=found.near_s,
         interval_s=interval_s,
-        uncertainty_s=tag.interval_uncertainty_s + CLOCK_ERROR * max(tag.pulse_intervals_s),
+        uncertainty_s=tag.interval_uncertainty_s
+        + BOUNDS.clock_error * max(tag.pulse_intervals_s),
     )
 
 
@@ -205,7 +187,7 @@ def _listen(hearer: H, track: Track, slots: list[Slot]) -> _Heard[H]:
         hearer.absolute_hz(track),
         [slot.time_ns for slot in slots],
         [
-            width_s / 16.0 + _SIGMAS * timing_error_s(width_s, slot.measured.power)
+            width_s / 16.0 + BOUNDS.timing_sigmas * timing_error_s(width_s, slot.measured.power)
             for slot in slots
         ],
     )
@@ -214,4 +196,4 @@ def _listen(hearer: H, track: Track, slots: list[Slot]) -> _Heard[H]:
 def _accepted(track: Track) -> list[Slot]:
     if track.dead:
         return []
-    return [slot for slot in track.slots if slot.state in ("accepted", "reported")]
+    return track.received

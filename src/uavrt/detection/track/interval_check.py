@@ -15,13 +15,7 @@ from uavrt.detection.search.grid import Grid, sliding_maximum
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.search.refine import Refiner
 from uavrt.detection.track.bounds import Bounds
-
-_MOST_WIDTHS = 0.5
-"""Range beyond the bound [pulse widths]; for intervals further off, two pulses meet a
-lattice."""
-_BETTER = 10.0
-"""Margin by which another interval must win [noise powers]. A tag at its bound loses more than
-it gains by noise 0.375 ms beyond."""
+from uavrt.detection.track.tuning import JUDGE
 
 
 class Intervals:
@@ -44,7 +38,7 @@ class Intervals:
         none = np.zeros(search.k, np.bool_)
         starts = np.array([self._grid.start(column) for column in candidate.columns])
         within, width = self._within(search), self._grid.window / hop
-        change = _changes(within, _MOST_WIDTHS * width, search.k)
+        change = _changes(within, JUDGE.crossing_widths * width, search.k)
         own = (starts[-1] - starts[0]) / (search.k - 1) / hop
         change += self._nominal(search) - own
         most = math.ceil(float(np.abs(change).max()) * (search.k - 1)) + 3
@@ -60,7 +54,7 @@ class Intervals:
                 sums[late] += cells[place][shift[:, :, place] + late - 1]
         inside = np.abs(change - (self._nominal(search) - own)) <= within
         best = np.where(inside[:, np.newaxis], -math.inf, sums)
-        if float(best.max()) < float(sums[:, inside].max()) + _BETTER:
+        if float(best.max()) < float(sums[:, inside].max()) + JUDGE.crossing_lead:
             return none
         after, which, cross = np.unravel_index(int(best.argmax()), best.shape)
         away = change[which] * crossing[cross] + after - 1.0
@@ -102,7 +96,7 @@ class Intervals:
 
 
 def _changes(within: float, beyond: float, k: int) -> NDArray[np.float64]:
-    """Differences of the interval to try, in columns: the ends move by two columns."""
+    """Differences of the interval to try [columns]: the ends move by two columns."""
     most = within + beyond
     step = 2.0 / (k - 1)
     count = math.ceil(most / step)

@@ -1,8 +1,8 @@
 """Measure a candidate on the samples and decide whether it is a group of the tag.
 
 If the energy of a window is six standard deviations above the noise, one row must have 0.35 of
-it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. (Blanking
-longer bursts would blank pulses, too, and miss pairs of impulses.)
+it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. Blanking
+longer bursts would blank pulses, too, and miss pairs of impulses.
 """
 
 import math
@@ -14,41 +14,19 @@ from uavrt.detection.search.evidence import Evidence, gate
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.search.known_pulses import KnownPulses
-from uavrt.detection.search.refine import TRACK_BAND_HZ, Measured, Refiner
+from uavrt.detection.search.refine import Measured, Refiner
+from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.signal.samples import SampleBuffer
 from uavrt.detection.track.bounds import Bounds
 from uavrt.detection.track.interval_check import Intervals
-from uavrt.detection.track.tracks import MORE_CELLS, MOST_TOLD_BY_ONE, Track, independent_cells
+from uavrt.detection.track.tracks import Track, independent_cells
+from uavrt.detection.track.tuning import FOLLOW, JUDGE
 from uavrt.detection.track.two_rates import log_evidence
-
-_UNIFORMITY = 0.3
-_FEW_PULSES = 3
-"""Number of pulses up to which each must be strong by itself; a weak one counts as missing."""
-_STRONG_POWER = 30.0
-"""Power below which a pulse is not the flank of a stronger one nearby [noise powers]."""
-_OFF_ROW_HZ = 8.0
-_FLANK_RATIO = 2.0
-"""Largest power half a pulse earlier or later, or 35 Hz away, relative to a quarter of the
-pulse's; more belongs to another tag."""
-_LOBE_RATIO = 3.0
-_WEAK = 4.0
-"""Power of a pulse below which its surroundings are no evidence: noise reaches twice as much in
-most windows."""
-_LOUD = 8.0
-_MOST_BESIDE = 6.0
-"""Largest sum over a group of the excess on the flanks. Noise reaches this in one window of 300
-000; pulses of a tag with another interval in many."""
-_MOST_ANOTHERS = 4
-"""Least pulses of a group of which one may be another sender's."""
-_FLANK_BINS = 1.9
-"""Distance from which the maximum of a strong pulse is searched [bins]: cells at their limit
-hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low; beyond it is a side
-lobe."""
 
 
 class Judge:
-    """Judges the candidates of one detector."""
+    """Accepts or rejects the candidates of one detector."""
 
     def __init__(
         self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
@@ -69,7 +47,7 @@ class Judge:
         return self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
-        """Get the pulses of confirmed tracks, which need not be found again."""
+        """Pulses of confirmed tracks, which need not be found again; None without any."""
         pulses = [slot.measured for t in tracks if t.confirmed for slot in t.slots]
         return KnownPulses(self._grid, pulses) if pulses else None
 
@@ -116,13 +94,16 @@ class Judge:
             if found is None:
                 return None
             strongest = max(found, key=lambda pulse: pulse.power)
-            if strongest.power < _STRONG_POWER:
+            if strongest.power < JUDGE.strong_power:
                 break
             top_hz, power = self._refiner.strongest(strongest)
             apart = apart_hz(top_hz, strongest.offset_hz, grid.sample_rate_hz)
-            if bin_hz / 4.0 < abs(apart) < _FLANK_BINS * bin_hz and power > strongest.power:
+            if (
+                bin_hz / 4.0 < abs(apart) < JUDGE.flank_bins * bin_hz
+                and power > strongest.power
+            ):
                 offset = strongest.offset_hz + apart
-            elif abs(strongest.offset_hz - offset) < _OFF_ROW_HZ:
+            elif abs(strongest.offset_hz - offset) < JUDGE.off_row_hz:
                 break
             else:
                 # The limit on a cell lets noise choose among the rows of a strong pulse.
@@ -144,11 +125,11 @@ class Judge:
         """Distinguish a tag's group from other signals, and its pulses from others'.
 
         Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: such a pulse is left out, and the group must stand without it. If
-        this affects more than one pulse in four, or one that carries the group, the group is
-        rejected. `places`: a group above the threshold: places among the K, in order of time.
-        `floor`: mean power of a sample without pulses. Returns (own, reason): the tag's pulses;
-        why the group is rejected.
+        signal is stronger: it is left out, and the group must suffice without it. If this
+        affects more than one pulse in four, or one without which the group fails, the group is
+        rejected. `places`: places among the K, in order of time. `floor`: mean power of a
+        sample without pulses. Returns (own, reason): the tag's pulses; why the group is
+        rejected.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -167,8 +148,8 @@ class Judge:
             local = pulse.power / pulse.contrast
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
         least = search.threshold * gate(search.k)
-        few = _MOST_ANOTHERS * (len(places) - len(own)) <= len(places)
-        if reason is not None and (not few or without < least or flanks > _MOST_BESIDE):
+        few = JUDGE.pulses_per_foreign * (len(places) - len(own)) <= len(places)
+        if reason is not None and (not few or without < least or flanks > JUDGE.most_flanks):
             return [], reason
         if total < least * 0.97:
             return [], "no contrast with its surroundings"
@@ -181,14 +162,14 @@ class Judge:
         search: RateSearch,
         noise: NDArray[np.float32],
     ) -> str | None:
-        """Why the pulses of a group together do not have the tag's rate; None if they may."""
+        """Reason why the pulses of a group do not have the tag's rate; None if they may."""
         if (reason := self._bounds.refusal(places, search.rate)) is not None:
             return reason
         if self._is_the_other_rate([pulse for _, pulse in places], search, noise):
             return "a pulse of the other rate between"
         if len(self._tag.pulse_intervals_s) > 1 and _has_gaps(places):
             return "a pulse of the rate is missing"
-        if search.k <= MOST_TOLD_BY_ONE:
+        if search.k <= FOLLOW.most_alone:
             return None
         anothers = self._intervals.anothers(candidate, search, noise)
         if not anothers.any():
@@ -203,24 +184,23 @@ class Judge:
         return None
 
     def _anothers(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Why a pulse is caused by something stronger; None if it may be the tag's.
+        """Reason why a pulse is caused by something stronger; None if it may be the tag's.
 
-        The second value is the excess over the noise allowed at the tag's frequency, in noise
-        powers.
+        The second value is the excess over the noise allowed at its frequency [noise powers].
         """
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
         offset, power = self._refiner.strongest(pulse)
         apart = abs(apart_hz(offset, pulse.offset_hz, rate_hz))
-        allowed = _FLANK_RATIO * max(pulse.power, _WEAK)
+        allowed = JUDGE.flank_ratio * max(pulse.power, JUDGE.weak_power)
         if apart < bin_hz / 2.0 and power > allowed:
             return "flank of a stronger pulse", power - allowed
-        if pulse.power > _WEAK and _leak(power, apart / bin_hz) > pulse.power:
-            if self._bounds.off_frequency(offset) and power > _FLANK_RATIO * pulse.power:
+        if pulse.power > JUDGE.weak_power and _leak(power, apart / bin_hz) > pulse.power:
+            if self._bounds.off_frequency(offset) and power > JUDGE.flank_ratio * pulse.power:
                 return "side lobe of a signal outside", 0.0
-            if apart > bin_hz and power > _LOBE_RATIO * pulse.power:
+            if apart > bin_hz and power > JUDGE.lobe_ratio * pulse.power:
                 return "side lobe of a stronger signal", 0.0
-        if pulse.power > _LOUD and self._refiner.is_impulse(pulse, floor):
+        if pulse.power > JUDGE.loud_power and self._refiner.is_impulse(pulse, floor):
             return "an impulse", 0.0
         return None, 0.0
 
@@ -229,8 +209,7 @@ class Judge:
     ) -> bool:
         """True if the tag's other rate has pulses between those of the group.
 
-        Every second pulse of a rate is a train of twice the interval; the pulses between show
-        this.
+        Every second pulse of a rate is a train of twice the interval.
         """
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
@@ -244,14 +223,14 @@ class Judge:
         half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
         # The best of many cells counts: noise has one that is likelier than none.
         half_s = half / self._grid.sample_rate_hz
-        cells = independent_cells(half_s, TRACK_BAND_HZ, self._tag.pulse_width_s)
-        price = math.log(MORE_CELLS * cells)
+        cells = independent_cells(half_s, MEASURE.track_band_hz, self._tag.pulse_width_s)
+        price = math.log(FOLLOW.more_cells * cells)
         evidence = 0.0
         at = group[0].start + other
         while at < group[-1].start - width:
             if all(abs(at - p.start) > half + width for p in group):
                 found = self._refiner.search(
-                    np.array([at]), half, group[0].offset_hz, TRACK_BAND_HZ, noise
+                    np.array([at]), half, group[0].offset_hz, MEASURE.track_band_hz, noise
                 )
                 if found is not None:
                     evidence += log_evidence(found[0].power, strength) - price
@@ -278,14 +257,14 @@ def _leak(power: float, apart_bins: float) -> float:
 
 
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
-    """True if pulses are missing: every second one, if it is another rate's train.
+    """True if pulses of a group are missing: every second one, if it has another rate.
 
     Of few pulses each is compared with the strongest. Of many weak ones some are always low:
     there every second place is tested as a whole, a pulse of the same strength against none.
     """
     powers = [pulse.power for _, pulse in places]
-    if len(places) <= _FEW_PULSES:
-        return min(powers) < _UNIFORMITY * min(60.0, max(powers))
+    if len(places) <= JUDGE.few_pulses:
+        return min(powers) < JUDGE.uniformity * min(60.0, max(powers))
     halves = [[m.power for place, m in places if place % 2 == odd] for odd in (0, 1)]
     if not all(halves):
         return False

@@ -1,40 +1,36 @@
 """Pulses hidden by a stronger tag: which ones to subtract before measuring the weaker tag.
 
-A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz away:
-one 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. Its time,
+A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz away. One
+20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. Its time,
 frequency and amplitude are known from its own track, so it can be subtracted.
 """
 
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.track.tracks import Track
-
-STRONGER = 2.0
-"""Ratio to a track's own pulse at which another is subtracted before the measurement."""
-_LEAST_BINS = 0.8
-"""Distance below which another track may have the same pulses [bins]."""
+from uavrt.detection.track.tuning import FOLLOW
 
 
 def level(track: Track) -> float:
-    """Mean power of a track's newest pulses [noise powers]; 0 while it has none."""
-    powers = [s.measured.power for s in track.slots if s.state in ("accepted", "reported")]
+    """Mean power of a track's newest pulses [noise powers]; 0 without pulses."""
+    powers = [slot.measured.power for slot in track.received]
     return sum(powers[-4:]) / len(powers[-4:]) if powers else 0.0
 
 
 def strongest_first(tracks: list[Track]) -> list[Track]:
-    """The tracks in the order in which to follow them: strongest first."""
+    """Tracks in the order in which to follow them: the strongest first."""
     return sorted(tracks, key=level, reverse=True) if len(tracks) > 1 else list(tracks)
 
 
 def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
     """Tracks that may hide a track's pulses: stronger and at another frequency.
 
-    `sample_rate_hz`: frequencies are compared around this circle.
+    `sample_rate_hz`: period of the frequencies.
     """
     if len(tracks) < 2:
         return []
-    least = STRONGER * level(track)
-    least_hz = _LEAST_BINS / track.tag.pulse_width_s
+    least = FOLLOW.hiding_ratio * level(track)
+    least_hz = FOLLOW.hiding_bins / track.tag.pulse_width_s
     return [
         other
         for other in tracks
@@ -57,8 +53,8 @@ def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
 def hiding(
     track: Track, others: list[Track], *, earliest_s: float, latest_s: float
 ) -> list[Measured]:
-    """Pulses of others between two times that are stronger than the track's."""
-    least = STRONGER * level(track)
+    """Pulses of other tracks between two times that are stronger than the track's."""
+    least = FOLLOW.hiding_ratio * level(track)
     return [
         slot.measured
         for other in others

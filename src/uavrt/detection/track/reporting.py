@@ -1,27 +1,25 @@
-"""From tracks to records: assign the tag, fill in the fields, report each pulse once."""
+"""Make records of tracks: determine the tag's track, and report each pulse once."""
 
 import math
 
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.search.thresholds import decision_interval_s
-from uavrt.detection.signal.frequency_circle import EDGE_HZ, apart_hz, in_channel_hz
+from uavrt.detection.signal.frequency_circle import apart_hz, in_channel_hz
 from uavrt.detection.signal.occupancy import Occupancy
 from uavrt.detection.signal.samples import Counters
+from uavrt.detection.signal.tuning import CHANNEL
 from uavrt.detection.track.chance import log_doubt
 from uavrt.detection.track.search_band import SearchBand
 from uavrt.detection.track.tracks import Slot, Track
-from uavrt.detection.track.two_rates import PATIENCE_INTERVALS
+from uavrt.detection.track.tuning import BOUNDS, RATES
 from uavrt.messages import DetectionStatus, Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
 
-SAME_FREQUENCY_HZ = 40.0
-"""Tracks closer than this are the same transmitter."""
 _REPORT_EVERY_NS = NANOSECONDS_PER_SECOND
-_ACTIVE_INTERVALS = 5.0
 
 
 class Reporter:
-    """Makes the records of one detector."""
+    """Makes the pulse records and search reports of one detector."""
 
     def __init__(
         self, tag: Tag, *, center_frequency_hz: float, sample_rate_hz: float, counters: Counters
@@ -29,7 +27,7 @@ class Reporter:
         self._tag = tag
         self._center_hz = center_frequency_hz
         self._sample_rate_hz = sample_rate_hz
-        self._patience_s = PATIENCE_INTERVALS * max(tag.pulse_intervals_s)
+        self._patience_s = RATES.patience_intervals * max(tag.pulse_intervals_s)
         self._counters = counters
         self._doubt = log_doubt(tag.false_alarm_probability, decision_interval_s(tag))
         self._pulses: list[Pulse] = []
@@ -37,21 +35,21 @@ class Reporter:
         self._sequence = dict.fromkeys(range(1, len(tag.pulse_intervals_s) + 1), 0)
         self._last_times: list[int] = []
         self._given: list[tuple[int, int | None, int]] = []
-        """Rate, group and place of the last pulses."""
+        """Rate, group and place of the last reported pulses."""
         self._reported_ns: int | None = None
 
     def drain(self) -> list[Pulse]:
-        """Take the pulses found."""
+        """Return the pulses found since the last call."""
         pulses, self._pulses = self._pulses, []
         return pulses
 
     def drain_reports(self) -> list[SearchReport]:
-        """Take the search reports."""
+        """Return the search reports since the last call."""
         reports, self._reports = self._reports, []
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the track of the tag: of those alive the one nearest the nominal frequency.
+        """Find the track of the tag: of active ones the one nearest the nominal frequency.
 
         Strength does not matter; of tracks at one frequency, the last to receive a pulse.
         """
@@ -61,13 +59,13 @@ class Reporter:
             if t.confirmed
             and not t.dead
             and t.ghost_of is None
-            and now_s - t.last_accepted_s < _ACTIVE_INTERVALS * t.interval_s
+            and now_s - t.last_accepted_s < BOUNDS.active_intervals * t.interval_s
         ]
         if not alive:
             return None
         rate_hz = self._sample_rate_hz
         misses = [abs(apart_hz(t.offset_hz, nominal_hz, rate_hz)) for t in alive]
-        most = min(misses) + SAME_FREQUENCY_HZ
+        most = min(misses) + BOUNDS.same_transmitter_hz
         close = [t for t, miss in zip(alive, misses, strict=True) if miss < most]
         return max(close, key=lambda t: (not t.held, t.last_accepted_s))
 
@@ -81,10 +79,9 @@ class Reporter:
                 self.report(track)
 
     def report(self, track: Track, *, last: bool = False) -> None:
-        """Make records of a track's accepted pulses, and of weak ones that will not be
-        confirmed.
+        """Make records of a track's accepted pulses, and of weak ones that remain unconfirmed.
 
-        `last`: the stream has ended: do not wait for the rate's label.
+        `last`: the stream has ended: do not wait until the rate of a pulse is certain.
         """
         if self.doubts(track, last=last) or track.held:
             return
@@ -141,12 +138,12 @@ class Reporter:
         del self._reports[:-3600]
 
     def _place(self, track: Track) -> None:
-        """Assign a track's place in the channel, first and after it has crossed an edge."""
+        """Choose the alias of a track's frequency, first and after it has crossed an edge."""
         place_hz = in_channel_hz(
             track.steady_hz,
             nominal_hz=self._tag.frequency_hz - self._center_hz,
             sample_rate_hz=self._sample_rate_hz,
-            margin_hz=EDGE_HZ if track.placed else 0.0,
+            margin_hz=CHANNEL.edge_hz if track.placed else 0.0,
         )
         track.placed = True
         # Everything that it measures from now on lies near it.
@@ -173,11 +170,7 @@ class Reporter:
             self._counters.groups += 1
         self._given.append((track.rate, track.sequences[group], index))
         del self._given[:-64]
-        members = [
-            s.measured.enr
-            for s in track.slots
-            if s.number // tag.k == group and s.state in ("accepted", "reported")
-        ]
+        members = [s.measured.enr for s in track.received if s.number // tag.k == group]
         next_s, half_s = track.expected()
         ahead = ns_from_s(next_s - track.time_s)
         center = slot.time_ns + ahead

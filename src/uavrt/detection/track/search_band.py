@@ -16,45 +16,31 @@ from uavrt.detection.search.levelling import SLOT, Leveller, level_together
 from uavrt.detection.search.noise import RowNoise, update_together
 from uavrt.detection.search.rates import make_searches
 from uavrt.detection.search.spectra import Workspace, columns_ahead, push_together
-from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, weakest_enr_db, young_margin
+from uavrt.detection.search.thresholds import weakest_enr_db, young_margin
+from uavrt.detection.search.tuning import THRESHOLDS
 from uavrt.detection.signal.samples import SampleBuffer
 from uavrt.detection.track.bounds import Bounds
 from uavrt.detection.track.bursts import Bursts, Known
+from uavrt.detection.track.tuning import BAND
 from uavrt.messages import Tag
 
 NOISE_STRIDE = SLOT
-"""Stride of the columns used for the noise estimate (eight columns per pulse)."""
-_LEARN_BATCHES = 3
-"""Batches collected before the noise is updated: a call costs more than its data."""
-_LEAST_NOISE_S = 0.35
-_LEAST_CLEAN = 0.2
-"""Least share of columns without impulses that are used alone for the noise. With denser
-impulses nearly all columns contain some and are about equal."""
-_LAG_S = 0.07
-"""Delay of the newest columns behind the samples: a window and a filter."""
-_KEPT_S = 4.0
-"""Time in addition to a group's span for which levels are kept, for measuring pulses."""
-_YOUNG_NOISE_S = 2.5
-"""Time in which each batch measures the noise from all columns so far [s]."""
-
-_MANY_LINES = 1.025
-"""Factor on a threshold while many lines are removed: their residuals vary over the channel,
-which gave 1.6 times the nominal false groups."""
+"""Stride of the columns used for the noise estimate [columns]; a pulse has eight."""
 
 
 class _LostColumns:
-    """Which columns lost samples and impulses have changed."""
+    """Finds the columns that lost samples and impulses have changed."""
 
     def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
         self._grid, self._buffer = grid, buffer
 
     @property
     def any(self) -> bool:
-        """Whether any samples were lost, or taken out as impulses."""
+        """True if any samples were lost, or blanked as impulses."""
         return bool(self._buffer.lost or self._buffer.blanked)
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
-        """Get the factor on each column that compensates lost samples; None: none are lost."""
+        """Factor on each column that compensates lost samples; None: none are lost."""
         first = np.arange(begin, begin + count) * self._grid.hop
         return self._buffer.weights(first, self._grid.window)
 
@@ -65,14 +51,14 @@ class _LostColumns:
             power *= weights.astype(np.float32)[:, np.newaxis]
 
     def whole(self, begin: int, count: int) -> NDArray[np.bool_]:
-        """Which columns from one on are to be used for the noise."""
+        """True for the columns from `begin` on that are used for the noise."""
         weights = self._weights(begin, count)
         heard = np.ones(count, np.bool_) if weights is None else weights > 0.0
         # A window with 7 ms taken out has a third of its noise less: five such in a second
         # gave 3 % too little, two and a half times the false groups.
         clean = self._without(self._buffer.lost, begin, count)
         clean &= self._without(self._buffer.blanked, begin, count)
-        return clean if clean.sum() > _LEAST_CLEAN * heard.sum() else heard
+        return clean if clean.sum() > BAND.least_clean * heard.sum() else heard
 
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
@@ -116,11 +102,11 @@ class SearchBand:
         self.leveller = Leveller(
             rows=grid.rows,
             keep=max(search.span for search in self._searches)
-            + math.ceil(_KEPT_S / grid.hop_s),
+            + math.ceil(BAND.kept_s / grid.hop_s),
             steepness=steady.threshold / steady.k,
             circular=half_width_hz >= grid.sample_rate_hz / 2.0,
         )
-        """Noise level at each time, relative to `noise`."""
+        """Tracks the noise level, relative to `noise`."""
         self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
         self._bursts = Bursts(grid, tag.pulse_width_s)
         # The cells of all rates are the same.
@@ -142,16 +128,16 @@ class SearchBand:
 
     @property
     def noise(self) -> NDArray[np.float32]:
-        """Noise power of each row at a level of one, shape (rows,)."""
+        """(rows,) noise power of each row at a level of one."""
         return self._noise.level
 
     @property
     def noise_now(self) -> NDArray[np.float32]:
-        """Noise power of each row in the newest columns, shape (rows,)."""
+        """(rows,) noise power of each row in the newest columns."""
         return self._noise.level * self.leveller.rows_now
 
     def note_cleaning(self, *, many_lines: bool, whitened: bool) -> None:
-        """Set whether many lines are removed, and whether the noise is whitened."""
+        """Set whether many carriers are removed, and whether the noise is whitened."""
         for search in self._anchor_searches:
             if search.null is not None:
                 search.null.coloured = many_lines or whitened
@@ -212,7 +198,7 @@ class SearchBand:
             search.known = pulses
 
     def anchor_searches(self) -> list[AnchorSearch]:
-        """Get the searches whose cells may share one memory."""
+        """Searches whose cells may share one memory."""
         return self._anchor_searches
 
     def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
@@ -221,7 +207,7 @@ class SearchBand:
             self._learn(power, begin, last=last)
 
     def bursts(self, known: Sequence[Known]) -> Bursts:
-        """Other signals up to the present.
+        """Bursts of other transmitters up to the present.
 
         `known`: pulses of confirmed tags, which are not bursts.
         """
@@ -243,7 +229,7 @@ class SearchBand:
         return min(best, 0.999)
 
     def weakest_enr_db(self) -> float:
-        """ENR [dB] at which nine groups of ten reach the present threshold."""
+        """ENR at which nine groups of ten reach the present threshold [dB]."""
         search = self._searches[0]
         return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
 
@@ -291,7 +277,7 @@ class SearchBand:
 
     @property
     def _knows_noise(self) -> bool:
-        return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
+        return self._noise.ready and self._heard_s >= BAND.young_s
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
         whole = power
@@ -301,7 +287,7 @@ class SearchBand:
         known = self._knows_noise
         self._heard_s += len(whole) * self._grid.hop_s
         if known:
-            if len(self._learnt) >= _LEARN_BATCHES:
+            if len(self._learnt) >= BAND.noise_batches:
                 self._noise.update(np.concatenate(self._learnt))
                 self._learnt.clear()
                 self._trust_noise()
@@ -313,7 +299,7 @@ class SearchBand:
             self._noise.start(everything)
             self._unsure = True
             self._trust_noise()
-            if self._heard_s >= _YOUNG_NOISE_S:
+            if self._heard_s >= BAND.young_s:
                 self._learnt.clear()
 
     def _trust_noise(self, *, always: bool = False) -> None:
@@ -321,10 +307,10 @@ class SearchBand:
         if not (self._unsure or always):
             return
         error = self._noise.relative_error
-        more = _MANY_LINES if self._noise.ragged else 1.0
+        more = BAND.many_lines_margin if self._noise.ragged else 1.0
         for search in self._searches:
             search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
-        self._unsure = error > USUAL_NOISE_ERROR
+        self._unsure = error > THRESHOLDS.noise_error
 
 
 def advance_together(
@@ -383,7 +369,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
         band._column += count
         band._heard_s += count * band._grid.hop_s
         band._learnt.append(piece)
-        if len(band._learnt) >= _LEARN_BATCHES:
+        if len(band._learnt) >= BAND.noise_batches:
             due.setdefault(sum(map(len, band._learnt)), []).append(band)
     for columns, alike in due.items():
         learnt = np.empty((len(alike), columns, power.shape[1]), np.float32)
@@ -396,7 +382,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """Earliest time at which a group can reach a threshold; until then no noise is needed.
+    """Earliest time at which a group can reach a threshold, and the noise is needed [s].
 
     A cell adds at most the limit, so a threshold needs several pulses, the last of them some
     intervals after the stream's first sample.
@@ -406,4 +392,4 @@ def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
         * (interval_s - tag.interval_uncertainty_s)
         for search, interval_s in zip(searches, tag.pulse_intervals_s, strict=True)
     )
-    return min(max(soonest_s, _LEAST_NOISE_S), _YOUNG_NOISE_S) - _LAG_S
+    return min(max(soonest_s, BAND.least_noise_s), BAND.young_s) - BAND.delay_s

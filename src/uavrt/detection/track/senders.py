@@ -2,10 +2,10 @@
 
 Detectors with overlapping bands receive the same pulses, and each would report them as its own
 tag's. Here tracks of the same pulses are merged into one train, and trains are assigned one to
-one to tags, by interval and frequency. A declared uncertainty is read as three standard
+one to tags, by interval and frequency. A declared uncertainty is taken as three standard
 deviations of a normal error, and as a bound. If another tag is at least a twentieth as likely,
-its number is reported with the pulses. A tag's interval measured without competing tags is kept
-for later decisions.
+its id is reported with the pulses. A tag's interval measured without competing tags is kept for
+later decisions.
 """
 
 import math
@@ -17,9 +17,9 @@ from typing import Generic
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.signal.tuning import CHANNEL
 from uavrt.detection.track.assignment import best_sharing, losses, parts
-from uavrt.detection.track.reporting import SAME_FREQUENCY_HZ
-from uavrt.detection.track.tracks import CLOCK_ERROR, Slot, Track
+from uavrt.detection.track.tracks import Slot, Track
 from uavrt.detection.track.trains import (
     H,
     Hearer,
@@ -29,53 +29,29 @@ from uavrt.detection.track.trains import (
     made_of_others,
     put_together,
 )
+from uavrt.detection.track.tuning import BOUNDS, SENDERS
 from uavrt.messages import Tag
 
-RULED_OUT_LOG = math.log(20.0)
-"""Log likelihood ratio at which another tag is ruled out."""
-INTERVAL_DRIFT = 2e-3
-"""Relative change of a tag's interval within a flight that its measured value must allow for.
-The crystals and oscillators of tags keep to 1e-4 and 1e-3 over the temperatures of a day."""
-_SIGMAS = 2.5
-"""Tolerance of the measured interval beyond a tag's bound [standard deviations]."""
-_BOUND_SIGMAS = 3.0
-"""A declared bound in standard deviations of the error behind it."""
-_USUAL_HZ = 500.0
-"""Largest frequency error of a tag, even with a wider search [Hz]."""
-_MOST_MISS = 30.0
-"""Limit of a frequency's squared deviation: tags may be off as far as the search goes."""
-_STAYS = 1.0
-"""Log likelihood ratio at which a train moves from its tag to another."""
-_GIVEN = 50.0
-"""Value of assigning any tag: more than all that distinguishes tags."""
-_RELEARN_NS = 60e9
-"""Time for which a tag must be received with another interval before the learnt one is
-dropped."""
-_MOST_TRAINS = 6
-"""Most trains of one band that are assigned: the last received."""
-_REMEMBERED_NS = 40_000_000_000
-"""Time for which pulses of confirmed trains are kept: longer than bursts are remembered."""
-_SMALL_RATIOS = (2, 1), (3, 1), (3, 2)
 _Figures = tuple[float, float, float, tuple[tuple[int, bool], ...]]
 """Interval, its deviation, frequency, and the detectors that follow a train, held or not."""
 _Share = tuple[int, int, tuple[int, ...], bool]
-"""Index of a train, number of its tag, numbers of other possible tags, and whether all of its
-competitors are ruled out."""
+"""Index of a train, id of its tag, ids of other possible tags, and whether all competing trains
+are confirmed."""
 
 
 def part(one: Tag, two: Tag) -> "Parting":
-    """Describe how far the intervals of two tags distinguish them if received alone."""
+    """Compute how far the intervals of two tags distinguish them if received alone."""
     pairs = [(a, b) for a in one.pulse_intervals_s for b in two.pulse_intervals_s]
     gap_s, nominal_s = min((abs(a - b), max(a, b)) for a, b in pairs)
-    room_s = gap_s - 2.0 * CLOCK_ERROR * nominal_s
+    room_s = gap_s - 2.0 * BOUNDS.clock_error * nominal_s
     jitter_s = max(one.interval_jitter_s, two.interval_jitter_s)
     width_s = max(one.pulse_width_s, two.pulse_width_s)
     # Of a pulse of 13 dB; the jitter is uniform.
     error_s = math.hypot(0.08 * width_s, jitter_s / math.sqrt(3.0))
     pulses = None
-    if gap_s > 2.0 * INTERVAL_DRIFT * nominal_s:
+    if gap_s > 2.0 * SENDERS.interval_drift * nominal_s:
         # A straight line through n times: sigma of its slope is error sqrt(12 / n^3).
-        least = (12.0 * (2.0 * _SIGMAS * error_s / gap_s) ** 2) ** (1.0 / 3.0)
+        least = (12.0 * (2.0 * SENDERS.interval_sigmas * error_s / gap_s) ** 2) ** (1.0 / 3.0)
         pulses = max(2, one.k, two.k, math.ceil(least))
     declared_s = one.interval_uncertainty_s + two.interval_uncertainty_s
     return Parting(
@@ -98,7 +74,7 @@ def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
         for a in one.pulse_intervals_s
         for b in two.pulse_intervals_s
     ]
-    for more, fewer in _SMALL_RATIOS:
+    for more, fewer in SENDERS.small_ratios:
         for pair in pairs:
             (fast_s, fast_bound_s), (slow_s, slow_bound_s) = sorted(pair)
             bound_s = fewer * slow_bound_s + more * fast_bound_s
@@ -109,14 +85,14 @@ def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parting:
-    """How two tags of one band differ."""
+    """How far the intervals of two tags of one band distinguish them."""
 
     gap_s: float
-    """Gap between their nearest intervals."""
+    """Difference of their nearest intervals [s]."""
     certain: bool
     """True if one received alone is identified, whatever its error within its bound."""
     uncertainty_s: float
-    """Declared uncertainty of each below which they are identified."""
+    """Declared uncertainty of each below which they are identified [s]."""
     pulses: int | None
     """Pulses needed to measure the gap; None: the gap is less than tags drift."""
     seconds: float | None
@@ -124,24 +100,24 @@ class Parting:
 
 @dataclass(frozen=True, slots=True)
 class _Learnt:
-    """The measured interval of a tag."""
+    """Measured interval of a tag."""
 
     scale: float
-    """Ratio to the nominal interval."""
+    """Ratio of the measured to the nominal interval."""
     bound: float
-    """Relative uncertainty."""
+    """Relative uncertainty of the measured interval."""
     otherwise_ns: float | None = None
-    """Time since which the tag was received with another interval."""
+    """Time since which the tag was received with another interval [ns]."""
 
 
 class HeardPulses:
-    """Pulses of confirmed trains in the last 40 s; they are not bursts for any tag."""
+    """Pulses of confirmed trains in the last 40 s, which are bursts for no tag."""
 
     def __init__(self) -> None:
         self._heard: dict[int, tuple[float, float]] = {}
-        """Absolute frequency and power by time [ns]."""
+        """Absolute frequency [Hz] and power of each pulse, by its time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Their times as an array, since they are read with every pulse."""
+        """Times of `_heard` as an array, since they are read with every pulse."""
         self._how = np.zeros((0, 2))
 
     def remember(self, hearers: Iterable[Hearer]) -> None:
@@ -151,11 +127,10 @@ class HeardPulses:
                 if not track.confirmed or track.dead:
                     continue
                 frequency_hz = hearer.absolute_hz(track)
-                for slot in track.slots:
-                    if slot.state in ("accepted", "reported"):
-                        self._heard[slot.time_ns] = frequency_hz, slot.measured.power
+                for slot in track.received:
+                    self._heard[slot.time_ns] = frequency_hz, slot.measured.power
         if self._heard:
-            since_ns = max(self._heard) - _REMEMBERED_NS
+            since_ns = max(self._heard) - SENDERS.kept_ns
             self._heard = {at: how for at, how in self._heard.items() if at >= since_ns}
             self._times_ns = np.array(list(self._heard), np.int64)
             self._how = np.array(list(self._heard.values()))
@@ -163,7 +138,7 @@ class HeardPulses:
     def where(
         self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Get the pulses of confirmed trains of the last 40 s at some frequencies.
+        """Pulses of confirmed trains of the last 40 s at some frequencies.
 
         `wanted`: selects among absolute frequencies. Returns (times_ns, heard): (n,); (n, 2),
         absolute frequency and power of each.
@@ -191,7 +166,7 @@ class Senders(Generic[H]):
         )
         self._near_ns = 0.75e9 * max(hearer.tag.pulse_width_s for hearer in self.hearers)
         self._picture: list[_Figures] = []
-        """Properties by which trains were last assigned, and the result."""
+        """Properties by which trains were last assigned."""
         self._shared: list[_Share] = []
         self.heard = HeardPulses()
 
@@ -272,7 +247,7 @@ class Senders(Generic[H]):
         return bool(dropped)
 
     def _report(self) -> None:
-        """Let the detectors report their pulses, each pulse under one tag's number."""
+        """Let the detectors report their pulses, each pulse under one tag's id."""
         pairs = [(hearer, track) for hearer in self.hearers for track in hearer.tracks]
         done = _Reported[H]()
         for hearer, track in pairs:
@@ -296,14 +271,14 @@ class Senders(Generic[H]):
             begin = bisect_left(frequencies_hz, train.frequency_hz - self._reach_hz)
             end = bisect_right(frequencies_hz, train.frequency_hz + self._reach_hz)
             later = sum(other.heard_ns > train.heard_ns for other in some[begin:end])
-            if later < _MOST_TRAINS:
+            if later < SENDERS.most_trains:
                 left.append(train)
         return sorted(left, key=lambda train: -train.heard_ns)
 
     def _share_out(
         self, trains: list[Train[H]]
     ) -> list[tuple[Train[H], int, tuple[int, ...], bool]]:
-        """Assign trains: as `_Share`, with the train itself."""
+        """Assign trains; reuse the last assignment while their properties are the same."""
         picture = [_figures(train) for train in trains]
         if picture != self._picture:
             self._picture, self._shared = picture, self._share_out_anew(trains)
@@ -328,11 +303,13 @@ class Senders(Generic[H]):
         possible: list[list[int]] = []
         for at, train in enumerate(trains):
             followers = {h.tag.tag_id: t for h, t in train.tracks if t.confirmed}
-            possible.append([i for i, loss in behind[at].items() if loss <= RULED_OUT_LOG])
+            possible.append(
+                [i for i, loss in behind[at].items() if loss <= SENDERS.ruled_out_log]
+            )
             # The likeliest may not have found it yet; if nothing else can be, it is waited for.
             able.append(
                 {
-                    i: likely[at][i] + (0.0 if followers[i].held else _STAYS)
+                    i: likely[at][i] + (0.0 if followers[i].held else SENDERS.stay_log)
                     for i in possible[at]
                     if i in followers
                 }
@@ -347,7 +324,9 @@ class Senders(Generic[H]):
     def _likely(self, train: Train[H]) -> dict[int, float]:
         """Log-likelihood of a train for each possible tag, and the value of any tag."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
-        return {i: value + _GIVEN for i, value in values.items() if value > -math.inf}
+        return {
+            i: value + SENDERS.any_tag_log for i, value in values.items() if value > -math.inf
+        }
 
     def _near(self, train: Train[H]) -> list[H]:
         reach_hz, rate_hz = self._reach_hz, self._rate_hz
@@ -372,7 +351,7 @@ class Senders(Generic[H]):
             _give(train, None, ())
             return
         tag_id = min(free, key=lambda i: (-free[i], i))
-        least = free[tag_id] - RULED_OUT_LOG
+        least = free[tag_id] - SENDERS.ruled_out_log
         others = [
             h.tag.tag_id
             for h in self._near(train)
@@ -386,7 +365,7 @@ class Senders(Generic[H]):
         if not hearer.could_be(train.frequency_hz):
             return -math.inf
         tag = hearer.tag
-        sigma_hz = min(hearer.half_width_hz, _USUAL_HZ) / _BOUND_SIGMAS
+        sigma_hz = min(hearer.half_width_hz, CHANNEL.usual_error_hz) / SENDERS.bound_sigmas
         miss_hz = train.frequency_hz - tag.frequency_hz
         learnt = self._learnt.get(tag.tag_id)
         best = -math.inf
@@ -395,16 +374,16 @@ class Senders(Generic[H]):
             value = _normal(train, nominal_s, bound_s)
             if learnt is not None and value > -math.inf:
                 # What was learnt may be wrong, or no longer hold.
-                value -= RULED_OUT_LOG
+                value -= SENDERS.ruled_out_log
                 known_s = nominal_s * learnt.scale
                 value = max(value, _normal(train, known_s, learnt.bound * nominal_s))
             best = max(best, value)
-        return best - 0.5 * min((miss_hz / sigma_hz) ** 2, _MOST_MISS)
+        return best - 0.5 * min((miss_hz / sigma_hz) ** 2, SENDERS.most_miss)
 
     def _learn(self, train: Train[H], tag_id: int) -> None:
         tag = self._by_tag[tag_id].tag
         nominal_s = min(tag.pulse_intervals_s, key=lambda s: abs(s - train.interval_s))
-        bound = INTERVAL_DRIFT + _BOUND_SIGMAS * train.sigma_s / nominal_s
+        bound = SENDERS.interval_drift + SENDERS.bound_sigmas * train.sigma_s / nominal_s
         if bound * nominal_s >= _bound_s(tag, nominal_s):
             return
         scale = train.interval_s / nominal_s
@@ -412,7 +391,7 @@ class Senders(Generic[H]):
         if known is not None and abs(scale - known.scale) > known.bound + bound:
             # Where trains cross, a track may change over to another animal, step by step.
             since_ns = train.heard_ns if known.otherwise_ns is None else known.otherwise_ns
-            if train.heard_ns - since_ns < _RELEARN_NS:
+            if train.heard_ns - since_ns < SENDERS.relearn_ns:
                 self._learnt[tag_id] = replace(known, otherwise_ns=since_ns)
                 return
         self._learnt[tag_id] = _Learnt(scale, bound)
@@ -429,25 +408,25 @@ def _figures(train: Train[H]) -> _Figures:
 
 
 def _bound_s(tag: Tag, nominal_s: float) -> float:
-    """Largest declared error of an interval; one crystal makes both rates."""
+    """Largest declared error of an interval [s]; one crystal makes both rates."""
     shortest_s = min(tag.pulse_intervals_s)
-    return tag.interval_uncertainty_s * nominal_s / shortest_s + CLOCK_ERROR * nominal_s
+    return tag.interval_uncertainty_s * nominal_s / shortest_s + BOUNDS.clock_error * nominal_s
 
 
 def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
     """Log-density of a train's interval around one with a bound; none beyond it."""
     miss_s = abs(train.interval_s - center_s)
-    if miss_s > bound_s + _SIGMAS * train.sigma_s:
+    if miss_s > bound_s + SENDERS.interval_sigmas * train.sigma_s:
         return -math.inf
-    sigma_s = math.hypot(bound_s / _BOUND_SIGMAS, train.sigma_s)
+    sigma_s = math.hypot(bound_s / SENDERS.bound_sigmas, train.sigma_s)
     return -0.5 * (miss_s / sigma_s) ** 2 - math.log(sigma_s)
 
 
 def _in_question(track: Track) -> list[Slot]:
-    """True for tracks with pulses whose assignment is open until they are confirmed."""
+    """Pulses of a track that other tags may explain, as long as it is not settled."""
     if track.dead or track.shared_as_confirmed:
         return []
-    accepted = [slot for slot in track.slots if slot.state in ("accepted", "reported")]
+    accepted = track.received
     if track.confirmed and track.tested:
         return [slot for slot in accepted[-1:] if slot.number >= track.tag.k]
     return accepted
@@ -484,19 +463,19 @@ class _Reported(Generic[H]):
         self._places: dict[int, list[tuple[H, float, list[int]]]] = {}
 
     def add(self, hearer: H, track: Track, times_ns: list[int]) -> None:
-        """Record a detector's reported pulses of a track."""
+        """Add a detector's reported pulses of a track."""
         if times_ns:
             at_hz = hearer.absolute_hz(track)
-            place = math.floor(at_hz / SAME_FREQUENCY_HZ)
+            place = math.floor(at_hz / BOUNDS.same_transmitter_hz)
             self._places.setdefault(place, []).append((hearer, at_hz, times_ns))
 
     def near(self, hearer: H, track: Track) -> Iterator[list[int]]:
-        """Return the times of pulses that other detectors reported at a track's frequency."""
+        """Times of pulses that other detectors reported at a track's frequency [ns]."""
         here_hz = hearer.absolute_hz(track)
-        middle = math.floor(here_hz / SAME_FREQUENCY_HZ)
+        middle = math.floor(here_hz / BOUNDS.same_transmitter_hz)
         for place in range(middle - 1, middle + 2):
             for other, at_hz, times_ns in self._places.get(place, ()):
-                if other is not hearer and abs(at_hz - here_hz) < SAME_FREQUENCY_HZ:
+                if other is not hearer and abs(at_hz - here_hz) < BOUNDS.same_transmitter_hz:
                     yield times_ns
 
 

@@ -1,4 +1,4 @@
-"""The tracks of one detector: from candidates to the pulses that are reported."""
+"""The tracks of one detector, from candidates to the pulses that are reported."""
 
 import math
 from collections.abc import Sequence
@@ -18,9 +18,8 @@ from uavrt.detection.track.reporting import Reporter
 from uavrt.detection.track.search_band import SearchBand
 from uavrt.detection.track.senders import Senders
 from uavrt.detection.track.tracks import Track
+from uavrt.detection.track.tuning import BAND
 from uavrt.detection.track.unlocked import forget_old, joined
-
-_MAXIMUM_TRACKS = 12
 
 
 class SearchWindow:
@@ -42,7 +41,7 @@ class SearchWindow:
         self.follower = Follower(bounds, grid=grid, buffer=buffer, refiner=refiner)
 
     def restart(self) -> None:
-        """Begin, with a new band."""
+        """Begin with a new band, without noise estimate."""
         self.band = SearchBand(
             grid=self.grid, buffer=self._buffer, bounds=self.bounds, batch_s=self._batch_s
         )
@@ -50,10 +49,7 @@ class SearchWindow:
 
 
 class Tracking:
-    """The tracks of one tag's detector.
-
-    `window`: where it searches. `reporter`: gets the tracks' pulses.
-    """
+    """The tracks of one tag's detector."""
 
     def __init__(
         self,
@@ -69,18 +65,18 @@ class Tracking:
         self._reporter, self._counters = reporter, counters
         self._center_hz = center_frequency_hz
         self.senders: Senders[Any] | None = None
-        """Decides, with the detectors of the same band, which tracks are its tag's."""
+        """Assigns tracks to tags, together with the detectors of overlapping bands."""
         self.restart(window)
 
     def restart(self, window: SearchWindow, tracks: Sequence[Track] = ()) -> None:
-        """Begin with some tracks."""
+        """Begin with some tracks in a window."""
         self._window, self.tracks = window, list(tracks)
         self._bursts: Bursts | None = None
         self._knows = False
-        """True if the band suppresses what known pulses explain."""
+        """True if the band suppresses candidates that known pulses explain."""
 
     def move(self, window: SearchWindow) -> None:
-        """Go on in another window, with the tracks that lie in it."""
+        """Continue in another window, with the tracks that lie in it."""
         self._window = window
         self.tracks = [t for t in self.tracks if not window.bounds.left_by(t)]
 
@@ -91,7 +87,7 @@ class Tracking:
     def conclude(
         self, results: list[tuple[RateSearch, list[Candidate]]], upto: int, *, floor: float
     ) -> None:
-        """Take what the band has found: judge, follow and report.
+        """Judge the candidates of the band, follow the tracks and report.
 
         `upto`: index up to which it was searched. `floor`: mean power of the noise.
         """
@@ -186,7 +182,7 @@ class Tracking:
         self._counters.tracks += 1
         self.tracks.append(track)
         self._reporter.report(track)
-        if len(self.tracks) > _MAXIMUM_TRACKS:
+        if len(self.tracks) > BAND.most_tracks:
             self.tracks.remove(
                 min(
                     self.tracks,
@@ -200,8 +196,7 @@ class Tracking:
                 (slot.measured.start, slot.measured.offset_hz, math.inf)
                 for t in self.tracks
                 if t.sure
-                for slot in t.slots
-                if slot.state in ("accepted", "reported")
+                for slot in t.received
             ]
             if self.senders is not None:
                 center_hz = self._center_hz

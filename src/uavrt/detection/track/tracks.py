@@ -11,73 +11,12 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
-from uavrt.detection.search.refine import TRACK_BAND_HZ, Measured, timing_error_s
+from uavrt.detection.search.refine import Measured, timing_error_s
 from uavrt.detection.search.thresholds import group_tail
+from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_empty, log_odds
+from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 from uavrt.messages import Tag
-
-CONFIRM_FALSE = 0.0005
-"""Chance that noise confirms a tentative track, per test; 0.2 to 0.6 % of noise groups."""
-_CONFIRM_LONG_FALSE = 0.002
-"""The same for groups longer than eight, whose weak pulses are confirmed late."""
-_MORE_TESTS = 2
-"""Tests beyond K: at 9 dB three places confirm one track in two, five three in four."""
-FOLLOW_FALSE = 0.01
-"""Chance that noise is accepted as a pulse of a confirmed track, per K intervals."""
-_MOST_TESTS = 40
-"""Most tests of a track that is not noise, until it is known to be no chance series of
-bursts."""
-_ODDS_LOST = 4.0
-"""Fall of the odds from their maximum at which such a track ends: three empty places."""
-COAST_PULSES = 10
-"""Consecutive missed pulses after which a track is lost."""
-FIRST_TRUST = 3.0
-"""Log odds of a track just confirmed: three places without a pulse end it."""
-MOST_TRUST = 15.0
-"""Largest log odds of a track: ten such places end it, as `COAST_PULSES`."""
-_TRUST_LOST = 1.4
-"""Loss by a place without a pulse, however empty: one pulse in four is faded."""
-_TRUST_WON = 4.0
-_VOUCHED_FROM = 6.0
-"""Log odds below which a track's pulses are accepted by their own power alone. The peaks that
-began and confirmed a track of noise are the largest of many; with their help a third of all
-noise places passed."""
-_SURE_TRUST = 10.0
-MOST_TOLD_BY_ONE = 8
-"""Most pulses of a decision of which a single one is evidence; for longer groups, sums."""
-_SAID_BY_POWER = (0.93, -1.9)
-"""Log-likelihood ratio of a pulse of 9 dB to noise by a cell's power: slope and intercept of
-the line along log I0(2 sqrt(8 P)) - 8 from P = 4 to 14 (within 0.6)."""
-MORE_CELLS = 5.0
-"""Factor on `volume` for the largest noise in a window: every sample and frequency is examined,
-with interpolation. Measured on maxima of noise."""
-WEAKEST_POWER = 3.0
-"""Power below which a pulse is mostly noise and is not reported, even in a group."""
-WEAKEST_SHARE = 0.35
-"""Least share of a group's power for each pulse: unmasks two strong pulses with noise as a
-third."""
-VOUCH = 2.0
-_FELLOW_SHARE = 0.2
-_HALF_EMPTY = (-2.5, 4.0)
-"""Log odds at every second place below the first value, and at the others above the second,
-mean that the tag has twice the interval with noise between its pulses."""
-_HALF_KEPT = 0.85
-_HALF_FALSE = 0.01
-"""Factor on the allowed number of false pulses at places where the tag does not send."""
-_SURE_POWER = 12.0
-"""Power at which three pulses, an interval apart, are confirmed at once."""
-_INTERVAL_WALK = 1.5e-4
-"""Standard deviation of the interval's change from pulse to pulse, relative."""
-CLOCK_ERROR = 3.0e-4
-"""Relative error of the sample clock that the interval's uncertainty must cover."""
-MOST_DRIFT_HZ = 15.0
-"""Largest change of frequency from pulse to pulse; a warming crystal changes by some hertz."""
-_PHASE_WALK_S = 0.3e-3
-_STEADY_GAIN = 0.1
-"""Gain of the slow frequency average, whose scatter is a quarter of a single pulse's."""
-
-_PAST_PULSES = 24
-"""Pulse times kept: three times the interval of another track's six slots, and earlier ones."""
 
 SlotState = Literal["open", "accepted", "reported", "missed"]
 Around = Callable[["Track", Measured], OnAir]
@@ -93,16 +32,21 @@ class Slot:
     time_ns: int
     measured: Measured
     volume: float
-    """Number of independent cells searched."""
+    """Number of independent cells in which the pulse was searched."""
     state: SlotState = "open"
     disputed: bool = False
-    """True if it is uncertain at which of two rates it was sent."""
+    """True if it is uncertain at which of two rates the pulse was sent."""
     on_air: OnAir = QUIET
-    """Rates of other signals around it."""
+    """Rates of other transmitters' bursts around the pulse."""
     no_burst: float = 0.0
-    """Log odds that it is the tag's and not a burst."""
+    """Log odds that the detection is the tag's pulse and not a burst."""
     said: float = 0.0
-    """Log odds that it is the tag's, and neither noise nor a burst."""
+    """Log odds that the detection is the tag's pulse, and neither noise nor a burst."""
+
+    @property
+    def received(self) -> bool:
+        """True if the detection is accepted as the tag's pulse, reported or not."""
+        return self.state in ("accepted", "reported")
 
 
 @dataclass(slots=True)
@@ -114,68 +58,67 @@ class Track:
     offset_hz: float
     score: float
     steady_hz: float = 0.0
-    """Frequency averaged over more pulses than `offset_hz`."""
+    """Frequency averaged over more pulses than `offset_hz` [Hz]."""
     placed: bool = False
-    """True if its frequency was assigned a place in the channel."""
+    """True once the alias of its frequency was chosen."""
     drift_hz: float = 0.0
-    """Change of the frequency per pulse."""
+    """Change of the frequency per pulse [Hz]."""
     time_s: float = 0.0
     interval_s: float = 0.0
     variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     """Covariance of phase and interval: phase, cross, interval [s^2]."""
     number: int = 0
-    """Lattice place of the last slot."""
+    """Place in the lattice of the last slot."""
     slots: list[Slot] = field(default_factory=list)
     """Recent slots, oldest first."""
     past_ns: list[int] = field(default_factory=list)
-    """Times of accepted pulses whose slots are no longer kept, for comparison with tracks of
-    longer intervals."""
+    """Times [ns] of accepted pulses before `slots`, for tracks of longer intervals."""
     confirmed: bool = False
     held: bool = False
-    """Not reported until confirmed: another track has the tag's identity."""
+    """True if it is not reported until confirmed, because another track is the tag's."""
     clashing: bool = False
     """True if it began with a pulse of another track."""
     alternatives: tuple[int, ...] = ()
-    """Numbers of other listed tags that it may be (senders.py)."""
+    """Ids of other listed tags that it may be (senders.py)."""
     shared_as_confirmed: bool = False
-    """True if it was confirmed at that decision."""
+    """True if it was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None
-    """Number of the stronger tag of which it is a ghost (ghosts.py)."""
+    """Id of the stronger tag of which it is a ghost (ghosts.py)."""
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
-    """Slots tested since the group that began it."""
+    """Number of slots tested since the group that began it."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Group sequence of each group of K lattice places."""
+    """Group sequence number by group of K lattice places."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
-    """Log odds that it is not a chance series of other signals, of all that may begin so."""
+    """Log odds that it is no chance series of bursts, among all that may begin so."""
     best_odds: float = 0.0
     in_doubt: bool = False
-    """True if a chance series of bursts was more likely than reporting allows, at any time."""
+    """True if a series of bursts was ever more likely than reporting allows."""
     stands_out: bool = False
     """True if noise alone would hardly have brought it so far."""
     interval_open: bool = False
     """True if its pulses are too few to distinguish its interval from others'."""
-    trust: float = MOST_TRUST
+    trust: float = FOLLOW.most_trust
     """Log odds that a confirmed track is a tag: raised by pulses, lowered by empty places."""
     at_other_rate: "list[Track]" = field(default_factory=list)
     """The same transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
-    """Time of the last pulse before which the rate is known; a rival begins there."""
+    """Time of the last pulse before which the rate is known [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at the even and at the odd places; old evidence decays."""
+    """Log odds that the tag sends at even and at odd places; old evidence decays."""
     certain_s: float = math.inf
-    """Time until which the rate is certain; later pulses wait for their label."""
+    """Time until which the rate is certain [s]; later pulses wait for their rate."""
 
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
     ) -> None:
         """Start from a detected group.
 
-        `pulses`: each (place, time_s, time_ns, Measured), in order of time; places count
-        intervals from 0. `around`: reports other signals around a track's place.
+        `pulses`: each (place, time_s, time_ns, Measured), in order of time. `around`: rates of
+        bursts around an expected pulse.
         """
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
@@ -183,7 +126,8 @@ class Track:
         self._know_little(pulses[0][3].power)
         floor = least_real([measured.power for *_, measured in pulses])
         first = next(place for place, _, _, measured in pulses if measured.power >= floor)
-        volume = self.volume(tag.interval_jitter_s + tag.pulse_width_s / 8.0, TRACK_BAND_HZ)
+        half_s = tag.interval_jitter_s + tag.pulse_width_s / 8.0
+        volume = independent_cells(half_s, MEASURE.track_band_hz, tag.pulse_width_s)
         for number, time_s, time_ns, measured in pulses:
             real = measured.power >= floor
             state: SlotState = "accepted" if real else "missed"
@@ -212,17 +156,16 @@ class Track:
         self.offset_hz = self.steady_hz = total / sum(weights)
         if len(tag.pulse_intervals_s) > 1:
             self.certain_s = self.last_accepted_s
-        sure = [s for s in self.slots if s.measured.power >= _SURE_POWER]
+        sure = [s for s in self.slots if s.measured.power >= FOLLOW.sure_power]
         self.best_odds = self.odds
         self.stands_out = len(sure) >= max(3, self.tag.k)
         self.confirmed = self.stands_out and self.odds >= 0.0
-        self.trust = min(MOST_TRUST, FIRST_TRUST + max(0.0, self.odds))
+        self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
     def go_on_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
         """Continue from a pulse of a known transmitter with another interval.
 
-        `slot`: of the track that detected it, which reports it. `share`: share of the tag's
-        uncertainty that the interval has.
+        `share`: uncertainty of the interval, as a share of the tag's.
         """
         self.interval_s = interval_s
         self._know_little(slot.measured.power, share)
@@ -239,8 +182,7 @@ class Track:
     ) -> None:
         """Add the new pulses of a group that was found independently of this track.
 
-        `base`: place in the lattice of the group's place 0. `around`: reports other signals
-        around a track's place. `pulses`: each (place, time_s, time_ns, Measured).
+        `base`: place in the lattice of the group's place 0. Other parameters as in `begin`.
         """
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
@@ -269,9 +211,14 @@ class Track:
         self.certain_s = math.inf
 
     @property
+    def received(self) -> list[Slot]:
+        """Recent slots whose detections are accepted as the tag's pulses, oldest first."""
+        return [slot for slot in self.slots if slot.received]
+
+    @property
     def sure(self) -> bool:
         """True if its pulses are certainly no bursts."""
-        return self.confirmed and not self.dead and self.trust > _SURE_TRUST
+        return self.confirmed and not self.dead and self.trust > FOLLOW.sure_trust
 
     def expected(self) -> tuple[float, float]:
         """Time of the next pulse and the half-width of the window around it [s]."""
@@ -281,14 +228,10 @@ class Track:
         return self.time_s + self.interval_s, half + self.tag.pulse_width_s / 8.0
 
     def spread_s(self) -> float:
-        """Standard deviation of the next pulse's time around `expected`."""
+        """Standard deviation of the next pulse's time around `expected` [s]."""
         phase, cross, interval = self.variance
         own = (0.08 * self.tag.pulse_width_s) ** 2 + self.tag.interval_jitter_s**2 / 3.0
         return math.sqrt(max(0.0, phase + 2.0 * cross + interval) + own)
-
-    def volume(self, half_s: float, half_band_hz: float) -> float:
-        """Independent cells in a window: of time and of frequency."""
-        return independent_cells(half_s, half_band_hz, self.tag.pulse_width_s)
 
     def step(self, slot: Slot) -> None:
         """Process the result at the next expected pulse."""
@@ -300,7 +243,7 @@ class Track:
         slot.said = self._weighed(slot)
         self._note_half(slot.number, slot.said)
         self.slots.append(slot)
-        self._keep_slots(max(2 * self.tag.k, 6, 0 if self.confirmed else _MOST_TESTS))
+        self._keep_slots(max(2 * self.tag.k, 6, 0 if self.confirmed else FOLLOW.most_tests))
         power = slot.measured.power
         if self.confirmed:
             self._weigh(slot)
@@ -317,7 +260,7 @@ class Track:
             if self.confirmed and power > 4.0 and slot.state != "missed":
                 # Too weak to report, good enough to keep the phase from wandering.
                 self._correct(slot.time_s, power * 0.3)
-            if self.since_accepted > COAST_PULSES or self.trust <= 0.0:
+            if self.since_accepted > FOLLOW.most_missed or self.trust <= 0.0:
                 self.dead = True
 
     def skip(self) -> None:
@@ -326,14 +269,14 @@ class Track:
         self.number += 1
         self.offset_hz += self.drift_hz
         self.since_accepted += 1
-        if self.since_accepted > COAST_PULSES:
+        if self.since_accepted > FOLLOW.most_missed:
             self.dead = True
 
     def doubt(self, since_s: float) -> None:
         """Require a new confirmation, as its phase may be lost; count seconds from a time."""
         self.confirmed = False
         self.tested = self.since_accepted = 0
-        self.gained, self.trust = 0.0, MOST_TRUST
+        self.gained, self.trust = 0.0, FOLLOW.most_trust
         self.odds, self.stands_out = 0.0, False
         self.halves = [0.0, 0.0]
         self.slots.clear()
@@ -345,55 +288,56 @@ class Track:
         self.last_accepted_s = -math.inf
 
     def _keep_slots(self, count: int) -> None:
-        old = [s.time_ns for s in self.slots[:-count] if s.state in ("accepted", "reported")]
+        old = [s.time_ns for s in self.slots[:-count] if s.received]
         if old:
             self.past_ns += old
-            del self.past_ns[:-_PAST_PULSES]
+            del self.past_ns[: -FOLLOW.past_pulses]
         del self.slots[:-count]
 
     def _try_to_confirm(self, slot: Slot) -> None:
         self.gained += min(slot.measured.power, 14.0)
         slot.state = "open"
-        short = self.tag.k <= MOST_TOLD_BY_ONE
-        volume = _round(MORE_CELLS * slot.volume if short else slot.volume)
-        chance = CONFIRM_FALSE if short else _CONFIRM_LONG_FALSE
-        tests = max(2, self.tag.k) + (_MORE_TESTS if short else 0)
+        short = self.tag.k <= FOLLOW.most_alone
+        volume = _round(FOLLOW.more_cells * slot.volume if short else slot.volume)
+        chance = FOLLOW.confirm_false if short else FOLLOW.confirm_long_false
+        tests = max(2, self.tag.k) + (FOLLOW.more_tests if short else 0)
         self.odds += slot.said if short else 0.0
         self.best_odds = max(self.best_odds, self.odds)
         if not self.stands_out:
             limit = narrow_threshold(self.tested, volume, chance)
             self.stands_out = self.gained >= limit
             if self.stands_out and short:
-                self.trust = min(MOST_TRUST, FIRST_TRUST + self.gained - limit)
+                self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + self.gained - limit)
         if self.stands_out and self.odds >= 0.0 and not self.interval_open:
             self.confirmed = True
-            self.trust = min(self.trust, FIRST_TRUST + self.odds)
+            self.trust = min(self.trust, FOLLOW.first_trust + self.odds)
             for other in self.slots:
                 clear = other.said > 0.0 or other.number > self.number - tests
                 clear &= not self._sends_nothing(other)
-                if other.state == "open" and clear and other.measured.power > WEAKEST_POWER:
+                clear &= other.measured.power > FOLLOW.weakest_power
+                if other.state == "open" and clear:
                     other.state = "accepted"
                     self.last_accepted_s = other.time_s
         elif not self.stands_out:
             self.dead = self.tested >= tests
         else:
             # Noise it is not; of what else is on air it may yet be an accident.
-            self.dead = self.odds < self.best_odds - _ODDS_LOST or self.tested >= _MOST_TESTS
+            self.dead = self.odds < self.best_odds - FOLLOW.odds_lost
+            self.dead |= self.tested >= FOLLOW.most_tests
             if slot.said > 0.0:
                 self.since_accepted = -1
                 self._correct(slot.time_s, slot.measured.power)
                 self._correct_frequency(slot.measured)
 
     def _note_half(self, number: int, said: float) -> None:
-        """Add the log odds of a place to those of all even or all odd places."""
         half = number % 2
-        said = max(-_TRUST_LOST, min(_TRUST_WON, said))
-        self.halves[half] = _HALF_KEPT * self.halves[half] + said
+        said = max(-FOLLOW.trust_lost, min(FOLLOW.trust_won, said))
+        self.halves[half] = FOLLOW.half_kept * self.halves[half] + said
 
     def _sends_nothing(self, slot: Slot) -> bool:
         """True for a place half-way between the pulses of a tag with twice the interval."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
-        return own < _HALF_EMPTY[0] and other > _HALF_EMPTY[1]
+        return own < FOLLOW.empty_half and other > FOLLOW.full_half
 
     def against_bursts(self, slot: Slot) -> float:
         """Log odds that the detection at the next expected place is no burst."""
@@ -406,7 +350,7 @@ class Track:
         levels = [
             10.0 * math.log10(other.measured.power)
             for other in self.slots
-            if other is not slot and (other.state in ("accepted", "reported") or other.said > 0)
+            if other is not slot and (other.received or other.said > 0)
         ][-3:]
         level = 10.0 * math.log10(max(slot.measured.power, 1.0))
         return log_odds(
@@ -426,37 +370,37 @@ class Track:
         return max(empty, min(noise, slot.no_burst))
 
     def _weigh(self, slot: Slot) -> None:
-        if self.tag.k > MOST_TOLD_BY_ONE:
+        if self.tag.k > FOLLOW.most_alone:
             return
-        self.trust += max(-_TRUST_LOST, min(_TRUST_WON, slot.said))
-        self.trust = min(self.trust, MOST_TRUST)
+        self.trust += max(-FOLLOW.trust_lost, min(FOLLOW.trust_won, slot.said))
+        self.trust = min(self.trust, FOLLOW.most_trust)
 
     def _follow(self, slot: Slot) -> None:
         k = self.tag.k
-        if slot.on_air.alike_per_s > 0.0 and slot.no_burst < 0.0 and k <= MOST_TOLD_BY_ONE:
+        if slot.on_air.alike_per_s > 0.0 and slot.no_burst < 0.0 and k <= FOLLOW.most_alone:
             slot.state = "missed"
             return
         empty = self._sends_nothing(slot)
-        false = FOLLOW_FALSE / k * (_HALF_FALSE if empty else 1.0)
+        false = FOLLOW.follow_false / k * (FOLLOW.half_false if empty else 1.0)
         single = narrow_threshold(1, _round(slot.volume), false)
         if slot.measured.power >= single:
             slot.state = "accepted"
             self.last_accepted_s = slot.time_s
         recent = [s for s in self.slots if s.number > self.number - k]
-        if k == 1 or len(recent) < k or self.trust < _VOUCHED_FROM:
+        if k == 1 or len(recent) < k or self.trust < FOLLOW.joint_trust:
             return
-        limit = narrow_threshold(k, _round(max(s.volume for s in recent)), FOLLOW_FALSE)
+        limit = narrow_threshold(k, _round(max(s.volume for s in recent)), FOLLOW.follow_false)
         for weak in recent:
             own = weak.measured.power
             others = [s.measured.power for s in recent if s is not weak]
-            floor = _FELLOW_SHARE * min(40.0, max(others))
-            if weak.state != "open" or own <= max(WEAKEST_POWER, floor):
+            floor = FOLLOW.joint_share * min(40.0, max(others))
+            if weak.state != "open" or own <= max(FOLLOW.weakest_power, floor):
                 continue
             if self._sends_nothing(weak):
                 continue
             # Its fellows vouch for a weak pulse no further than to twice its own power:
             # between strong ones it is the noise in a null of the antenna.
-            total = own + sum(min(power, VOUCH * own) for power in others)
+            total = own + sum(min(power, FOLLOW.joint_ratio * own) for power in others)
             if total >= limit:
                 weak.state = "accepted"
                 self.last_accepted_s = max(self.last_accepted_s, weak.time_s)
@@ -464,13 +408,13 @@ class Track:
     def _correct_frequency(self, pulse: Measured) -> None:
         """Update frequency and drift (alpha-beta filter, critically damped)."""
         alpha = 0.5 if pulse.power > 30.0 else 0.3
-        self.steady_hz += max(1.0 / (self.number + 1), _STEADY_GAIN) * (
+        self.steady_hz += max(1.0 / (self.number + 1), FOLLOW.steady_gain) * (
             pulse.offset_hz - self.steady_hz
         )
         miss = pulse.offset_hz - self.offset_hz
         self.offset_hz += alpha * miss
         self.drift_hz += alpha**2 / (2.0 - alpha) * miss
-        self.drift_hz = max(-MOST_DRIFT_HZ, min(MOST_DRIFT_HZ, self.drift_hz))
+        self.drift_hz = max(-FOLLOW.most_drift_hz, min(FOLLOW.most_drift_hz, self.drift_hz))
 
     def _timing_variance(self, power: float) -> float:
         noise_s = timing_error_s(self.tag.pulse_width_s, power)
@@ -479,15 +423,15 @@ class Track:
     def _know_little(self, power: float, share: float = 1.0) -> None:
         """Reset the phase to one pulse's, the interval to a share of the uncertainty."""
         spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
-        interval = spread_s**2 + (CLOCK_ERROR * self.interval_s) ** 2
+        interval = spread_s**2 + (BOUNDS.clock_error * self.interval_s) ** 2
         self.variance = [self._timing_variance(power), 0.0, interval]
 
     def _predict(self) -> None:
         phase, cross, interval = self.variance
-        walk = (_INTERVAL_WALK * self.interval_s) ** 2
+        walk = (FOLLOW.interval_walk * self.interval_s) ** 2
         self.time_s += self.interval_s
         self.variance = [
-            phase + 2.0 * cross + interval + _PHASE_WALK_S**2,
+            phase + 2.0 * cross + interval + FOLLOW.phase_walk_s**2,
             cross + interval,
             interval + walk,
         ]
@@ -513,7 +457,7 @@ def least_real(powers: list[float]) -> float:
     group most may be noise, so the strongest quarter is the reference.
     """
     strongest = sorted(powers)[-(len(powers) // 4) :]
-    return min(20.0, WEAKEST_SHARE * sum(strongest) / len(strongest))
+    return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))
 
 
 def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> float:
@@ -523,18 +467,19 @@ def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> flo
 
 def _against_noise(power: float, volume: float) -> float:
     """Log odds that the strongest of a window's `volume` cells is a pulse."""
-    slope, start = _SAID_BY_POWER
-    return slope * power + start - math.log(MORE_CELLS * volume)
+    return (
+        FOLLOW.power_slope * power + FOLLOW.power_start - math.log(FOLLOW.more_cells * volume)
+    )
 
 
 def _round(volume: float) -> float:
-    """Round a volume to steps of a tenth of its logarithm, so that thresholds can be cached."""
+    """Round a volume to steps of a tenth of its logarithm, so that thresholds are cached."""
     return math.exp(math.ceil(math.log(max(volume, 1.0)) * 10.0) / 10.0)
 
 
 @lru_cache(maxsize=4096)
 def narrow_threshold(k: int, volume: float, expected_false: float) -> float:
-    """Threshold of a sum of k maxima over small volumes, in noise powers."""
+    """Threshold of a sum of k maxima over small volumes [noise powers]."""
     if k == 1:
         return math.log(volume / expected_false)
     low, high = 0.0, 14.0 * k

@@ -11,27 +11,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
-from uavrt.detection.track.reporting import SAME_FREQUENCY_HZ
 from uavrt.detection.track.tracks import Slot, Track
-from uavrt.detection.track.two_rates import WINS, evidence, strength
+from uavrt.detection.track.tuning import BOUNDS, RATES, SENDERS
+from uavrt.detection.track.two_rates import evidence, strength
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-_LIKELY = -6.0
-"""Log odds below which a track about to be confirmed counts as bursts while another train is
-uncertain. Groups are reported from about there on."""
-_SAME_SHARE = 2.0 / 3.0
-"""Least share of common pulses in two tracks of one train; less is a collision."""
-_OTHERS_SHARE = 2.0 / 3.0
-"""Share of pulses in other trains from which a train is dropped."""
-_LEAST_PULSES = 3
-"""Least pulses for this; fewer may be others' by accident."""
-_SAME_RATIO = 1.2
-"""Ratio below which two intervals are the same, measured with different accuracy."""
-
 
 class Hearer(Protocol):
-    """Interface of a detector that trains use."""
+    """Detector, as far as trains need it."""
 
     tag: Tag
     sample_rate_hz: float
@@ -41,24 +29,24 @@ class Hearer(Protocol):
         """All tracks that it follows."""
 
     def absolute_hz(self, track: Track) -> float:
-        """Frequency of a track."""
+        """Absolute frequency of a track [Hz]."""
 
     def time_ns(self, time_s: float) -> float:
-        """Time [ns] at the tracks' seconds."""
+        """Absolute time [ns] of a time in the seconds of the tracks."""
 
     def could_be(self, frequency_hz: float) -> bool:
-        """True if it searches for its tag at that frequency."""
+        """True if it searches for its tag at an absolute frequency."""
 
     @property
     def now_s(self) -> float:
-        """Time up to which it has searched, in its tracks' seconds."""
+        """Time up to which it has searched, in the seconds of the tracks."""
 
     @property
     def half_width_hz(self) -> float:
-        """Half-width of its search."""
+        """Half-width of its search [Hz]."""
 
     def report(self, track: Track) -> None:
-        """Report a track's pulses, if it is not held."""
+        """Report the pulses of a track, unless it is held."""
 
 
 H = TypeVar("H", bound=Hearer)
@@ -66,7 +54,7 @@ H = TypeVar("H", bound=Hearer)
 
 @dataclass(slots=True)
 class Train(Generic[H]):
-    """Pulses of one transmitter."""
+    """Pulses of one transmitter, followed by one or several detectors."""
 
     tracks: list[tuple[H, Track]]
     interval_s: float = 0.0
@@ -76,14 +64,14 @@ class Train(Generic[H]):
     likely: bool = False
     """True if it is neither noise nor, most likely, a chance series of bursts."""
     heard_ns: float = 0.0
-    """Time of its last pulse."""
+    """Time of its last pulse [ns]."""
     pulses_ns: list[int] = field(default_factory=list)
-    """Times of its newest pulses."""
+    """Times of its newest pulses [ns]."""
     explains: float = 0.0
-    """Log-likelihood of the pulses, relative to no train."""
+    """Log-likelihood of its pulses, relative to noise."""
 
     def weigh_up(self) -> None:
-        """Combine the best data of its tracks."""
+        """Set interval, frequency and times from the best of its tracks."""
         # What is not confirmed yet says nothing of a train that is, what is mere noise nothing
         # of one that is likely.
         sure = [pair for pair in self.tracks if pair[1].confirmed]
@@ -91,7 +79,11 @@ class Train(Generic[H]):
         some = _best_explained(sure)
         shortest_s = min(track.interval_s for _, track in some)
         # One of twice the interval has every second pulse.
-        some = [pair for pair in some if pair[1].interval_s < _SAME_RATIO * shortest_s]
+        some = [
+            pair
+            for pair in some
+            if pair[1].interval_s < SENDERS.same_interval_ratio * shortest_s
+        ]
         hearer, best = min(some, key=lambda pair: (pair[1].variance[2], pair[0].tag.tag_id))
         self.interval_s = best.interval_s
         self.sigma_s = math.sqrt(max(best.variance[2], 0.0))
@@ -109,7 +101,7 @@ class KnownPulse:
 
     time_ns: float
     within_ns: float
-    """Uncertainty of its time: 0 for one that was received."""
+    """Uncertainty of its time [ns]: 0 for a received pulse."""
     frequency_hz: float
     power: float
 
@@ -120,7 +112,7 @@ class KnownPulse:
         if abs(slot.time_ns - self.time_ns) >= near_ns + self.within_ns:
             return False
         apart_hz = abs(frequency_hz - self.frequency_hz)
-        if apart_hz < SAME_FREQUENCY_HZ:
+        if apart_hz < BOUNDS.same_transmitter_hz:
             return True
         # As in `judging`: at most 1 / (pi df tp)^2 of its power, with twice the amplitude.
         leak = 4.0 * self.power / (math.pi * apart_hz * width_s) ** 2
@@ -128,7 +120,7 @@ class KnownPulse:
 
 
 def put_together(hearers: Iterable[H]) -> list[Train[H]]:
-    """Group the tracks of the same pulses.
+    """Merge the tracks of the same pulses into trains.
 
     A fast tag's track comes before those of twice and three times its interval, which share its
     pulses in turn but have none in common.
@@ -143,7 +135,7 @@ def put_together(hearers: Iterable[H]) -> list[Train[H]]:
         if not track.dead and _is_active(track, hearer.now_s)
     ]
     for hearer, track in sorted(pairs, key=lambda pair: _explains_most(pair[1])):
-        place = math.floor(hearer.absolute_hz(track) / SAME_FREQUENCY_HZ)
+        place = math.floor(hearer.absolute_hz(track) / BOUNDS.same_transmitter_hz)
         others = [o for at in (-1, 0, 1) for o in near.get(place + at, ())]
         others.sort(key=lambda other: other[2])
         mate = next((at for h, t, at in others if _are_one(hearer, track, h, t)), len(trains))
@@ -170,10 +162,10 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
     frequencies_hz = [train.frequency_hz for train in confirmed]
     for train in sorted(trains, key=lambda train: train.explains):
         times_ns = train.pulses_ns
-        if len(times_ns) < _LEAST_PULSES:
+        if len(times_ns) < SENDERS.foreign_pulses:
             continue
-        begin = bisect_right(frequencies_hz, train.frequency_hz - SAME_FREQUENCY_HZ)
-        end = bisect_left(frequencies_hz, train.frequency_hz + SAME_FREQUENCY_HZ)
+        begin = bisect_right(frequencies_hz, train.frequency_hz - BOUNDS.same_transmitter_hz)
+        end = bisect_left(frequencies_hz, train.frequency_hz + BOUNDS.same_transmitter_hz)
         others_ns = [
             time_ns
             for other in confirmed[begin:end]
@@ -183,19 +175,19 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
         if not others_ns or min(others_ns) > times_ns[-1]:
             continue
         shared = sum(any(abs(a - b) < near_ns for b in others_ns) for a in times_ns)
-        if shared >= _OTHERS_SHARE * len(times_ns):
+        if shared >= SENDERS.foreign_share * len(times_ns):
             found.append(train)
     return found
 
 
 def known_pulses(train: Train[H]) -> list[KnownPulse]:
-    """Get the newest pulses of a confirmed train, and the one that is due."""
+    """Newest pulses of a confirmed train, and the one that is due."""
     known = []
     for hearer, track in train.tracks:
         if not track.confirmed or track.dead:
             continue
         at_hz = hearer.absolute_hz(track)
-        heard = [s for s in track.slots if s.state in ("accepted", "reported")]
+        heard = track.received
         known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in heard]
         if heard:
             # Who began with it may have been faster than this detector.
@@ -207,8 +199,8 @@ def known_pulses(train: Train[H]) -> list[KnownPulse]:
 
 
 def heard_ns(track: Track) -> list[int]:
-    """Times of the newest pulses of a track."""
-    return [slot.time_ns for slot in track.slots if slot.state in ("accepted", "reported")]
+    """Times of the accepted pulses of a track [ns]."""
+    return [slot.time_ns for slot in track.received]
 
 
 def _explains_most(track: Track) -> tuple[bool, float]:
@@ -220,22 +212,22 @@ def _explains_most(track: Track) -> tuple[bool, float]:
 
 
 def _is_likely(track: Track) -> bool:
-    return track.confirmed or (track.stands_out and track.odds > _LIKELY)
+    return track.confirmed or (track.stands_out and track.odds > SENDERS.likely_odds)
 
 
 def _found_ns(track: Track) -> list[int]:
-    """Times of its newest pulses, including those that wait for confirmation."""
+    """Times of its newest pulses, including those that wait for confirmation [ns]."""
     return [slot.time_ns for slot in track.slots if _is_found(track, slot)]
 
 
 def _is_found(track: Track, slot: Slot) -> bool:
-    return slot.state in ("accepted", "reported") or (not track.confirmed and slot.said > 0.0)
+    return slot.received or (not track.confirmed and slot.said > 0.0)
 
 
 def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
-    """Of the tracks in one train, those for which no other interval is far more likely."""
+    """Tracks of one train for which no other interval is far more likely."""
     intervals_s = [track.interval_s for _, track in pairs]
-    if max(intervals_s) < _SAME_RATIO * min(intervals_s):
+    if max(intervals_s) < SENDERS.same_interval_ratio * min(intervals_s):
         return pairs
     since_ns = max(track.slots[0].time_ns if track.slots else 0 for _, track in pairs)
     upto_ns = (
@@ -249,7 +241,9 @@ def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
         for _, track in pairs
     ]
     return [
-        pair for pair, value in zip(pairs, values, strict=True) if value > max(values) - WINS
+        pair
+        for pair, value in zip(pairs, values, strict=True)
+        if value > max(values) - RATES.decisive_log
     ]
 
 
@@ -260,12 +254,12 @@ def _is_active(track: Track, now_s: float) -> bool:
 
 def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
     apart_hz = abs(one_at.absolute_hz(one) - two_at.absolute_hz(two))
-    if apart_hz > SAME_FREQUENCY_HZ:
+    if apart_hz > BOUNDS.same_transmitter_hz:
         return False
     near_ns = 0.75e9 * max(one.tag.pulse_width_s, two.tag.pulse_width_s)
     ones, twos = heard_ns(one), heard_ns(two)
     intervals_s = one.interval_s, two.interval_s
-    if max(intervals_s) > _SAME_RATIO * min(intervals_s):
+    if max(intervals_s) > SENDERS.same_interval_ratio * min(intervals_s):
         # The slower one's pulses lie further back than the other's slots.
         ones, twos = one.past_ns + ones, two.past_ns + twos
     if ones and twos:
@@ -275,7 +269,7 @@ def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
         fewer = min(len(ones), len(twos))
         if fewer > 1:
             shared = sum(any(abs(a - b) < near_ns for b in twos) for a in ones)
-            return shared >= _SAME_SHARE * fewer
+            return shared >= SENDERS.same_train_share * fewer
     # Too little in common: compare the places at which they expect their pulses.
     interval_ns = NANOSECONDS_PER_SECOND * min(one.interval_s, two.interval_s)
     apart_ns = one_at.time_ns(one.time_s) - two_at.time_ns(two.time_s)

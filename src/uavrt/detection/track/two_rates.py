@@ -1,11 +1,11 @@
 """Decide at which of its two rates a tag is sending, by comparing both lattices.
 
 Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
-may yet be of the other rate. The other rate is followed from each pulse at which the tag may
-have switched; the evidence for each is a sum of log-likelihood ratios, a pulse against none,
-over its expected places. A pulse is confirmed at a rate once that rate leads. At rates of 1 : 2
-the first pulse after a switch to the longer rate lies where the shorter one expects every
-second pulse, and keeps the old rate's number.
+may be of the other rate. The other rate is followed from each pulse at which the tag may have
+switched. The evidence for each is a sum of log-likelihood ratios, a pulse against none, over
+its expected places. A pulse is confirmed at a rate once that rate leads. At rates of 1 : 2 the
+first pulse after a switch to the longer rate lies where the shorter one expects every second
+pulse, and keeps the old rate's number.
 
 A pulse that both rates expect waits until one rate leads by a log-likelihood of 8, and is
 reported as detected after two and a half of the longer intervals. Without waiting, about two
@@ -17,16 +17,7 @@ import math
 from collections.abc import Iterable
 
 from uavrt.detection.track.tracks import Slot, Track
-
-WINS = 8.0
-"""Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
-PATIENCE_INTERVALS = 2.5
-"""Longest wait of a pulse for its label [longer intervals]; then it is only `detected`."""
-
-_RATIO_SHARE = 0.25
-"""Share of an interval's uncertainty, once the tag is followed at the other rate."""
-MOST_RIVALS = 8
-"""Pulses back to which a switch is considered."""
+from uavrt.detection.track.tuning import RATES
 
 
 def log_evidence(power: float, strength: float) -> float:
@@ -42,13 +33,13 @@ def log_evidence(power: float, strength: float) -> float:
 
 
 def set_up_rivals(track: Track) -> None:
-    """Start the other rate at each received pulse without a rival."""
+    """Start a track at the other rate from each received pulse without one."""
     since_s = max((rival.settled_s for rival in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
-    for slot in track.slots:
-        if slot.state in ("accepted", "reported") and slot.time_s > since_s:
+    for slot in track.received:
+        if slot.time_s > since_s:
             track.at_other_rate.append(_rival(track, slot))
-    del track.at_other_rate[:-MOST_RIVALS]
+    del track.at_other_rate[: -RATES.most_starts]
 
 
 def _rival(track: Track, start: Slot) -> Track:
@@ -57,20 +48,22 @@ def _rival(track: Track, start: Slot) -> Track:
     rival = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
     # The crystal's error is the same at both rates; what is left is that of their ratio.
     scale = track.interval_s / nominal_s[track.rate - 1]
-    rival.go_on_from(start, interval_s=nominal_s[rate - 1] * scale, share=_RATIO_SHARE)
+    rival.go_on_from(
+        start, interval_s=nominal_s[rate - 1] * scale, share=RATES.uncertainty_share
+    )
     return rival
 
 
 def lags(track: Track, rival: Track) -> bool:
-    """True if the rival expects a pulse no later than the track's last place."""
+    """True if the other rate's track expects a pulse no later than the track's last place."""
     return rival.expected()[0] < track.time_s + _margin_s(track)
 
 
 def settle_rivalry(track: Track) -> Track | None:
     """Decide between the rates if one leads; both must be evaluated to the same time.
 
-    `track`: changed in place: drops the tracks that it beats and updates the time until which
-    it is certain. Returns the rival that the track must become.
+    `track`: drops the tracks at the other rate that it beats, and updates the time until which
+    its rate is certain. Returns the track at the other rate that wins.
     """
     upto_s = track.time_s + _margin_s(track)
     enr = strength(track)
@@ -81,16 +74,18 @@ def settle_rivalry(track: Track) -> Track | None:
         lead = evidence(_between(rival, since_s, upto_s), enr)
         lead -= evidence(_between(track, since_s, upto_s), enr)
         leads.append((lead, rival))
-        if lead < -WINS or rival.dead:
+        if lead < -RATES.decisive_log or rival.dead:
             track.settled_s = max(track.settled_s, rival.settled_s)
         else:
             left.append(rival)
     track.at_other_rate = left
     most, best = max(leads, key=lambda pair: pair[0], default=(0.0, None))
     heard = best is not None and best.last_accepted_s > best.settled_s
-    winner = best if heard and most > WINS else None
+    winner = best if heard and most > RATES.decisive_log else None
     if winner is not None:
-        starts_s = [rival.settled_s for lead, rival in leads if lead > most - WINS]
+        starts_s = [
+            rival.settled_s for lead, rival in leads if lead > most - RATES.decisive_log
+        ]
         _dispute(track, winner, starts_s)
     # Before the first pulse at which it may have switched, the rate is the track's.
     since = [rival.settled_s for rival in left] if winner is None else [winner.settled_s]
@@ -103,9 +98,8 @@ def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
     """Mark the pulses whose rate depends on when the tag switched.
 
     The switch is certain, but a noise peak where only one rate has a place can make a wrong
-    pulse the likelier one. `track`, `winner`: the track so far, and the one that it becomes;
-    their slots are changed. `starts_s`: all pulses that may have been the last before the
-    switch.
+    pulse the likelier one. `starts_s`: times of all pulses that may have been the last before
+    the switch [s].
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
@@ -116,7 +110,7 @@ def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
 
 
 def become(track: Track, rival: Track) -> None:
-    """Continue at the rival's rate."""
+    """Continue a track at the rate of another one of the same tag."""
     track.rate = rival.rate
     track.time_s, track.interval_s = rival.time_s, rival.interval_s
     track.variance, track.number = rival.variance, rival.number
@@ -135,7 +129,7 @@ def _between(track: Track, since_s: float, upto_s: float) -> list[Slot]:
 
 
 def _margin_s(track: Track) -> float:
-    """Distance below which places of the two rates are the same."""
+    """Distance below which places of the two rates are the same [s]."""
     return 0.25 * min(track.tag.pulse_intervals_s)
 
 
@@ -155,7 +149,7 @@ def strength(track: Track) -> float:
     Uses the stronger half of the last four: after a switch to the longer interval every second
     is noise, which does not mean weaker pulses.
     """
-    recent = [s.measured.enr for s in track.slots if s.state in ("accepted", "reported")]
+    recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]
     level = sum(strongest) / max(1, len(strongest))
     return min(max(level, 8.0), 30.0)

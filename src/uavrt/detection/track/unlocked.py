@@ -1,9 +1,9 @@
 """The mode that never locks: every group is found independently.
 
 No track predicts the next pulse; every pulse is in a group that reached the threshold of the
-search. This module recognises a pulse shared by several groups and numbers the groups: K places
-of the lattice that the first group began are one group, as in the other modes. A group that
-continues the one before, in time and frequency, confirms it (the rule of the original).
+search. Groups of common pulses are joined and numbered: K places of the lattice that the first
+group began are one group, as in the other modes. A group that continues the one before, in time
+and frequency, confirms it (the rule of the original).
 """
 
 import math
@@ -13,12 +13,10 @@ from uavrt.detection.search.refine import Measured
 from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.track.chance import OnAir
 from uavrt.detection.track.tracks import Track
-
-SAME_FREQUENCY_HZ = 100.0
-"""Largest difference between groups of the same tag: the original's bound."""
+from uavrt.detection.track.tuning import BOUNDS
 
 FoundPulse = tuple[int, float, int, Measured]
-"""Place among the K, time [s], time [ns], and what was measured."""
+"""Place among the K, time [s], time [ns], and measurement of a pulse."""
 
 
 def joined(
@@ -29,10 +27,7 @@ def joined(
     sample_rate_hz: float,
     around: Callable[[Track, Measured], OnAir],
 ) -> Track | None:
-    """Join a group to the one that it continues, if any.
-
-    `around`: reports other signals around a track's place.
-    """
+    """Join a group to the one that it continues, if any."""
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:
         return None
@@ -44,13 +39,13 @@ def joined(
 def _continued(
     tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
 ) -> tuple[Track, int] | None:
-    """Find what a group continues, and the place in its lattice of the group's place 0."""
+    """Find the track that a group continues, and the place in its lattice of place 0."""
     strongest = max((pulse[3] for pulse in pulses), key=lambda measured: measured.power)
     for track in tracks:
         if track.rate != rate:
             continue
         miss_hz = apart_hz(strongest.offset_hz, track.offset_hz, sample_rate_hz)
-        if abs(miss_hz) > SAME_FREQUENCY_HZ:
+        if abs(miss_hz) > BOUNDS.same_group_hz:
             continue
         for place, time_s, _, _ in pulses:
             for slot in track.slots:
@@ -69,7 +64,7 @@ def _continued(
 
 
 def forget_old(tracks: list[Track], now_s: float) -> None:
-    """Drop the groups that nothing can continue, in place."""
+    """Drop the groups that no new group can continue, in place."""
     tracks[:] = [
         t
         for t in tracks

@@ -153,7 +153,7 @@ class GroundLink:
                 if receipt is not None:
                     self._ways.answer(receipt)
                 links = self._ways.alive() or self._ways.best()
-                for message in self.protocol.signs_of_life(len(links), now_ns):
+                for message in self.protocol.keepalives(len(links), now_ns):
                     self._ways.send(message, links[turn % len(links)])
                     turn += 1
                 await asyncio.sleep(RECEIPT_POLL_S)

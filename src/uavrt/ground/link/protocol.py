@@ -248,12 +248,12 @@ class GroundProtocol:
             return self._tunnel(message.payload_type, message.payload[: message.payload_length])
         return []
 
-    def signs_of_life(self, links: int, now_ns: int) -> list[dialect.Tunnel]:
+    def keepalives(self, links: int, now_ns: int) -> list[dialect.Tunnel]:
         """Sealed heartbeats due now, for links that carry them in turn; none without a key."""
         if self._sealer is None or self.drone is None:
             return []
         files = now_ns - self.files_asked_ns < FILES_NS
-        sealed = self._sealer.signs_of_life(links, files=files)
+        sealed = self._sealer.keepalives(links, files=files)
         return [self._message(payload, SEALED_TYPE) for payload in sealed]
 
     def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
@@ -264,7 +264,7 @@ class GroundProtocol:
             return event
         if payload_type == SESSION_TYPE and self._sealer is not None:
             assert self.drone is not None
-            self._sealer.hear(payload, self.drone.place)
+            self._sealer.accept_session(payload, self.drone.place)
             return None
         if payload_type == PROVEN_STATE_TYPE and self._sealer is not None:
             payload = self._sealer.answer(payload, self.orders)

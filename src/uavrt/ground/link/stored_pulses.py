@@ -49,9 +49,11 @@ def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
                 remedy="Give a writable directory with -o",
             ) from error
     numbers = [number for (number,) in _NUMBER.iter_unpack(content[: _whole(len(content))])]
-    store = numbers[0] & 0xFFFFFFFF if numbers else new_store()
-    received = _Received(path, _whole(len(content)))
-    if not numbers:
+    store = numbers[0] & 0xFFFFFFFF if numbers else 0
+    new = not store  # no file, or zeros after a power cut: drones refuse receipts of store 0
+    received = _Received(path, 0 if new else _whole(len(content)))
+    if new:
+        store = new_store()
         received.append([(store, lambda: None)])
     batches = DiskBatches(disk, received.append, _kept)
     return Receipts(store, numbers[1:], keep=lambda *one: batches.add(one))

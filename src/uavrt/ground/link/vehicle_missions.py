@@ -12,7 +12,7 @@ from typing import Any
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.vehicle import request_message
-from uavrt.guidance.manners import Manners, manners_of
+from uavrt.guidance.autopilot_behaviour import Behaviour, behaviour_of
 from uavrt.guidance.mission import MissionItem, difference, fence_of, survey_items
 from uavrt.guidance.orders import Limits, Order
 from uavrt.mavlink import dialect
@@ -24,7 +24,7 @@ from uavrt.mavlink.mission_transfer import (
     MissionDownload,
     MissionTransfer,
     MissionUpload,
-    homed,
+    with_home,
 )
 from uavrt.mavlink.samples import is_place
 from uavrt.mavlink.vehicle_messages import kind_of
@@ -138,9 +138,9 @@ class VehicleMissions:
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
         """Replace the vehicle's mission, and read it back."""
         async with self._busy:
-            peer, manners = self._vehicle()
-            self._check_mode(manners)
-            whole = homed(items, home_first=manners.home_in_mission)
+            peer, behaviour = self._vehicle()
+            self._check_mode(behaviour)
+            whole = with_home(items, home_first=behaviour.home_in_mission)
             upload = MissionUpload(whole, "mission", peer, self._own)
             self._uploads = True
             try:
@@ -192,13 +192,13 @@ class VehicleMissions:
         if self._transfer is None or not self._uploads:
             return
         try:
-            _, manners = self._vehicle()
-            self._check_mode(manners)
+            _, behaviour = self._vehicle()
+            self._check_mode(behaviour)
         except (CommandRefused, LinkError) as error:
             self._send_all(self._transfer.cancel(error.message))
             self._transfer.silent = isinstance(error, LinkError)
 
-    def _vehicle(self) -> tuple[Peer, Manners]:
+    def _vehicle(self) -> tuple[Peer, Behaviour]:
         """Get the vehicle's address and its state."""
         heard, ours = self._heard(), self._system_id()
         if ours is not None:
@@ -212,7 +212,7 @@ class VehicleMissions:
             )
         ((number, one),) = heard.items()
         peer = Peer(number, MavComponent.COMP_ID_AUTOPILOT1)
-        return peer, manners_of(kind_of(one.heartbeat))
+        return peer, behaviour_of(kind_of(one.heartbeat))
 
     def _heard(self) -> dict[int, _Autopilot]:
         now_s = monotonic_s()
@@ -222,12 +222,12 @@ class VehicleMissions:
             if now_s - one.heard_s < HEARD_WITHIN_S
         }
 
-    def _check_mode(self, manners: Manners) -> None:
+    def _check_mode(self, behaviour: Behaviour) -> None:
         peer, _ = self._vehicle()
         mode = self._autopilots[peer.system_id].heartbeat.custom_mode
-        if mode in manners.mission_modes:
+        if mode in behaviour.mission_modes:
             raise CommandRefused(
-                f"the vehicle is in {manners.mode_name(mode)}: another mission would change "
+                f"the vehicle is in {behaviour.mode_name(mode)}: another mission would change "
                 "its path",
                 remedy="Let the pilot hold position first",
             )

@@ -28,9 +28,8 @@ from uavrt.localization.flight_estimates import (
 from uavrt.localization.headings import yaws_deg
 from uavrt.localization.heard import Heard
 from uavrt.localization.live_bearings import bearing_from_drone
-from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
 from uavrt.localization.position.regions import region_outlines
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.results import PositionGrid
 from uavrt.messages import LiveBearing, Tag
 from uavrt.tangent_plane import TangentPlane
@@ -54,9 +53,9 @@ class AntennaChoice:
     offset_deg: float = 0.0
     """Boresight clockwise from the heading in the drone's pulses; 0 when the drone's own
     settings hold the mounting."""
-    heading_sigma_deg: float = HEADING_SIGMA_DEG
+    heading_sigma_deg: float = COMMON.heading_sigma_deg
     """Error that all headings of a flight share, one standard deviation."""
-    height_sigma_m: float = HEIGHT_SIGMA_M
+    height_sigma_m: float = SURVEY.height_sigma_m
     """With a monopole: error that all heights over a tag share, one standard deviation."""
     dem: str = ""
     """Elevation file or folder; empty: the ground is taken as level."""

@@ -27,7 +27,7 @@ from uavrt.messages import (
 )
 from uavrt.on_ground import ARMED, GROUND_STATION, LANDED
 from uavrt.recording.disk_thread import Disk, at_once
-from uavrt.recording.flight_order import copy_beside
+from uavrt.recording.flight_order import new_copy_directory
 from uavrt.recording.flight_reader import ground_states_in
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout, new_flight_directory
@@ -100,7 +100,7 @@ class FlightKeeper:
         if flown is None:
             path = new_flight_directory(self._directory, now_ns, is_taken)
         else:
-            path = copy_beside(flown, is_taken)
+            path = new_copy_directory(flown, is_taken)
         self._begun.add(path)
         info = FlightInfo(
             directory=str(path),

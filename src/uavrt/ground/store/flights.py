@@ -24,6 +24,7 @@ from uavrt.ground.store.known_flights import (
 )
 from uavrt.localization.heard import Heard, PoseColumns, PulseColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
+from uavrt.recording.flight_cache import FlightCache
 from uavrt.recording.flight_order import flown_name, order_noted
 from uavrt.recording.flight_reader import DAMAGED, ground_states_in
 from uavrt.recording.layout import FlightLayout
@@ -32,7 +33,6 @@ from uavrt.recording.places import Places, places_of
 from uavrt.recording.plain_database import open_plain
 from uavrt.recording.quiet_noise import read_quiet_noise_db, usual_noise_db
 from uavrt.recording.schema import POSE_COLUMNS, pose_row, read_older
-from uavrt.recording.stamped import Stamped
 
 CHUNK = 4000
 LAST_NS = 2**63
@@ -168,9 +168,9 @@ class FlightLibrary:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         self._list = directory / "flight_list.json"
-        self._known = Stamped(self._read_summary, kept_flights(self._list))
+        self._known = FlightCache(self._read_summary, kept_flights(self._list))
         self._kept = dict(self._known.kept)
-        self._quiet = Stamped(lambda path: read_quiet_noise_db(Path(path)))
+        self._quiet = FlightCache(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
         """Get all flights, newest first; unreadable ones are left out.

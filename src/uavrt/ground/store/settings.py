@@ -20,8 +20,7 @@ from uavrt.foreign import OWN, decode_record, read_file, read_record
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.store.tag_table import read_table
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
-from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.mavlink.address import parse_address
 from uavrt.messages import Tag
 from uavrt.nmea import BAUD
@@ -44,10 +43,10 @@ class GroundSettings:
     generation: Generation = "G1"
     antenna: str = "RA-23K"
     antenna_offset_deg: float = 0.0
-    heading_error_deg: float = HEADING_SIGMA_DEG
+    heading_error_deg: float = COMMON.heading_sigma_deg
     """Error shared by all headings of a flight (compass, mounting, declination), one standard
     deviation [deg]; 0: none."""
-    height_error_m: float = HEIGHT_SIGMA_M
+    height_error_m: float = SURVEY.height_sigma_m
     """With a monopole: error shared by all heights above a tag, one standard deviation [m]."""
     gain: int | None = None
     """Gain; None: from the drone's own settings."""

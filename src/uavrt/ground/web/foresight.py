@@ -145,7 +145,7 @@ def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
     from uavrt.analysis import coverage
 
     plane, corners = (
-        coverage.corners_of_way(asked.places)
+        coverage.corners_of_path(asked.places)
         if asked.spacing_m is None
         else coverage.corners_over_area(asked.places, asked.spacing_m, most=_MOST_LINES)
     )

@@ -1,4 +1,4 @@
-"""Bearing from a turn's pulses.
+"""Bearings from the pulses of a turn in place.
 
 `turns` finds the turns; `estimate` is the entry point to all estimators: `pattern_ml` is the
 default, `classic_bearings` has the published ones, `array_bearings` is for switched antennas.

@@ -17,22 +17,20 @@ from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.pattern_likelihood import GRID_DEG
 from uavrt.localization.bearing.posterior import described
+from uavrt.localization.bearing.tuning import SIMPLE
 from uavrt.localization.results import ArrayMethod, Bearing
 
 _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
 
 Steering = Callable[[_Floats], _Complex]
-"""Directions (b,) clockwise from the array's nose [deg] to amplitudes (b, elements)."""
-
-_FADING_DB = 2.0
-"""Level difference of two adjacent antennas for reasons other than direction."""
+"""Function from directions (b,) clockwise from the nose [deg] to amplitudes (b, elements)."""
 
 
 def circle_steering(
     elements: int, radius_wavelengths: float, elevation_deg: float = 0.0
 ) -> Steering:
-    """Monopoles evenly on a circle, the first ahead, then clockwise: pseudo-Doppler.
+    """Steering function of monopoles evenly on a circle, clockwise from ahead (pseudo-Doppler).
 
     With a radius above a quarter wavelength, neighbouring elements may differ by more than half
     a turn, and directions become ambiguous.
@@ -50,10 +48,10 @@ def circle_steering(
 def pair_steering(
     spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
 ) -> Steering:
-    """Two elements side by side: their sum and difference, right minus left.
+    """Steering function of two elements side by side: their sum, and right minus left.
 
-    The difference separates right from left; ahead and behind need a turn. With
-    `modes` false, the left and the right element themselves.
+    The difference separates right from left; ahead and behind need a turn. With `modes` false,
+    the left and the right element themselves.
     """
     turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
 
@@ -77,20 +75,12 @@ def switched_bearing(
 ) -> Bearing:
     """Estimate a bearing from the amplitudes of one or several pulses.
 
-    Parameters
-    ----------
-    amplitudes : (p, elements) complex128 array
-        From `measure_switched_pulse`.
-    counts : (p, elements) float64 array
-        Samples behind each amplitude.
-    yaw_deg : (p,) float64 array
-        Heading of the array at each pulse, clockwise from true north.
-    steering : callable
-        `circle_steering` or `pair_steering`.
-    noise_power : float or (p,) float64 array
-        Of one sample, the same for all pulses or of each.
-    method : str
-        ``"pseudo_doppler"`` or ``"two_point_phased"``.
+    `amplitudes` (p, elements): complex amplitudes by `measure_switched_pulse`.
+    `counts` (p, elements): number of samples averaged for each amplitude.
+    `yaw_deg` (p,): heading of the array at each pulse, clockwise from true north.
+    `steering`: `circle_steering` or `pair_steering`.
+    `noise_power`: noise power of one sample, for all pulses or (p,).
+    `method`: ``"pseudo_doppler"`` or ``"two_point_phased"``.
     """
     log_density = np.zeros(len(GRID_DEG))
     noises = np.broadcast_to(np.asarray(noise_power, np.float64), (len(yaw_deg),))
@@ -108,17 +98,16 @@ def amplitude_monopulse(
     snr_db: _Floats,
     pattern: AntennaPattern,
     *,
-    fading_db: float = _FADING_DB,
+    fading_db: float = SIMPLE.array_fading_db,
 ) -> Bearing:
     """Estimate a bearing from fixed antennas that receive the same pulses.
 
-    The tag's strength and its fading are the same for all antennas at a pulse and cancel; only
-    the pattern differs.
+    The tag's strength and its fading are the same for all antennas at a pulse and cancel.
 
     `boresight_deg` (a,): direction of each antenna, clockwise from true north.
-    `snr_db` (p, a): SNR of each pulse at each antenna; NaN where it was not heard.
+    `snr_db` (p, a): SNR of each pulse at each antenna; NaN is a miss.
     `fading_db`: standard deviation of other differences between antennas.
-    Raises `UsageError`: no pulse was heard by two antennas.
+    Raises `UsageError`: no pulse was received by two antennas.
     """
     heard = ~np.isnan(snr_db)
     used = heard.sum(axis=1) >= 2

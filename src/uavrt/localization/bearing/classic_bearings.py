@@ -1,7 +1,7 @@
 """Published bearing estimators, for comparison and for compatibility.
 
-Their definitions are kept, faults included, where a published result depends on them;
-docs/explanation/localization.md compares them by measurement.
+Known faults of a method are kept where a published result depends on them.
+docs/explanation/localization.md compares the methods by measurement.
 """
 
 from dataclasses import dataclass
@@ -12,21 +12,22 @@ from numpy.typing import NDArray
 
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.bearing.tuning import SIMPLE
 from uavrt.units import wrap_degrees_360
 
-_SCAN_DEG = np.arange(0.0, 360.0, 0.5)
+_SCAN_DEG = np.arange(0.0, 360.0, SIMPLE.scan_step_deg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainBearing:
-    """A direction and the method's own confidence."""
+    """Bearing of a published method, and its own measure of confidence."""
 
     bearing_deg: float
     confidence: float | None
 
 
 def strongest(yaw_deg: NDArray[np.float64], power: NDArray[np.float64]) -> PlainBearing:
-    """Heading of the strongest pulse."""
+    """Bearing by the heading of the strongest pulse."""
     top = float(yaw_deg[int(np.argmax(power))])
     return PlainBearing(bearing_deg=wrap_degrees_360(top), confidence=None)
 
@@ -66,7 +67,7 @@ def pca(
 def pearson(
     yaw_deg: NDArray[np.float64], level_db: NDArray[np.float64], pattern: AntennaPattern
 ) -> PlainBearing:
-    """Best circular correlation with the pattern (ConservationBots, §1.4).
+    """Bearing with the best circular correlation of levels and pattern (ConservationBots).
 
     Levels are averaged in bins of one degree and scaled to 0 … 1, as is the pattern. When the
     plain dot product puts the tag more than 90° elsewhere, the answer is turned by 180°.
@@ -98,7 +99,7 @@ def pearson(
 def ls_db(
     yaw_deg: NDArray[np.float64], level_db: NDArray[np.float64], pattern: AntennaPattern
 ) -> PlainBearing:
-    """Least squares in decibel with an unknown level; best possible at high SNR (§1.5)."""
+    """Bearing by least squares in decibels with unknown level; the best one at high SNR."""
     gain = pattern.gain_db(_SCAN_DEG[:, None] - yaw_deg[None, :])
     difference = level_db[None, :] - gain
     cost = np.sum((difference - difference.mean(axis=1, keepdims=True)) ** 2, axis=1)
@@ -120,7 +121,7 @@ def ls_linear(
     missed_yaw_deg: NDArray[np.float64],
     pattern: AntennaPattern,
 ) -> PlainBearing:
-    """Least squares in linear power, A g(θ - φ) + B (UAV-RT flight code of 2026, §1.3).
+    """Bearing by least squares in linear power, A g(θ - φ) + B (UAV-RT flight code of 2026).
 
     Bearings within 90° of the strongest heading are tried. Misses cost when the model is above
     half the weakest pulse. The answer is the middle of all bearings that fit nearly as well.
@@ -147,7 +148,6 @@ def ls_linear(
 def _fitted_line(
     gain: NDArray[np.float64], power: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Slope and floor, neither negative, of the best line for each row of gains (b, n)."""
     total = weight.sum()
     mean_gain = (gain @ weight / total)[:, None]
     mean_power = float(power @ weight / total)

@@ -19,24 +19,24 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BearingData:
-    """Input of an estimator from another package."""
+    """Input of a bearing estimator that another installed package adds."""
 
     yaw_deg: _Floats
-    """(n,) boresight, clockwise from true north."""
+    """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
     matched_power: _Floats
-    """(n,) matched power over noise power, noise included; NaN is a miss."""
+    """(n,) power at the pulse's time over the noise power, noise included; NaN is a miss."""
     noise_psd: _Floats
-    """(n,) noise density of each pulse, up to a common factor."""
+    """(n,) noise density at each pulse, up to a common factor."""
     pattern: AntennaPattern
     threshold_db: float
-    """SNR above which a missed pulse would have been heard."""
+    """SNR above which a missed pulse would have been detected [dB]."""
     elevation_deg: float
     heading_sigma_deg: float
 
 
 BearingEstimator = Callable[[BearingData], Bearing]
 ADDED_METHODS: Registry[BearingEstimator] = Registry("uavrt.bearing_methods", {})
-"""Estimators of installed packages, by the name of the method."""
+"""Bearing estimators of installed packages, by the name of the method."""
 
 
 def estimate_bearing(
@@ -54,7 +54,7 @@ def estimate_bearing(
     fading_db: float | None = None,
     heading_sigma_deg: float = 0.0,
 ) -> Bearing:
-    """Estimate the bearing of a tag from pulses heard while the antenna turned.
+    """Estimate the bearing of a tag from pulses received while the antenna turned.
 
     Parameters
     ----------
@@ -62,43 +62,42 @@ def estimate_bearing(
         Direction of the boresight at each pulse, clockwise from true north; None when
         `quaternion_wxyz` is given.
     snr_db : (n,) array or None
-        Pulse energy over noise density, noise subtracted. NaN is a pulse that was listened for
-        and not heard; -inf one whose power was exactly the noise's. None when `matched_power`
-        is given.
+        Pulse energy over noise density, noise subtracted. NaN is a missed pulse; -inf one whose
+        power was exactly the noise's. None when `matched_power` is given.
     method : str
         ``"pattern_ml"`` (the default; the only one with a posterior), ``"pca"``, ``"pca_log"``,
-        ``"pca_amplitude"``, ``"pearson"``, ``"ls_linear"``, ``"ls_db"`` or ``"max"``, or one
-        that an installed package adds (docs/how-to/extend.md).
+        ``"pca_amplitude"``, ``"pearson"``, ``"ls_linear"``, ``"ls_db"``, ``"max"``, or one of
+        an installed package (docs/how-to/extend.md).
     antenna : AntennaPattern or str
         The pattern or its name in `uavrt.localization.antenna.PATTERNS`.
     quaternion_wxyz : (n, 4) array, optional
         Attitude of the antenna at each pulse, antenna frame to north-east-down; roll and pitch
-        then count too.
+        then count, too.
     matched_power : (n,) array, optional
-        In place of `snr_db`: matched power over noise power, noise included (mean S + 1), as
+        Replaces `snr_db`: matched power over noise power, noise included (mean S + 1), as
         read at the known time of each pulse. NaN is a miss.
     noise_psd : (n,) array, optional
-        Noise density of each pulse; only ratios matter. By default they are equal.
+        Noise density at each pulse; only ratios matter. By default they are equal.
     threshold_db : float
-        SNR that a missed pulse must have had to be heard.
+        SNR above which a missed pulse would have been detected.
     elevation_deg : float
         Elevation of the tag seen from the drone, negative below it.
     folds : int
-        Pulses summed in each value.
+        Number of pulses summed in each value.
     fading_db : float, optional
-        Standard deviation of the fading; learnt when not given.
+        Standard deviation of the fading; None estimates it.
     heading_sigma_deg : float
         Error that all headings share; widens the posterior.
 
     Returns
     -------
     Bearing
-        Never fails for want of a clear direction: ask its `accepted` and `ambiguous`.
+        Check `accepted` and `ambiguous`: data without a clear direction give a bearing, too.
 
     Raises
     ------
     UsageError
-        No pulse was heard, the arrays differ in length, or method or antenna is unknown.
+        No pulse was received, the arrays differ in length, or method or antenna is unknown.
     """
     headings = _headings(yaw_deg, quaternion_wxyz)
     count = len(headings.yaw_deg)
@@ -158,7 +157,7 @@ def _headings(yaw_deg: ArrayLike | None, quaternion_wxyz: ArrayLike | None) -> H
 
 
 def _power(snr_db: ArrayLike | None, matched_power: ArrayLike | None, count: int) -> _Floats:
-    """(n,) matched power, NaN for misses."""
+    """(n,) power of each pulse over the noise power, noise included; NaN for misses."""
     if (snr_db is None) == (matched_power is None):
         raise UsageError(
             "powers are missing or given twice", remedy="Give snr_db or matched_power"
@@ -192,7 +191,6 @@ def _noise(noise_psd: ArrayLike | None, count: int) -> _Floats:
 def _classic(
     method: str, yaw_deg: _Floats, power: _Floats, noise: _Floats, pattern: AntennaPattern
 ) -> Bearing:
-    """Run a method that uses only pulses with power; the others are dropped."""
     signal = power - 1.0
     if method.startswith("pca"):
         used = signal > 1.0  # the original drops SNR ≤ 0 dB

@@ -1,10 +1,9 @@
 """Loss of information in a turn when fading is correlated from pulse to pulse.
 
-Ground and plants keep a pulse's fading for some degrees of the turn. Pulses are then not
-independent, and the fit itself absorbs some of the correlation, so that the residuals show too
-little of it. Several correlations are weighed by their restricted likelihood (Patterson and
-Thompson 1971), which corrects for the fit. Each gives the variance of a bearing relative to
-independent pulses.
+Ground and plants keep a pulse's fading for some degrees of the turn, so pulses are not
+independent. The fit absorbs some of the correlation, so the residuals show too little of it.
+Several correlations are averaged by their restricted likelihood (Patterson and Thompson 1971),
+which corrects for the fit. Each gives the variance of a bearing relative to independent pulses.
 """
 
 from dataclasses import dataclass
@@ -12,16 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-_Floats = NDArray[np.float64]
+from uavrt.localization.bearing.tuning import PATTERN
 
-_CORRELATIONS = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
-_SIZES = (1.0, 2.0, 4.0)
-"""Fading variance over the estimate for independent pulses: fading correlated over more than a
-quarter turn looks like the pattern."""
-_LASTING_SHARE = 0.2
-"""Prior share of turns with correlated fading."""
-_MOST_PULSES = 240
-LEAST_PULSES = 12
+_Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,30 +21,32 @@ class Whitened:
     """A turn's residuals after the best fit, each over its standard deviation."""
 
     residual: _Floats
-    """(n,) in order of time."""
+    """(n,) residuals in order of time [standard deviations]."""
     level_slope: _Floats
-    """(n,) derivative of the expected value by the level, in the same units."""
+    """(n,) derivative of the expected values by the level [standard deviations per dB]."""
     bearing_slope: _Floats
-    """(n,) derivative of the expected value by the bearing."""
+    """(n,) derivative of expected values by the bearing [standard deviations per degree]."""
     fading_part: _Floats
-    """(n,) share of fading in the standard deviation; the rest is noise, which is
-    uncorrelated."""
+    """(n,) share of fading in the standard deviation; the rest is uncorrelated noise."""
 
 
 def variance_factor(turn: Whitened) -> float:
-    """Variance of a bearing over that of independent pulses; 1 or more."""
-    kept = slice(0, _MOST_PULSES)
+    """Variance of a bearing under correlated fading, over that without; 1 or more."""
+    kept = slice(0, PATTERN.most_pulses)
     design = np.stack([turn.level_slope[kept], turn.bearing_slope[kept]], axis=1)
     residual, part = turn.residual[kept], turn.fading_part[kept]
     count = len(residual)
     normal = design.T @ design
-    if count < LEAST_PULSES or np.linalg.cond(normal) > 1e10:
+    if count < PATTERN.least_pulses or np.linalg.cond(normal) > 1e10:
         return 1.0
     inverse = np.linalg.inv(normal)
     lags = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-    decays = {rho: (rho ** np.arange(count))[lags] for rho in (0.0, *_CORRELATIONS)}
+    decays = {rho: (rho ** np.arange(count))[lags] for rho in (0.0, *PATTERN.correlations)}
     scores, factors = [], []
-    for rho, size in [(0.0, 1.0), *((rho, size) for rho in _CORRELATIONS for size in _SIZES)]:
+    for rho, size in [
+        (0.0, 1.0),
+        *((rho, size) for rho in PATTERN.correlations for size in PATTERN.variance_factors),
+    ]:
         law = size * np.outer(part, part) * decays[rho]
         np.fill_diagonal(law, 1.0 + (size - 1.0) * part**2)
         lower = np.linalg.cholesky(law)
@@ -68,6 +62,6 @@ def variance_factor(turn: Whitened) -> float:
         spread = inverse @ (design.T @ law @ design) @ inverse
         factors.append(float(spread[1, 1] / inverse[1, 1]))
     weight = np.exp(np.array(scores) - max(scores))
-    weight[1:] *= _LASTING_SHARE / (len(weight) - 1)
-    weight[0] *= 1.0 - _LASTING_SHARE
+    weight[1:] *= PATTERN.correlated_share / (len(weight) - 1)
+    weight[0] *= 1.0 - PATTERN.correlated_share
     return max(1.0, float(weight @ np.array(factors) / weight.sum()))

@@ -1,8 +1,8 @@
 """Learn an antenna's pattern on the airframe, from the turns of a flight.
 
-Tables are read off a maker's plot; metal nearby changes them. Each turn past a tag samples the
-pattern at an unknown bearing and level. Several turns show their common deviation: a smooth
-correction of six harmonics.
+Pattern tables are read off a maker's plot; metal nearby changes them. Each turn near a tag
+samples the pattern at an unknown bearing and level. Several turns together show the deviation
+from the table, as a smooth correction of six harmonics.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.estimate import estimate_bearing
-
-_HARMONICS = 6
-_ROUNDS = 3
-_PRIOR_DB = 1.5
-"""Error of a maker's plot, rms over all angles."""
-_STEPS = 37  # of 5°
+from uavrt.localization.bearing.tuning import LEARNED_PATTERN
 
 _Floats = NDArray[np.float64]
 
@@ -29,9 +24,9 @@ class TurnPulses:
     """The pulses of one tag during one turn."""
 
     yaw_deg: _Floats
-    """(n,) antenna's heading."""
+    """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
     matched_power: _Floats
-    """(n,) over the noise power, noise included; NaN is a miss."""
+    """(n,) power of each pulse over the noise power, noise included; NaN is a miss."""
 
 
 def learn_pattern(
@@ -49,13 +44,15 @@ def learn_pattern(
     """
     if not turns:
         raise UsageError("there are no turns to learn from", remedy="Turn in place near a tag")
-    angles = np.linspace(0.0, 180.0, _STEPS)
+    angles = np.linspace(0.0, 180.0, LEARNED_PATTERN.angles)
     table = antenna.gain_db(angles)
-    correction: _Floats = np.zeros(_HARMONICS)
+    correction: _Floats = np.zeros(LEARNED_PATTERN.harmonics)
     learnt = antenna
-    for _ in range(_ROUNDS):
-        normal = np.eye(_HARMONICS) * (_HARMONICS / (2.0 * _PRIOR_DB**2))
-        right = np.zeros(_HARMONICS)
+    for _ in range(LEARNED_PATTERN.rounds):
+        normal = np.eye(LEARNED_PATTERN.harmonics) * (
+            LEARNED_PATTERN.harmonics / (2.0 * LEARNED_PATTERN.prior_db**2)
+        )
+        right = np.zeros(LEARNED_PATTERN.harmonics)
         for turn in turns:
             rows, values = _equations(turn, learnt, correction, threshold_db)
             normal += rows.T @ rows
@@ -72,19 +69,15 @@ def learn_pattern(
 
 
 def _basis(angle_deg: _Floats) -> _Floats:
-    """(n, harmonics) cosines: mirrored, and smooth at 0° and 180°."""
-    order = np.arange(1, _HARMONICS + 1)
+    """(n, harmonics) cosines of multiples of each angle; symmetric about 0° and 180°."""
+    order = np.arange(1, LEARNED_PATTERN.harmonics + 1)
     return np.asarray(np.cos(np.radians(angle_deg)[:, None] * order))
 
 
 def _equations(
     turn: TurnPulses, pattern: AntennaPattern, correction: _Floats, threshold_db: float
 ) -> tuple[_Floats, _Floats]:
-    """Whitened linear equations of one turn for the correction, its level projected out.
-
-    The measured level is 10 log10(1 + S); it follows the gain by S / (1 + S), so pulses at the
-    noise floor contribute nothing.
-    """
+    """Whitened linear equations of one turn for the pattern's correction, without level."""
     found = estimate_bearing(
         turn.yaw_deg,
         None,
@@ -94,10 +87,10 @@ def _equations(
     )
     if not found.accepted:
         # Noise shows no pattern.
-        return np.zeros((0, _HARMONICS)), np.zeros(0)
+        return np.zeros((0, LEARNED_PATTERN.harmonics)), np.zeros(0)
     heard = ~np.isnan(turn.matched_power)
     off = found.bearing_deg - turn.yaw_deg[heard]
-    fading = found.fading_db if found.fading_db is not None else _PRIOR_DB
+    fading = found.fading_db if found.fading_db is not None else LEARNED_PATTERN.prior_db
     s = 10.0 ** (((found.level_db or 0.0) + pattern.gain_db(off)) / 10.0)
     follow = s / (1.0 + s)
     measured = 10.0 * np.log10(np.maximum(turn.matched_power[heard], 0.1))

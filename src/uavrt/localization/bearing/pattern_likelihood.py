@@ -1,4 +1,4 @@
-"""The likelihood of a rotation over bearing, with level and fading integrated out."""
+"""Likelihood of a bearing given the powers of a rotation, level and fading integrated out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,71 +6,71 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.power_law import LEVEL_STEP_DB, PowerTables
+from uavrt.localization.bearing.tuning import PATTERN
+from uavrt.localization.power_law import PowerTables
+from uavrt.localization.tuning import POWER_LAW
 
 Gain = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Bearings (b,) [deg] to the antenna's gain re boresight (n, b) [dB] at each of n pulses."""
+"""Function from bearings (b,) [deg] to gains of n pulses (n, b), relative to boresight [dB]."""
 
-GRID_STEP_DEG = 0.25
-GRID_DEG = np.arange(0.0, 360.0, GRID_STEP_DEG)
-_COARSE_STEP_DEG = 3.0
-_COARSE_LEVEL_STEPS = 6  # 1.5 dB
-_LEVELS_EACH_SIDE = 10
-_LOWEST_BORESIGHT_DB = -6.0
-"""Boresight level below which a tag cannot be heard."""
-_KEEP_NATS = 18.0
-"""Log-density below the best beyond which bearings keep the coarse grid's value [nats]."""
+GRID_DEG = np.arange(0.0, 360.0, PATTERN.grid_step_deg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BearingLikelihood:
-    """Likelihood over bearing on `GRID_DEG`."""
+    """Likelihood of each bearing on the grid `GRID_DEG`, and the fitted level and fading."""
 
     log_density: NDArray[np.float64]
     """(1440,) log-likelihood, averaged over the priors of level and fading."""
     log_flat: float
-    """The same without a direction: half for noise alone, half for a constant level."""
+    """Log-likelihood without a direction: half for noise alone, half for a constant level."""
     fading_db: float
-    """Posterior mean of the fading's standard deviation."""
+    """Posterior mean of the fading's standard deviation [dB]."""
     level_db: float
-    """SNR on boresight at the best bearing."""
+    """SNR on boresight at the best bearing [dB]."""
     level_sigma_db: float
 
 
 def bearing_likelihood(
     tables: PowerTables, gain: Gain, noise_db: NDArray[np.float64]
 ) -> BearingLikelihood:
-    """Sum the pulses' tables along the pattern, coarsely everywhere, finely near the peak.
+    """Likelihood of all bearings on a coarse grid, and of those near the peak on a fine one.
 
     `gain`: the antenna's gain at each pulse towards a bearing.
     `noise_db` (n,): noise of each pulse over the median noise [dB].
     """
     pulses = len(noise_db)
-    last = round((tables.highest_db - tables.lowest_db) / LEVEL_STEP_DB)
-    first = round(_LOWEST_BORESIGHT_DB / LEVEL_STEP_DB)
-    prior = -np.log((last + tables.lowest_db / LEVEL_STEP_DB - first) * LEVEL_STEP_DB)
+    last = round((tables.highest_db - tables.lowest_db) / POWER_LAW.level_step_db)
+    first = round(PATTERN.lowest_level_db / POWER_LAW.level_step_db)
+    prior = -np.log(
+        (last + tables.lowest_db / POWER_LAW.level_step_db - first) * POWER_LAW.level_step_db
+    )
 
     def places_of(bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (gain(bearing_deg) - noise_db[:, None] - tables.lowest_db) / LEVEL_STEP_DB
+        return (
+            gain(bearing_deg) - noise_db[:, None] - tables.lowest_db
+        ) / POWER_LAW.level_step_db
 
-    every = np.arange(first, round(tables.highest_db / LEVEL_STEP_DB), _COARSE_LEVEL_STEPS)
-    coarse_deg = np.arange(0.0, 360.0, _COARSE_STEP_DEG)
+    every = np.arange(
+        first, round(tables.highest_db / POWER_LAW.level_step_db), PATTERN.coarse_level_steps
+    )
+    coarse_deg = np.arange(0.0, 360.0, PATTERN.coarse_step_deg)
     starts = np.full(len(coarse_deg), first)
     coarse = _summed(tables.log_likelihood, places_of(coarse_deg), starts, every - first)
-    step_db = _COARSE_LEVEL_STEPS * LEVEL_STEP_DB
+    step_db = PATTERN.coarse_level_steps * POWER_LAW.level_step_db
     coarse_marginal = _log_mean(_log_integral(coarse, step_db) + prior)
-    kept = coarse_marginal > coarse_marginal.max() - _KEEP_NATS
+    kept = coarse_marginal > coarse_marginal.max() - PATTERN.refined_nats
     best_level = every[np.argmax(_log_mean(coarse), axis=1)]
 
     # Few pulses leave the level wide: longer steps then, so that the window holds it.
     level_step = 1 if pulses >= 30 else 2 if pulses >= 10 else 4
-    spread = level_step * np.arange(2 * _LEVELS_EACH_SIDE + 1)
+    spread = level_step * np.arange(2 * PATTERN.levels_each_side + 1)
     part = max(1, round(12 * min(1.0, 30.0 / np.count_nonzero(kept))))
-    offsets = (np.arange(part) / part - 0.5) * _COARSE_STEP_DEG
+    offsets = (np.arange(part) / part - 0.5) * PATTERN.coarse_step_deg
     fine_deg = (coarse_deg[kept][:, None] + offsets).ravel()
-    starts = np.repeat(best_level[kept], part) - level_step * _LEVELS_EACH_SIDE
+    starts = np.repeat(best_level[kept], part) - level_step * PATTERN.levels_each_side
     fine = _summed(tables.log_likelihood, places_of(fine_deg), starts, spread)
-    fine_marginal = _log_integral(fine, level_step * LEVEL_STEP_DB) + prior
+    fine_marginal = _log_integral(fine, level_step * POWER_LAW.level_step_db) + prior
 
     known_deg = np.concatenate([coarse_deg[~kept], fine_deg])
     known = np.concatenate([coarse_marginal[~kept], _log_mean(fine_marginal)])
@@ -78,11 +78,11 @@ def bearing_likelihood(
 
     top = int(np.argmax(_log_mean(fine_marginal)))
     share = np.exp(fine_marginal[top] - fine_marginal[top].max())
-    level, sigma = _moments(fine[top], (starts[top] + spread) * LEVEL_STEP_DB)
-    flat = np.arange(round(tables.highest_db / LEVEL_STEP_DB) - first)
-    flat_places = (-noise_db[:, None] - tables.lowest_db) / LEVEL_STEP_DB
+    level, sigma = _moments(fine[top], (starts[top] + spread) * POWER_LAW.level_step_db)
+    flat = np.arange(round(tables.highest_db / POWER_LAW.level_step_db) - first)
+    flat_places = (-noise_db[:, None] - tables.lowest_db) / POWER_LAW.level_step_db
     equal = _summed(tables.log_likelihood, flat_places, np.array([first]), flat)
-    log_equal = _log_mean(_log_integral(equal, LEVEL_STEP_DB) + prior)[0]
+    log_equal = _log_mean(_log_integral(equal, POWER_LAW.level_step_db) + prior)[0]
     log_noise = _log_mean(tables.log_likelihood[:, 0, :].sum(axis=0, dtype=np.float64))
     return BearingLikelihood(
         log_density=density,
@@ -109,10 +109,10 @@ def _summed(
     """Sum of all pulses' tables, linearly interpolated: (bearings, levels, fadings).
 
     `tables`: shape (n, steps, fadings).
-    `places` (n, b): where a boresight level of 0 dB falls in each pulse's table at each bearing
+    `places` (n, b): index of a boresight level of 0 dB in each pulse's table at each bearing
     [steps].
     `starts` (b,): lowest boresight level for each bearing [steps].
-    `steps` (k,): all boresight levels, from the lowest on [steps].
+    `steps` (k,): offsets of all boresight levels from the lowest [steps].
     """
     last = tables.shape[1] - 2
     total = np.zeros((len(starts), len(steps), tables.shape[2]), np.float64)
@@ -134,7 +134,7 @@ def _summed(
 
 
 def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Logarithm of the mean over the last axis (the fadings, equally likely at first)."""
+    """Logarithm of the mean over the last axis: the equally probable fadings."""
     top = values.max(axis=-1, keepdims=True)
     return np.asarray(np.log(np.mean(np.exp(values - top), axis=-1)) + top[..., 0])
 
@@ -142,8 +142,8 @@ def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.float64]:
     """Logarithm of the integral over the levels (axis 1).
 
-    Where the peak is narrower than a step, the sum would depend on the peak's place between the
-    levels; there a parabola through the best three gives its height and width (Laplace).
+    Where the peak is narrower than a step, the sum would depend on the peak's position between
+    two levels. There a parabola through the best three gives its height and width (Laplace).
     """
     best = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)[:, None, :]
     left, middle, right = (
@@ -158,9 +158,8 @@ def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.flo
 
 
 def _moments(values: NDArray[np.float64], level_db: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and standard deviation of the level, fadings together; (k, fadings)."""
     weight = np.exp(values - values.max()).sum(axis=1)
     weight /= weight.sum()
     mean = float(weight @ level_db)
     variance = float(weight @ (level_db - mean) ** 2)
-    return mean, max(variance, (LEVEL_STEP_DB / 2.0) ** 2) ** 0.5
+    return mean, max(variance, (POWER_LAW.level_step_db / 2.0) ** 2) ** 0.5

@@ -27,12 +27,12 @@ from uavrt.localization.bearing.posterior import (
     shortest_arc,
     whole_degrees,
 )
+from uavrt.localization.bearing.tuning import PATTERN
 from uavrt.localization.bearing.two_paths import TwoPaths, two_paths
 from uavrt.localization.headings import Headings
-from uavrt.localization.power_law import FADINGS_DB, power_tables
+from uavrt.localization.power_law import power_tables
 from uavrt.localization.results import Bearing
-
-_LEAST_FOR_CORRELATION = 12
+from uavrt.localization.tuning import POWER_LAW
 
 
 def pattern_ml(
@@ -49,16 +49,11 @@ def pattern_ml(
 ) -> Bearing:
     """Estimate a bearing with its whole posterior.
 
-    `headings`: of the n heard, then the m missed pulses.
+    `headings`: of the n received pulses, followed by the m missed ones.
     `matched_power` (n,): matched power over noise power, noise included (mean S + 1).
     `missed_below` (m,): upper limit of the missed pulses' power.
-    `noise_db` (n + m,): noise of each over the median noise.
-    `pattern`, `elevation_deg`: the antenna, and the tag's elevation, negative below the
-    horizon.
-    `folds`: pulses summed in each value.
-    `fading_db`: known standard deviation of the fading; by default it is learnt.
-    `heading_sigma_deg`: error that all headings share (compass, mounting, lag at one rate of
-    turn).
+    `noise_db` (n + m,): noise at each pulse over the median noise [dB].
+    `folds`: number of pulses summed in each value.
     """
     turn = _Turn(
         headings=headings,
@@ -88,35 +83,31 @@ class _Turn:
 
     @property
     def heard(self) -> int:
-        """Pulses that were not missed; they come first."""
         return len(self.matched_power)
 
     def gain(self, bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n + m, bearings) gain of the antenna at each pulse [dB]."""
+        """(n + m, bearings) gain of the antenna at each pulse towards the bearings [dB]."""
         return self.headings.gain_db(self.pattern, bearing_deg, self.elevation_deg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Fit:
-    """Likelihood of a turn, and misfit at its best bearing."""
-
     likelihood: BearingLikelihood
     best_deg: float
     misfit: "_Misfit"
     lasting: float
-    """Variance over that of independent pulses, from the correlation of neighbours; 1 or
-    more."""
+    """Variance factor of the bearing due to correlated fading; 1 or more."""
     double: TwoPaths | None
 
 
 def _fitted(turn: _Turn) -> _Fit:
-    """Fit one direction, and two, to a turn; some pulses may be of other senders."""
+    """Fit a turn with one path and with two; pulses may be those of other senders."""
     known, heard = turn.fading_db, turn.heard
     tables = power_tables(
         turn.matched_power,
         turn.missed_below,
         folds=turn.folds,
-        fadings_db=FADINGS_DB if known is None else (max(known, 0.3),),
+        fadings_db=POWER_LAW.fadings_db if known is None else (max(known, 0.3),),
     )
     found = bearing_likelihood(tables, turn.gain, turn.noise_db)
     best_deg = peak_deg(found.log_density)
@@ -147,7 +138,6 @@ def _fitted(turn: _Turn) -> _Fit:
 
 
 def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
-    """Bearing from a likelihood, widened for correlated fading."""
     found, misfit = fit.likelihood, fit.misfit
     inflation = fit.lasting
     if turn.fading_db is not None and misfit.reduced_chi2 is not None:
@@ -185,23 +175,23 @@ def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Misfit:
-    """Deviations of the powers from the best bearing's model."""
+    """Deviations of the powers from the model at the best bearing."""
 
     sure: NDArray[np.bool_]
-    """(n,) heard pulses that could not have been missed."""
+    """(n,) True for received pulses too strong to be missed."""
     correlation: float
-    """Correlation of neighbours, 0 to 0.9, less one standard deviation of chance."""
+    """Correlation of neighbouring deviations, 0 to 0.9, less chance's standard deviation."""
     reduced_chi2: float | None
 
     @property
     def marked(self) -> bool:
-        """True if the correlation is significant: 3.3 sigma, about 1 in 1000."""
+        """True if the correlation of the deviations is significant: 3.3 sigma, 1 in 1000."""
         count = int(self.sure.sum())
         return count > 0 and self.correlation > 2.3 / math.sqrt(count)
 
     @property
     def inflation(self) -> float:
-        """Variance over that of independent pulses, by a significant correlation."""
+        """Variance factor of the bearing due to a significant correlation; 1 without one."""
         return (1.0 + self.correlation) / (1.0 - self.correlation) if self.marked else 1.0
 
 
@@ -213,11 +203,7 @@ def _misfit(
     fading_db: float,
     folds: int,
 ) -> _Misfit:
-    """Compare heard pulses (n,) with the model's levels.
-
-    Only strong pulses near the threshold are heard, which looks like a misfit, so pulses that
-    could have been missed are left out.
-    """
+    """Deviations of received pulses (n,) from the model, without pulses near the threshold."""
     residual = _residuals(matched_power, model_db, fading_db, folds)
     sure = np.ones(len(residual), bool)
     if len(missed_below):
@@ -238,7 +224,7 @@ def _whitened(
     fading_db: float,
     folds: int,
 ) -> Whitened:
-    """Residuals and slopes of the sure pulses, over their standard deviations."""
+    """Residuals and slopes of pulses too strong to be missed [standard deviations]."""
     s = 10.0 ** (model_db[sure] / 10.0)
     follow = s / (1.0 + s)
     noise = 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2)
@@ -257,10 +243,10 @@ def _residuals(
     fading_db: float,
     folds: int,
 ) -> NDArray[np.float64]:
-    """Measured minus expected power in decibel, over its standard deviation, cut at ± 4.
+    """Measured minus expected power in decibels, over its standard deviation, cut at ± 4.
 
-    In decibel because fading is; the variance is that of noise and fading together, (4.34)² (1
-    + 2 S) / (folds (1 + S)²) + (fading S / (1 + S))², S the expected SNR.
+    The variance is that of noise and fading together, (4.34)² (1 + 2 S) / (folds (1 + S)²) +
+    (fading S / (1 + S))², S the expected SNR.
     """
     s = 10.0 ** (model_db / 10.0)
     measured = 10.0 * np.log10(np.maximum(matched_power, 0.1))
@@ -271,13 +257,9 @@ def _residuals(
 
 
 def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
-    """Correlation of neighbouring residuals, in time or over heading; 0 to 0.9.
-
-    Correlated fading, or a wrong pattern, reduces the information of n pulses. One standard
-    deviation of chance, 1/√n, is subtracted.
-    """
+    """Correlation of neighbouring residuals, 0 to 0.9, less chance's standard deviation."""
     count = len(residual)
-    if count < _LEAST_FOR_CORRELATION:
+    if count < PATTERN.correlation_pulses:
         return 0.0
     power = float(residual @ residual)
     turned = residual[np.argsort(yaw_deg, kind="stable")]

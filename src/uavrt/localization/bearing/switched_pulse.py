@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-
-_FINE_HZ = 0.5
-"""Step of the carrier search; over 20 ms, 0.03 of a turn."""
+from uavrt.localization.bearing.tuning import SIMPLE
 
 _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
@@ -21,15 +19,15 @@ _Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwitchSchedule:
-    """Position of the antenna switch at each sample."""
+    """Position of the antenna switch as a function of the sample number."""
 
     positions: int
     dwell_samples: int
-    """Samples at each position, settling included."""
+    """Number of samples for which the switch stays at each position, settling included."""
     settle_samples: int = 0
-    """Samples at the beginning of a visit that are ignored."""
+    """Number of samples ignored after each switching."""
     first_sample: int = 0
-    """A sample at which the switch came to position 0."""
+    """Number of a sample at which the switch changes to position 0."""
 
     def __post_init__(self) -> None:
         if self.positions < 2 or not 0 <= self.settle_samples < self.dwell_samples:
@@ -57,17 +55,17 @@ class SwitchedPulse:
     """One pulse received through an antenna switch."""
 
     amplitudes: _Complex
-    """(positions,) with a common phase."""
+    """(positions,) complex amplitudes; their common phase is arbitrary."""
     counts: _Floats
-    """(positions,) samples behind each amplitude."""
+    """(positions,) number of samples averaged for each amplitude."""
     noise_power: float
-    """Noise power of one sample, in the bandwidth of a visit."""
+    """Noise power of one sample, in the bandwidth of one visit of a position."""
     frequency_hz: float
-    """Carrier in the samples, refined."""
+    """Refined carrier frequency in the samples [Hz]."""
 
     @property
     def snr_db(self) -> float:
-        """Energy of the pulse over the noise density, from all positions together."""
+        """Energy of the pulse over the noise density, from all positions together [dB]."""
         energy = float(np.sum(self.counts * np.abs(self.amplitudes) ** 2))
         excess = energy / self.noise_power - len(self.counts)
         return float(10.0 * np.log10(max(excess, 1e-3)))
@@ -86,10 +84,10 @@ def measure_switched_pulse(
 
     `samples` (n,): the pulse, from its first to its last sample.
     `schedule`: position of the switch at each sample.
-    `first_sample`: index of the first of the samples in the schedule.
+    `first_sample`: number of `samples[0]` in the schedule.
     `frequency_hz`: carrier of the pulse in the samples, from the detector.
-    `frequency_error_hz`: largest error of the carrier: it is searched, since 10 Hz are a fifth
-    of a turn over 20 ms.
+    `frequency_error_hz`: largest error of the carrier, within which it is searched; 10 Hz are a
+        fifth of a turn over 20 ms.
     Raises `UsageError`: a position was visited less than twice during the pulse.
     """
     visit = schedule.visits(first_sample, len(samples))
@@ -132,9 +130,9 @@ def _fitted(
     frequency_hz: float,
     frequency_error_hz: float,
 ) -> SwitchedPulse:
-    """Carrier at which the visits (v,) of each position (v, p) agree best."""
-    steps = max(1, round(frequency_error_hz / _FINE_HZ))
-    error_hz = np.arange(-steps, steps + 1) * _FINE_HZ
+    """Carrier and amplitudes for which the visits (v,) to each position (v, p) agree best."""
+    steps = max(1, round(frequency_error_hz / SIMPLE.carrier_step_hz))
+    error_hz = np.arange(-steps, steps + 1) * SIMPLE.carrier_step_hz
     turned = sums * np.exp(-2j * np.pi * error_hz[:, None] * middle_s)
     weight = counts @ at_position
     power = np.sum(np.abs(turned @ at_position) ** 2 / weight, axis=1)

@@ -1,7 +1,7 @@
-"""Find turns in place in a flight: the rotations that bearings come from.
+"""Find turns in place in a flight, which bearings are estimated from.
 
-They are found in the poses: clockwise or counter-clockwise, with pauses, at 8 or 16 stops or
-without any.
+The poses show them: clockwise or counter-clockwise, with pauses, at 8 or 16 stops or without
+any.
 """
 
 from dataclasses import dataclass
@@ -12,62 +12,31 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.angles import widest_gap_deg
+from uavrt.localization.bearing.tuning import TURNS
 from uavrt.tangent_plane import plane_around
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
-_SPEED_WINDOW_S = 3.0
-_WALK_WINDOW_S = 15.0
-_WALK_M = 3.0
-"""Least shift between the places in the windows before and after that is a walk …"""
-_WAY_M = 7.5
-"""… where the whole path is this long: half the radius within which a turn stays."""
-_DRIFT_M_PER_DEG = _WAY_M / 90.0
-"""Largest drift of a turn in place: a whole turn then stays within its radius."""
-_DRIFT_SPANS_DEG = (45.0, 90.0)
-"""Spans over which the drift is measured: a turn with stops needs the longer one."""
-_DRIFT_STEP_DEG = 5.0
-_ONE_TURN_DEG = 450.0
-"""Longest yaw of a single turn; more may be two turns with a path between them."""
-_REVERSAL_DEG = 25.0
-"""Yaw back by less than this is hovering or overshoot, not a reversal."""
-_STILL_DEG = 4.0
-"""Largest change of heading during a stop …"""
-_STOP_S = 2.0
-"""… and its least duration."""
-_LEAST_RATE_DEG_S = 0.5
-"""A heading that changes more slowly drifts …"""
-_SHARE_OF_RATE = 0.1
-"""… as does one that changes by less than this share of the turn's own rate."""
-_RATE_WINDOW_S = 4.0
-"""Window in which a compass with 0.5° of error gives rates to 0.15°/s."""
-_CLIMB_M_S = 0.4
-CLIMB_M = 4.0
-"""Least height of a climb or descent; gusts cause less."""
-_GROUND_SHARE = 0.15
-_GROUND_M = (2.0, 6.0)
-"""Share of the usual height below which the drone is on the ground, within these limits: a
-barometer drifts by metres in a flight."""
-_AROUND_START_M = 100.0
-"""Distance from start and landing beyond which low flight is over lower ground."""
+_DRIFT_M_PER_DEG = TURNS.path_m / 90.0
+"""Largest drift of a turn in place [m/°]; a whole turn then stays within its radius."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """A turn in place."""
+    """A turn in place: its times, angle, stops and position."""
 
     start_time_ns: int
     end_time_ns: int
     turned_deg: float
-    """Whole angle, positive is clockwise."""
+    """Angle of the whole turn [deg], positive clockwise."""
     stops: int
     """Number of stops; 0 is a continuous turn."""
     widest_gap_deg: float
-    """Widest arc of headings that was skipped."""
+    """Widest arc of headings without a pose [deg]."""
     latitude_deg: float
-    """Median place during the turn."""
+    """Median latitude during the turn."""
     longitude_deg: float
 
 
@@ -89,25 +58,24 @@ def find_turns(
     Parameters
     ----------
     time_ns : (n,) int64 array
-        Times of the poses, rising.
+        Rising times of the poses.
     yaw_deg : (n,) float64 array
         Heading, any turn; several poses for each 180° of turn.
     latitude_deg, longitude_deg : (n,) float64 arrays
-        Places of the poses.
+        Positions of the poses.
     height_m : (n,) float64 array, optional
-        Above the take-off, NaN where it is not known. With it, only what is turned in flight is
-        a turn: no standing, no climb, no carrying after the landing. Where nothing flew, as on
-        a turntable, all turns count.
+        Height above the take-off, NaN where unknown. With it, rotations on the ground and
+        during a climb are no turns, unless nothing flew, as on a turntable.
     on_ground : (n,) bool array, optional
-        What the autopilot says was not flown; no turn, wherever the barometer has drifted to.
+        True where the autopilot reports to be on the ground: no turn.
     least_turn_deg : float
-        Smaller turns are none. 270° is what the original asks for; 8 stops turn by 315°.
+        Least angle of a turn. The original needs 270°; a turn of 8 stops has 315°.
     speed_m_s : float
-        Faster is flying; slower is hovering in wind.
+        Largest speed of hovering in wind.
     radius_m : float
-        A place is left when the drone is farther from its middle.
+        Largest distance from the middle of a turn.
     longest_pause_s : float
-        A longer stop ends a turn.
+        Longest stop within a turn.
 
     Raises
     ------
@@ -149,7 +117,7 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Median of places, exact to the last digit for any other part of the flight."""
+    """Median latitude and longitude, exactly independent of the rest of the flight."""
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
@@ -171,8 +139,7 @@ def _described(
 
 
 def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
-    """Speed over a window of 3 s, which averages GNSS noise out."""
-    half = _SPEED_WINDOW_S / 2.0
+    half = TURNS.speed_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     moved = np.hypot(east[after] - east[before], north[after] - north[before])
@@ -180,31 +147,32 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
 
 
 def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Mask of permanent changes of place, however slow."""
-    before = np.searchsorted(seconds, seconds - _WALK_WINDOW_S)
-    after = np.searchsorted(seconds, seconds + _WALK_WINDOW_S, side="right") - 1
+    """True for poses during a permanent change of place, however slow."""
+    before = np.searchsorted(seconds, seconds - TURNS.path_window_s)
+    after = np.searchsorted(seconds, seconds + TURNS.path_window_s, side="right") - 1
 
     def moved_m(other: _Ints) -> _Floats:
         return np.asarray(np.hypot(east - east[other], north - north[other]))
 
-    return _that_lead_away(np.minimum(moved_m(before), moved_m(after)) >= _WALK_M, east, north)
+    return _that_lead_away(
+        np.minimum(moved_m(before), moved_m(after)) >= TURNS.window_shift_m, east, north
+    )
 
 
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """Keep the runs whose ends are `_WAY_M` apart."""
+    """Keep the stretches of True whose ends are at least the length of a path apart."""
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
-        kept[first:last] = way_m >= _WAY_M
+        kept[first:last] = way_m >= TURNS.path_m
     return kept
 
 
 def _walking(
     east: _Floats, north: _Floats, yaw: _Floats, moves: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Mask of permanent changes of place without the rotation of a turn in place."""
     walking = moves.copy()
     for first, last in _runs(moves):
         within = slice(first, last)
@@ -213,13 +181,13 @@ def _walking(
 
 
 def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Mask of rotations over a span of degrees with little change of place."""
+    """True for poses during a rotation with little change of place."""
     found = np.zeros(len(yaw), bool)
     for start, stop in _legs(yaw):
         way = np.sign(yaw[stop] - yaw[start])
         turned = np.maximum.accumulate(way * (yaw[start : stop + 1] - yaw[start]))
-        for span_deg in _DRIFT_SPANS_DEG:
-            from_deg = np.arange(turned[-1] - span_deg, 0.0, -_DRIFT_STEP_DEG)
+        for span_deg in TURNS.drift_spans_deg:
+            from_deg = np.arange(turned[-1] - span_deg, 0.0, -TURNS.drift_step_deg)
             begins = start + np.searchsorted(turned, from_deg, side="right") - 1
             ends = start + np.searchsorted(turned, from_deg + span_deg) + 1
             for first, last in zip(begins, ends, strict=True):
@@ -230,28 +198,27 @@ def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool
 
 
 def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First index, and the one after the last, of each stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _legs(yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of stretches in one direction; small reversals are ignored."""
+    """First and last index of rotations in one sense; small reversals are ignored."""
     legs, start, best = [], 0, 0
     way = 0.0
     for index in range(1, len(yaw)):
         if way == 0.0:
-            if abs(yaw[index] - yaw[start]) > _REVERSAL_DEG:
+            if abs(yaw[index] - yaw[start]) > TURNS.reversal_deg:
                 way = float(np.sign(yaw[index] - yaw[start]))
                 best = index
         elif way * (yaw[index] - yaw[best]) > 0.0:
             best = index
-        elif way * (yaw[best] - yaw[index]) > _REVERSAL_DEG:
+        elif way * (yaw[best] - yaw[index]) > TURNS.reversal_deg:
             legs.append((start, best))
             start, best, way = best, index, -way
     if way != 0.0:
         # The last stop lasts as long as the heading is held.
-        held = np.flatnonzero(np.abs(yaw[best:] - yaw[best]) > _STILL_DEG)
+        held = np.flatnonzero(np.abs(yaw[best:] - yaw[best]) > TURNS.stop_deg)
         legs.append((start, best + int(held[0]) - 1 if len(held) else len(yaw) - 1))
     return legs
 
@@ -259,14 +226,17 @@ def _legs(yaw: _Floats) -> list[tuple[int, int]]:
 def _cut_at_paths(
     yaw: _Floats, moves: NDArray[np.bool_], legs: list[tuple[int, int]], least_turn_deg: float
 ) -> list[tuple[int, int]]:
-    """Cut legs where a path begins or ends with a whole turn; it may be a turn that drifts."""
+    """Cut rotations where a path separates whole turns; a drifting turn is not cut."""
     parts = []
     for start, stop in legs:
         cuts = [start]
         for first, last in _runs(moves[start : stop + 1]):
             ends = start + first, start + last - 1
             turned = abs(yaw[ends[0]] - yaw[start]), abs(yaw[stop] - yaw[ends[1]])
-            if max(turned) >= least_turn_deg and abs(yaw[stop] - yaw[start]) > _ONE_TURN_DEG:
+            if (
+                max(turned) >= least_turn_deg
+                and abs(yaw[stop] - yaw[start]) > TURNS.one_turn_deg
+            ):
                 cuts += ends
         parts += list(pairwise([*cuts, stop]))
     return parts
@@ -276,13 +246,16 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
     stops: list[tuple[int, int]] = []
     start = 0
     for index in range(1, len(yaw) + 1):
-        if index < len(yaw) and abs(yaw[index] - yaw[start]) <= _STILL_DEG:
+        if index < len(yaw) and abs(yaw[index] - yaw[start]) <= TURNS.stop_deg:
             continue
-        if seconds[index - 1] - seconds[start] >= _STOP_S:
+        if seconds[index - 1] - seconds[start] >= TURNS.stop_s:
             held = float(np.median(yaw[start:index]))
             before = stops[-1] if stops else None
             # A stop that begins with the end of a turn is cut in two by its own drift.
-            if before and abs(held - np.median(yaw[before[0] : before[1] + 1])) <= _STILL_DEG:
+            if (
+                before
+                and abs(held - np.median(yaw[before[0] : before[1] + 1])) <= TURNS.stop_deg
+            ):
                 stops[-1] = (before[0], index - 1)
             else:
                 stops.append((start, index - 1))
@@ -293,10 +266,10 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
 def _without_long_pauses(
     seconds: _Floats, yaw: _Floats, longest_pause_s: float
 ) -> list[tuple[int, int]]:
-    """Cut a leg at long pauses, and leave out standing and drifting before and after it.
+    """Cut a stretch of rotation at long pauses; omit rest and drift before and after it.
 
-    The first and the last stop are kept as long as the longest one between them, so that a turn
-    of eight stops has eight; of a turn without stops only the moving part is left.
+    The first and the last stop keep the length of the longest one between them, so that a turn
+    of eight stops has eight. A turn without stops keeps only its moving part.
     """
     moving = _runs(_turning(seconds, yaw))
     parts: list[list[tuple[int, int]]] = []
@@ -312,48 +285,45 @@ def _without_long_pauses(
 def _with_its_stops(
     seconds: _Floats, yaw: _Floats, moving: list[tuple[int, int]]
 ) -> tuple[int, int]:
-    """First and last index of moving stretches with the stops before and after them."""
     stops = [seconds[b[0]] - seconds[a[1] - 1] for a, b in pairwise(moving)]
-    hold_s = max((one for one in stops if one >= _STOP_S), default=0.0) + 0.5
+    hold_s = max((one for one in stops if one >= TURNS.stop_s), default=0.0) + 0.5
     first, last = moving[0][0], moving[-1][1] - 1
-    still = np.abs(yaw[: first + 1] - yaw[first]) <= _STILL_DEG
+    still = np.abs(yaw[: first + 1] - yaw[first]) <= TURNS.stop_deg
     still &= seconds[: first + 1] >= seconds[first] - hold_s
     first = int(np.flatnonzero(~still)[-1]) + 1 if not still.all() else 0
-    still = np.abs(yaw[last:] - yaw[last]) <= _STILL_DEG
+    still = np.abs(yaw[last:] - yaw[last]) <= TURNS.stop_deg
     still &= seconds[last:] <= seconds[last] + hold_s
     last += (int(np.flatnonzero(~still)[0]) if not still.all() else len(still)) - 1
     return first, last
 
 
 def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
-    """Mask of headings that change as in a turn, faster than a compass drifts."""
-    half = _RATE_WINDOW_S / 2.0
+    half = TURNS.rate_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     took = np.maximum(seconds[after] - seconds[before], 1e-3)
     rate = np.abs(yaw[after] - yaw[before]) / took
-    fast = rate >= _LEAST_RATE_DEG_S
+    fast = rate >= TURNS.least_rate_deg_s
     usual = float(np.median(rate[fast])) if fast.any() else 0.0
-    turning = rate >= max(_LEAST_RATE_DEG_S, _SHARE_OF_RATE * usual)
+    turning = rate >= max(TURNS.least_rate_deg_s, TURNS.least_rate_share * usual)
     # The window reaches two seconds into what stands still: seen where it is, not around it.
     edges = np.zeros(len(yaw), bool)
     for first, last in _runs(turning):
         span = yaw[first:last]
-        if abs(span[-1] - span[0]) <= _STILL_DEG:
+        if abs(span[-1] - span[0]) <= TURNS.stop_deg:
             continue
-        gone = np.flatnonzero(np.abs(span - span[0]) > 0.5 * _STILL_DEG)
-        left = np.flatnonzero(np.abs(span - span[-1]) > 0.5 * _STILL_DEG)
+        gone = np.flatnonzero(np.abs(span - span[0]) > 0.5 * TURNS.stop_deg)
+        left = np.flatnonzero(np.abs(span - span[-1]) > 0.5 * TURNS.stop_deg)
         edges[first + int(gone[0]) - 1 : first + int(left[-1]) + 2] = True
     return edges
 
 
 def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Mask of poses off the ground; all without heights, or when it never took off."""
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)
     usual = float(np.quantile(np.abs(height_m[known]), 0.9))
-    margin = float(np.clip(_GROUND_SHARE * usual, *_GROUND_M))
+    margin = float(np.clip(TURNS.ground_share * usual, *TURNS.ground_m))
     off = ~known | (np.abs(height_m) > margin)
     flown = np.flatnonzero(off & known)
     if not len(flown):
@@ -361,19 +331,18 @@ def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.b
     away = np.ones(len(height_m), bool)
     away[: flown[0]] = away[flown[-1] + 1 :] = False
     for place in (max(0, flown[0] - 1), min(len(east) - 1, flown[-1] + 1)):
-        away &= np.hypot(east - east[place], north - north[place]) > _AROUND_START_M
+        away &= np.hypot(east - east[place], north - north[place]) > TURNS.around_start_m
     return np.asarray(off | away)
 
 
 def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Mask of climbs and descents by several metres."""
     height = np.where(np.isfinite(height_m), height_m, 0.0)
-    half = _SPEED_WINDOW_S / 2.0
+    half = TURNS.speed_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     rate = (height[after] - height[before]) / np.maximum(seconds[after] - seconds[before], 1e-3)
     climbing = np.zeros(len(height), bool)
     for way in (1.0, -1.0):
-        for first, last in _runs(way * rate > _CLIMB_M_S):
-            climbing[first:last] |= abs(height[last - 1] - height[first]) >= CLIMB_M
+        for first, last in _runs(way * rate > TURNS.climb_m_s):
+            climbing[first:last] |= abs(height[last - 1] - height[first]) >= TURNS.climb_m
     return climbing

@@ -1,4 +1,4 @@
-"""Compare one direction with a wave and its reflection as the source of a rotation's levels.
+"""Test whether a direct wave and a reflection explain a rotation's levels better than one wave.
 
 A reflection by a wall or a slope adds to the direct wave with some strength and phase. It turns
 a bearing by tens of degrees without a visible sign: one lobe, good signal. Only the shape of
@@ -14,32 +14,22 @@ from numpy.typing import NDArray
 
 from uavrt.lean_scipy import fft
 from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.bearing.tuning import TWO_PATHS
 
-_APART_DEG = (20, 35, 50, 65, 80, 100, 120, 150, 180)
-_WEAKER_DB = (-6.0, -3.0, -1.0, 0.0)
-_COSINES = (-0.95, -0.6, 0.0, 0.6, 0.95)
-"""Cosines of the phase between the paths."""
-_PAIRS_DEG = [sign * turn for turn in _APART_DEG for sign in (1, -1)][:-1]
-"""Directions of the weaker path, clockwise from the stronger one; 180° once."""
+_PAIRS_DEG = [sign * turn for turn in TWO_PATHS.apart_deg for sign in (1, -1)][:-1]
+"""Directions of the weaker path, clockwise from the stronger one [deg]; 180° occurs once."""
 _WEAKER_SHARE = np.repeat(
-    [1.0 / (1.0 + 10.0 ** (-db / 10.0)) for db in _WEAKER_DB], len(_COSINES)
+    [1.0 / (1.0 + 10.0 ** (-db / 10.0)) for db in TWO_PATHS.weaker_db], len(TWO_PATHS.cosines)
 )
-"""Share of the weaker path in the power of both, by strength and phase."""
-_ROUNDING = 1e-9
-"""Rounding error of the sum of squares of the levels; smaller residuals are exact fits."""
-LEAST_PULSES = 12
-LEAST_GAIN = 8.0
-"""Least rise of the log-likelihood over one path, fading's size free in both. Three more
-parameters and some hundred shapes gain less in 99 % of rotations without reflection
-(experiment B6)."""
+"""Share of the weaker path in the power of both, for each strength and phase."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TwoPaths:
-    """A wave and its reflection as the source of a rotation's levels."""
+    """A direct wave and its reflection, as fitted to the levels of a rotation."""
 
     bearings_deg: tuple[float, float]
-    """The best pair, the stronger first; either may be the tag's."""
+    """Bearings of the stronger and the weaker path; either may be the tag's."""
     density: NDArray[np.float64]
     """(360,) probability of whole degrees; the stronger path is more probably the direct
     one."""
@@ -55,15 +45,15 @@ def two_paths(
     fading_db: float,
     folds: int,
 ) -> TwoPaths | None:
-    """Find two paths; None where one path explains the levels, and for too few pulses.
+    """Fit two paths to a rotation; None where one path explains the levels, or with few pulses.
 
     `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
-    noise over its median, of heard pulses.
+    noise over its median, of received pulses.
     `pattern`: used in the plane of its elements.
     `level_db`, `fading_db`: boresight SNR and fading of the one-path fit; they set the weights
-    and the noise floor only.
+        and the noise floor only.
     """
-    if len(yaw_deg) < LEAST_PULSES:
+    if len(yaw_deg) < TWO_PATHS.least_pulses:
         return None
     # The level stays what it was: a fit with two paths has the same strongest pulses.
     shapes = 10.0 * np.log10(1.0 + 10.0 ** (level_db / 10.0) * _powers(pattern))
@@ -82,10 +72,10 @@ def two_paths(
     squares = float(weight @ level**2)
     cost = fft.irfft(fft.rfft(shapes**2) * weights - 2.0 * harmonics * levels, 360)
     cost += squares - (sum_level - mean) ** 2 / total
-    cost = np.maximum(cost, _ROUNDING * squares)
+    cost = np.maximum(cost, TWO_PATHS.exact_fit * squares)
     pulses = len(yaw_deg)
     one, many = cost[0].min(), cost[1:]
-    if 0.5 * pulses * np.log(one / many.min()) <= LEAST_GAIN:
+    if 0.5 * pulses * np.log(one / many.min()) <= TWO_PATHS.least_gain_nats:
         return None
     place = np.unravel_index(int(np.argmin(many)), many.shape)
     apart = _PAIRS_DEG[int(place[0]) // len(_WEAKER_SHARE)]
@@ -103,15 +93,15 @@ def two_paths(
 
 @lru_cache(maxsize=8)
 def _powers(pattern: AntennaPattern) -> NDArray[np.float64]:
-    """Powers (shapes, 360) over the strongest, by bearing of the stronger path minus heading.
+    """Model powers (shapes, 360) by bearing of the stronger path minus heading; the peak is 1.
 
-    The first is that of one path; then pairs by direction of the weaker path, as in
-    `_PAIRS_DEG`, by its strength and by its phase.
+    The first shape has one path. Pairs follow, by direction of the weaker path as in
+    `_PAIRS_DEG`, then by its strength and its phase.
     """
     amplitude = 10.0 ** (pattern.gain_db(np.arange(360.0)) / 20.0)
     second = np.stack([np.roll(amplitude, -turn) for turn in _PAIRS_DEG])[:, None, None, :]
-    ratio = (10.0 ** (np.array(_WEAKER_DB) / 20.0))[None, :, None, None]
-    cosine = np.array(_COSINES)[None, None, :, None]
+    ratio = (10.0 ** (np.array(TWO_PATHS.weaker_db) / 20.0))[None, :, None, None]
+    cosine = np.array(TWO_PATHS.cosines)[None, None, :, None]
     power = amplitude**2 + (ratio * second) ** 2 + 2.0 * ratio * cosine * amplitude * second
     every = np.concatenate([amplitude[None, :] ** 2, power.reshape(-1, 360)])
     return np.asarray(every / every.max(axis=1, keepdims=True))

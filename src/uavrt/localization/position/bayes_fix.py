@@ -1,9 +1,10 @@
-"""The default position estimator: a posterior on cells that are small near its peaks.
+"""Posterior of a position on cells that are small near its peaks; the default estimator uses
+it.
 
-Cells are quartered as long as they hold much, so that narrow peaks and long tails, such as
-those of a possible outlier, are both resolved. The point is the most probable one; the mean
-lies outward of it for weak geometry. A bearing that contradicts the others is reported instead
-of followed: each may be an outlier with some probability.
+Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
+a possible outlier, are both resolved. The point is the most probable one; the mean lies outward
+of it for weak geometry. A bearing that contradicts the others is reported and does not move the
+point, since each may be an outlier with some probability.
 """
 
 from collections.abc import Callable
@@ -12,37 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Ellipse
 
 _Floats = NDArray[np.float64]
 
 LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
-"""East and north (places,) and the width of each place's cell [m] (places,) to the
-log-likelihood (places,)."""
-
-FIRST_CELLS = 36
-"""Cells along the longer side before any is quartered."""
-HELD = 6e-4
-_HELD_ROUGH = 2e-6
-"""Probability above which a cell is quartered if its density varies by `_ROUGH_NATS`: a narrow
-peak may be hidden in it."""
-_ROUGH_NATS = 1.0
-_ADDED_NATS = 0.1
-"""Change of log-likelihood by another likelihood from which a cell may be rough again."""
-_OVERLOOKED_NATS = 7.0
-"""Log-density below the best within which a wide cell's corner may be an overlooked peak."""
-_EDGE_SHARE = 0.005
-"""Probability of the outermost cells above which the area cuts the posterior."""
-_LEAST_WIDTH_M = 0.1
-_ROUNDS = 18
-_MAP_SHARE = 0.999
-"""Least probability that the map covers; the rest is spread too wide."""
-_PEAK_CELLS = 44
+"""Function from east, north and cell width [m] (places,) to the log-likelihood (places,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Area:
-    """Search area: a rectangle in the local plane."""
+    """Rectangle in the local plane that is searched for a tag."""
 
     west_m: float
     east_m: float
@@ -50,7 +32,7 @@ class Area:
     north_m: float
 
     def touches(self, east_m: _Floats, north_m: _Floats, half_m: _Floats) -> NDArray[np.bool_]:
-        """(n,) mask of squares around some places that overlap the area."""
+        """(n,) True for squares around given places that overlap the area."""
         return np.asarray(
             (east_m + half_m > self.west_m)
             & (east_m - half_m < self.east_m)
@@ -61,29 +43,27 @@ class Area:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """A posterior on squares of any size that cover an area, and derived values."""
+    """Posterior on squares of any size that cover an area, and derived values."""
 
     east_m: _Floats
     north_m: _Floats
     width_m: _Floats
     log_density: _Floats
-    """(n,) up to a constant."""
+    """(n,) log-density of each cell, up to a constant."""
     probability: _Floats
-    """(n,) of each cell; sums to 1."""
+    """(n,) probability of each cell; sums to 1."""
     log_evidence: float
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     rough: NDArray[np.bool_]
-    """(n,) True where the density may vary by more than `_ROUGH_NATS` in a cell."""
+    """(n,) True where the density may vary strongly within a cell."""
 
     def mean(self) -> tuple[float, float]:
-        """East and north [m] of the point with the least expected squared error."""
+        """East and north of the mean [m], which has the least expected squared error."""
         return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
 
     def likely_mean(self, log_likelihood: LogLikelihood) -> tuple[float, float]:
-        """East and north [m] of the mean; or, where it lies between peaks, of the nearest place
-        in the smallest set of cells that holds half.
-        """
+        """East and north of the mean [m]; if that is unlikely, of the nearest likely place."""
         east, north = self.mean()
         order = np.argsort(-self.log_density)
         kept = order[: int(np.searchsorted(np.cumsum(self.probability[order]), 0.5)) + 1]
@@ -94,7 +74,7 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float]) -> float:
-        """Radius of the circle around a point that holds some share.
+        """Radius of the circle around a point that holds a given probability [m].
 
         Each cell's probability is spread over its range of distances.
         """
@@ -113,7 +93,7 @@ class Cells:
         return ellipse_of((centred * self.probability) @ centred.T, share)
 
     def around(self, share: float) -> Area:
-        """Rectangle around the smallest set of cells that holds some share."""
+        """Rectangle around the smallest set of cells that holds a given probability."""
         density = self.probability / self.width_m**2
         order = np.argsort(-density)
         count = int(np.searchsorted(np.cumsum(self.probability[order]), share)) + 1
@@ -129,7 +109,7 @@ class Cells:
 
 
 def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
-    """Ellipse that holds some share of a normal law, from its (2, 2) covariance."""
+    """Ellipse that holds a given probability of a normal law, from its (2, 2) covariance."""
     values, vectors = np.linalg.eigh(covariance_m2)
     scale = -2.0 * np.log(1.0 - share)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
@@ -142,7 +122,7 @@ def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
 
 
 def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
-    """Radius of the centred circle that holds some share of a normal law in the plane."""
+    """Radius of the centred circle that holds a given probability of a normal law [m]."""
     angle = np.radians(np.arange(0.5, 360.0))
     across = np.stack([np.cos(angle), np.sin(angle)])
     q = np.einsum("ia,ij,ja->a", across, np.linalg.inv(covariance_m2), across)
@@ -159,22 +139,22 @@ def cells_posterior(
     log_likelihood: LogLikelihood,
     area: Area,
     *,
-    first_cells: int = FIRST_CELLS,
-    held: float = HELD,
+    first_cells: int = GRID.first_cells,
+    held: float = GRID.held,
     growth: float = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
-    """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
+    """Evaluate a likelihood on squares, and again on the quarters of probable squares.
 
     `log_likelihood`: gets the width of each cell, so that a ray narrower than it is not missed.
-    `first_cells`: cells along the longer side at first.
-    `held`: a cell that holds more is quartered.
-    `growth`: rough cells are quartered from a small share on, which is multiplied by this after
-    each quartering, since the slopes of a resolved peak hold little.
+    `first_cells`: number of cells along the longer side at first.
+    `held`: probability above which a cell is quartered.
+    `growth`: factor at each quartering on the probability above which a rough cell is
+        quartered, since the slopes of a resolved peak hold little.
     `within`: area in which cells wider than `shows_m` are always quartered: the middle of a
-    cell that is wider than its peak may be less likely than a lower peak by a hundred nats.
-    `shows_m`: width of a cell that misses no peak.
+        cell that is wider than its peak may be less likely than a lower peak by a hundred nats.
+    `shows_m`: cell width that misses no peak [m].
     """
     east, north, width = _squares(area, first_cells)
     density = log_likelihood(east, north, width)
@@ -185,14 +165,13 @@ def cells_posterior(
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
-    """Evaluate a likelihood that extends the one that cells were made for.
+    """Refine an earlier posterior's cells for a likelihood with further data.
 
-    `cells`: starting cells, as small as the first likelihood needs.
-    `density` (n,): the new likelihood at these cells. Where it is the first one's but for a
-    constant, no cell is quartered again.
+    `density` (n,): the new log-likelihood at these cells. Where it differs from the first one
+    by a constant only, no cell is quartered again.
     """
     added = density - cells.log_density
-    rough = cells.rough | (added - np.median(added) > _ADDED_NATS)
+    rough = cells.rough | (added - np.median(added) > GRID.added_nats)
     return _quartered(
         log_likelihood, cells.east_m, cells.north_m, cells.width_m, density, rough
     )
@@ -205,19 +184,18 @@ def _quartered(
     width: _Floats,
     density: _Floats,
     rough: NDArray[np.bool_],
-    held: float = HELD,
+    held: float = GRID.held,
     growth: float = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
-    """Quarter cells as long as they hold much, or vary much within."""
-    at_edge = _edge_share(east, north, width, density) > _EDGE_SHARE
+    at_edge = _edge_share(east, north, width, density) > GRID.edge_share
     widest = float(width.max())
-    for _ in range(_ROUNDS):
+    for _ in range(GRID.rounds):
         probability, _ = _normalised(density, width)
-        worth = _HELD_ROUGH * growth ** np.log2(widest / width)
+        worth = GRID.held_rough * growth ** np.log2(widest / width)
         split = (probability > held) | (rough & (probability > worth))
-        split &= width > _LEAST_WIDTH_M
+        split &= width > GRID.least_width_m
         if within is not None:
             split |= (width > shows_m) & within.touches(east, north, 0.5 * width)
         if within is not None and not split.any():
@@ -230,8 +208,10 @@ def _quartered(
         new_north = np.concatenate([north[split] + y * quarter for _, y in corners])
         new_width = np.tile(2.0 * quarter, 4)
         new_density = log_likelihood(new_east, new_north, new_width)
-        varies = np.ptp(new_density.reshape(4, -1), axis=0) > _ROUGH_NATS
-        varies |= np.abs(new_density.reshape(4, -1).max(axis=0) - density[split]) > _ROUGH_NATS
+        varies = np.ptp(new_density.reshape(4, -1), axis=0) > GRID.rough_nats
+        varies |= (
+            np.abs(new_density.reshape(4, -1).max(axis=0) - density[split]) > GRID.rough_nats
+        )
         rough = np.concatenate([rough[~split], np.tile(varies, 4)])
         east, north = (
             np.concatenate([old[~split], new])
@@ -261,14 +241,16 @@ def _overlooked(
     shows_m: float,
     within: Area,
 ) -> NDArray[np.bool_]:
-    """Mask of the widest cells within an area with a likely corner, which must be quartered."""
+    """True for the widest cells in an area with a likely corner, which must be quartered."""
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
     if not wide.size:
         return found
     corner_e, corner_n = east[wide] + half[wide], north[wide] + half[wide]
-    likely = log_likelihood(corner_e, corner_n, width[wide]) > density.max() - _OVERLOOKED_NATS
+    likely = (
+        log_likelihood(corner_e, corner_n, width[wide]) > density.max() - GRID.overlooked_nats
+    )
     for x, y in zip(corner_e[likely], corner_n[likely], strict=True):
         reach = 1.01 * half[wide]
         found[wide] |= (np.abs(east[wide] - x) < reach) & (np.abs(north[wide] - y) < reach)
@@ -276,12 +258,12 @@ def _overlooked(
 
 
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
-    """East and north [m] of the maximum, refined by parabolas.
+    """East and north of the maximum [m], refined by parabolas.
 
-    Searched on an even grid over the more likely half: cells of several sizes are blurred
+    It is found on an even grid over the more likely half: cells of several sizes are blurred
     differently, and cannot be compared to the last metre.
     """
-    east, north, probability = map_of(cells, log_likelihood, _PEAK_CELLS, share=0.5)
+    east, north, probability = map_of(cells, log_likelihood, GRID.peak_cells, share=0.5)
     values = np.log(np.maximum(probability, 1e-300))
     row, column = np.unravel_index(int(np.argmax(values)), values.shape)
     return (
@@ -291,9 +273,9 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
 
 
 def map_of(
-    cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = _MAP_SHARE
+    cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = GRID.map_share
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Probability on an even grid around most of it: east (x,), north (y,), and (y, x)."""
+    """Probability on an even grid around most of it: east (x,), north (y,), values (y, x)."""
     around = cells.around(share)
     wide, high = around.east_m - around.west_m, around.north_m - around.south_m
     step = max(wide, high) / (count - 4)
@@ -311,7 +293,6 @@ def map_of(
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:
-    """Squares that cover an area, the last ones extending beyond it by less than one."""
     wide, high = area.east_m - area.west_m, area.north_m - area.south_m
     step = max(wide, high) / count
     across, along = (max(4, round(side / step)) for side in (wide, high))
@@ -330,7 +311,6 @@ def _normalised(density: _Floats, width: _Floats) -> tuple[_Floats, float]:
 
 
 def _edge_share(east: _Floats, north: _Floats, width: _Floats, density: _Floats) -> float:
-    """Probability of a margin as wide as the widest cell."""
     probability, _ = _normalised(density, width)
     margin, half = 0.99 * float(width.max()), 0.5 * width
     border = np.zeros(len(east), bool)

@@ -7,11 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.bearing_evidence import (
-    UNKNOWN_SIGMAS_DEG,
-    BearingEvidence,
-    von_mises,
-)
+from uavrt.localization.position.bearing_evidence import BearingEvidence, von_mises
 from uavrt.localization.position.common_errors import Explanation
 from uavrt.localization.position.level_evidence import LevelEvidence, Levels, Propagation
 from uavrt.localization.position.over_hills import OverHills
@@ -19,24 +15,18 @@ from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import Strengths
 from uavrt.localization.position.survey_errors import SurveyEvidence
+from uavrt.localization.position.tuning import BEARING_FIX, GRID
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]
-"""East and north (places,) to (places,)."""
-_BEARING_RANGE_M = 3000.0
-_NEAR_M = 100.0
-"""Distance below which all places are equally likely."""
-_PEAK_HEIGHTS = 0.25
-"""Width of a survey's likelihood peak, in heights above the tag."""
-_LEAST_SHARE = 1.0 / 16.0
-"""Largest size of cells for that, as a share of the survey's extent."""
+"""Function from east and north (places,) to a log-density (places,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """Prior knowledge before the flight."""
+    """Knowledge of errors, path loss and ground before the flight."""
 
     outlier_share: float
     heading_sigma_deg: float
@@ -48,7 +38,7 @@ class Known:
 
 
 class Model:
-    """Likelihood of places from all measurements."""
+    """Likelihood of a place from bearings and powers together, and its prior."""
 
     def __init__(
         self, stations: Stations | None, powers: PowerTrack | None, known: Known
@@ -79,7 +69,6 @@ class Model:
         )
 
     def _hills_around(self) -> HillLosses | None:
-        """Ground in this plane, extended to the tag's largest distance."""
         known = self.known.hills
         if known is None or known.level:
             return None
@@ -92,27 +81,30 @@ class Model:
         """Area of the tag's possible places."""
         around = self._surveyed
         length = float(np.hypot(around.east_m - around.west_m, around.north_m - around.south_m))
-        margin = max(300.0, 0.5 * length) if self.stations is None else _BEARING_RANGE_M
+        margin = max(300.0, 0.5 * length) if self.stations is None else GRID.bearing_range_m
         return _area(self.tracks, self.known.max_range_m or margin)
 
     @property
     def overflown(self) -> Area:
-        """The surveyed rectangle and the height of the flight around it."""
+        """Rectangle around the survey, extended by the flight's height."""
         return _area(self.tracks, self._height_m)
 
     @property
     def shows_m(self) -> float:
-        """Cell width that misses no peak of a survey; at least a share of its extent."""
+        """Cell width that misses no peak of a survey [m]; at least a share of its extent."""
         around = self.overflown
         square_m2 = (around.east_m - around.west_m) * (around.north_m - around.south_m)
-        return max(_PEAK_HEIGHTS * self._height_m, _LEAST_SHARE * float(np.sqrt(square_m2)))
+        return max(
+            GRID.peak_heights * self._height_m,
+            GRID.least_extent_share * float(np.sqrt(square_m2)),
+        )
 
     @property
     def _height_m(self) -> float:
         return 0.0 if self.powers is None else abs(float(np.median(self.powers.height_m)))
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
-        """(places,) with the prior of the place."""
+        """(places,) log-likelihood of all measurements, plus the log-prior of the place."""
         total = np.zeros(len(east_m))
         if self.bearings:
             total += _prior_of_distance(self._surveyed, east_m, north_m)
@@ -129,7 +121,6 @@ class Model:
 def _bearing_evidence(
     stations: Stations, plane: TangentPlane, known: Known
 ) -> list[BearingEvidence]:
-    """Evidence for each possible standard deviation of the bearings; all equally likely."""
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     if stations.posterior is not None:
         densities = [stations.posterior]
@@ -138,7 +129,7 @@ def _bearing_evidence(
     else:
         densities = [
             von_mises(stations.bearing_deg, np.full(len(east), sigma))
-            for sigma in UNKNOWN_SIGMAS_DEG
+            for sigma in BEARING_FIX.unknown_sigmas_deg
         ]
     return [
         BearingEvidence(
@@ -163,7 +154,7 @@ _NO_LEVELS = "no bearing has a strength"
 
 
 def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
-    """Receivers that never turned, with the reason where one cannot be used here."""
+    """Receivers that never turned, each with the reason if its levels cannot be used here."""
     why = None
     if model.hills is not None:
         why = _HILLS_UNKNOWN
@@ -178,7 +169,6 @@ def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
 def _level_evidence(
     stations: Stations, listeners: tuple[Strengths, ...], model: Model, propagation: Propagation
 ) -> LevelEvidence | None:
-    """Levels of the rotations, and of receivers that never turned."""
     heard = stations.with_levels
     if heard is None or heard.level_db is None:
         return None
@@ -208,28 +198,31 @@ def _level_evidence(
 
 
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
-    """Log-prior of a place seen from afar: every doubling of the distance is equally likely.
+    """Log-prior of a place far from the stations: uniform over the logarithm of distance.
 
-    It has no effect where bearings cross well. Where they hardly do, a flat prior would put the
-    tag into the far end of the wedge, which has the largest area: stations 60 m apart and a tag
-    at 300 m then gave errors of 136 m at the median and 2.5 km in a tenth of the runs, and 77 m
-    and 153 m with this one; its circles hold the stated probability.
+    It has no effect where bearings cross well. Where they hardly do, a uniform prior would put
+    the tag into the far end of the wedge, which has the largest area. For stations 60 m apart
+    and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the runs; with
+    this prior they are 77 m and 153 m, and the circles hold the stated probability.
     """
     middle_east = 0.5 * (around.west_m + around.east_m)
     middle_north = 0.5 * (around.south_m + around.north_m)
     extent = np.hypot(around.east_m - around.west_m, around.north_m - around.south_m)
     distance = np.hypot(east_m - middle_east, north_m - middle_north)
-    return np.asarray(-2.0 * np.log(np.maximum(distance, max(_NEAR_M, 0.5 * float(extent)))))
+    return np.asarray(
+        -2.0 * np.log(np.maximum(distance, max(GRID.near_m, 0.5 * float(extent))))
+    )
 
 
 def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:
-    """Log-prior of a power survey: it is flown where the tag is expected.
+    """Log-prior of a place for a power survey, which is flown where the tag is expected.
 
-    Uniform inside the surveyed rectangle; outside, a factor e for each quarter of the lines'
-    spacing, which is the rectangle over the track's length: a survey reaches half a spacing to
-    both sides of its lines. Power alone hardly separates a tag beyond the outermost line from
-    its mirror image. Along a single line, the quarter is replaced by a tenth of the extent. It
-    is a quarter of the height at least, since lines closer than the height see no farther.
+    It is uniform inside the surveyed rectangle. Outside it falls by e for each quarter of the
+    lines' spacing (the rectangle's area over the track's length): a survey reaches half a
+    spacing to both sides of its lines. Power alone hardly separates a tag beyond the outermost
+    line from its mirror image. Along a single line, a tenth of the extent replaces the quarter
+    spacing. The least distance is a quarter of the height, since lines closer than the height
+    reach no farther.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -1,4 +1,4 @@
-"""Posterior of a place: a resting tag, and other explanations of its bearings."""
+"""Position by the method ``bayes``: posterior of a resting tag, and of other explanations."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.bearing.posterior import LOBE_DEG
+from uavrt.localization.bearing.tuning import PATTERN
 from uavrt.localization.position.bayes_fix import (
-    FIRST_CELLS,
-    HELD,
     Cells,
     LogLikelihood,
     cells_posterior,
@@ -34,22 +32,10 @@ from uavrt.localization.position.follow import Follow, followed
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.survey_errors import cautions_of_survey
+from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Caution, Position, PositionGrid
 
 _Floats = NDArray[np.float64]
-_NEGLIGIBLE = 0.005
-"""Probability below which an explanation changes no circle."""
-_BEARING_CELLS = 100
-_SURVEY_FIRST_CELLS = 28
-_SURVEY_HELD = 2e-3
-"""Least probability of a survey's cells that are quartered; smaller cells change neither
-circles nor mean."""
-_SURVEY_GROWTH = 2.0
-"""Growth of that limit on a peak's slopes: without, 95 % circles are 0.3 % wider, at half as
-many cells again."""
-_POWER_CELLS = 44
-"""First cells along a side for some hundred pulses: a coarser grid keeps a position under 150
-ms."""
 
 
 def bayes_position(
@@ -59,10 +45,10 @@ def bayes_position(
     *,
     follow: Follow = "never",
 ) -> Position:
-    """Find the posterior of a place, and cautions for the operator.
+    """Estimate a position, with cautions for the operator.
 
     `stations`, `powers`: measurements; at least one of them.
-    `follow`: when a moving tag's path is computed.
+    `follow`: condition for computing the path of a moving tag.
     Raises `UsageError`: a path was requested, and times are not known.
     """
     model = Model(stations, powers, known)
@@ -72,7 +58,9 @@ def bayes_position(
     latitude, longitude = model.plane.to_geodetic(east, north)
     fit = None if model.track is None else model.track.fit(np.array([east]), np.array([north]))
     map_east, map_north, probability = map_of(
-        cells, solved.log_likelihood, _BEARING_CELLS if model.track is None else _POWER_CELLS
+        cells,
+        solved.log_likelihood,
+        GRID.bearing_cells if model.track is None else GRID.power_cells,
     )
     doubts = _doubts(model, cells)
     error, sigma = _heading_error(model, doubts, agreement)
@@ -119,7 +107,6 @@ class _Solved:
     log_likelihood: LogLikelihood
     cells: Cells
     resting: Cells
-    """Posterior of a resting tag with usual heading errors."""
     agreement: "_Agreement"
     point: tuple[float, float]
 
@@ -129,9 +116,9 @@ def _solved(model: Model) -> _Solved:
     cells = cells_posterior(
         model.log_likelihood,
         model.area,
-        first_cells=_SURVEY_FIRST_CELLS if surveyed else FIRST_CELLS,
-        held=_SURVEY_HELD if surveyed else HELD,
-        growth=_SURVEY_GROWTH if surveyed else 1.0,
+        first_cells=GRID.survey_first_cells if surveyed else GRID.first_cells,
+        held=GRID.survey_held if surveyed else GRID.held,
+        growth=GRID.survey_growth if surveyed else 1.0,
         within=model.overflown if surveyed else None,
         shows_m=model.shows_m if surveyed else np.inf,
     )
@@ -154,7 +141,7 @@ def _solved(model: Model) -> _Solved:
 def _explained(
     model: Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
 ) -> _Solved:
-    """Add the places by other explanations to those of a resting tag."""
+    """Add places by other explanations of the bearings to the posterior of a resting tag."""
     log_likelihood: LogLikelihood = model.log_likelihood
     cells = resting
     if agreement.others:
@@ -183,19 +170,18 @@ class _Agreement:
     """Consistency of the bearings, and explanations other than a resting tag."""
 
     found: tuple[tuple[float, Fit], ...] = ()
-    """All explanations with their probabilities, that of a resting tag first."""
+    """Explanations with their probabilities; that of a resting tag precedes the others."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
-    """Why a common error cannot be checked."""
+    """Reason why errors that all bearings share cannot be checked."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
-        """Explanations other than a resting tag, if they matter."""
-        return tuple(one for one in self.found[1:] if one[0] > _NEGLIGIBLE)
+        """Explanations other than a resting tag whose probability is not negligible."""
+        return tuple(one for one in self.found[1:] if one[0] > GRID.negligible)
 
     @property
     def best(self) -> Fit | None:
-        """The most probable explanation; None when none was computed."""
         return max(self.found, key=lambda one: one[0])[1] if self.found else None
 
     def cautions_of(self, doubts: Doubts | None) -> tuple[Caution, ...]:
@@ -237,7 +223,6 @@ def _explanations(
 
 
 def _resting(model: Model, bearings: FlightBearings, point: tuple[float, float]) -> Fit | None:
-    """Fit of a resting tag, which identifies contradicting bearings."""
     if len(bearings.bearing_deg) < 2:
         return None
     ((_, fit),) = _explanations(model, bearings, point, frozenset())
@@ -265,10 +250,9 @@ def _flight_bearings(model: Model) -> FlightBearings | None:
 
 
 def _lobe(posterior: _Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the main lobe of whole degrees' probabilities."""
     degrees = np.arange(360.0) * (360.0 / len(posterior))
     off = difference_deg(degrees, float(degrees[int(np.argmax(posterior))]))
-    inside = np.abs(off) <= LOBE_DEG
+    inside = np.abs(off) <= PATTERN.lobe_deg
     weight = posterior[inside] / posterior[inside].sum()
     mean = float(weight @ off[inside])
     variance = float(weight @ (off[inside] - mean) ** 2)
@@ -277,21 +261,20 @@ def _lobe(posterior: _Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Mixture:
-    """Places of a resting tag with usual headings, and of the other explanations."""
+    """Likelihood of a place: a resting tag, mixed with other explanations."""
 
     resting: LogLikelihood
     log_evidence: float
     others: tuple[tuple[float, Fit], ...]
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
-        """(places,) of the mixture."""
         resting = self.resting(east_m, north_m, cell_m)
         return self.added_to(resting, east_m, north_m, cell_m)
 
     def added_to(
         self, resting: _Floats, east_m: _Floats, north_m: _Floats, cell_m: _Floats
     ) -> _Floats:
-        """(places,) of the mixture, given that of the resting tag."""
+        """(places,) log-likelihood of the mixture, given that of the resting tag."""
         rest = 1.0 - sum(probability for probability, _ in self.others)
         parts = [np.log(max(rest, 1e-12)) + resting - self.log_evidence]
         for probability, fit in self.others:
@@ -310,7 +293,6 @@ class _Mixture:
 def _heading_error(
     model: Model, doubts: Doubts | None, agreement: _Agreement
 ) -> tuple[float | None, float | None]:
-    """Common error of all headings, as far as the bearings determine it."""
     if model.known.heading_sigma_deg <= 0.0 or doubts is None:
         return None, None
     best = agreement.best
@@ -322,7 +304,7 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Doubts at the most likely standard deviation, where several are weighed."""
+    """Heading error and outliers at the most likely of several standard deviations."""
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

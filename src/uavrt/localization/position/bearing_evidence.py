@@ -6,14 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.angles import difference_deg
-
-_STEP_DEG = 0.25
-_BLURS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Blur of a bearing in a wide grid cell, by the cell's apparent width."""
-UNKNOWN_SIGMAS_DEG = (1.5, 3.0, 6.0, 12.0, 24.0)
-"""Candidate standard deviations for bearings without one."""
-_MULTIPLIED = 16
-_EVALUATED_SHARE = 0.9999
+from uavrt.localization.position.tuning import BEARING_FIX
 
 _Floats = NDArray[np.float64]
 
@@ -37,7 +30,7 @@ class BearingEvidence:
         heading_sigma_deg: float = 0.0,
     ) -> None:
         self._turned_steps = _nodes(heading_sigma_deg)
-        self._turned_deg = self._turned_steps * _STEP_DEG
+        self._turned_deg = self._turned_steps * BEARING_FIX.step_deg
         weight = np.exp(-0.5 * (self._turned_deg / max(heading_sigma_deg, 1e-3)) ** 2)
         self._log_turned = np.log(weight / weight.sum())
         self._east_m = east_m
@@ -51,23 +44,25 @@ class BearingEvidence:
 
     @staticmethod
     def _blurred(density: _Floats) -> _Floats:
-        """(n, blurs, 1440) density per degree."""
+        """(n, blurs, 1440) density of each bearing per degree, blurred by cell widths."""
         stations, steps = density.shape
-        count = round(360.0 / _STEP_DEG)
-        grid = np.arange(count) * _STEP_DEG
+        count = round(360.0 / BEARING_FIX.step_deg)
+        grid = np.arange(count) * BEARING_FIX.step_deg
         places = np.arange(steps) * (360.0 / steps)
         fine = np.stack(
             [np.interp(grid, places, row * (steps / 360.0), period=360.0) for row in density]
         )
         harmonics = np.fft.rfft(fine, axis=1)
         order = np.arange(harmonics.shape[1])
-        blurs = np.radians(np.array(_BLURS_DEG))[:, None]
+        blurs = np.radians(np.array(BEARING_FIX.blurs_deg))[:, None]
         damping = np.exp(-0.5 * (blurs * order) ** 2)
         tables = np.fft.irfft(harmonics[:, None, :] * damping[None, :, :], count, axis=2)
-        return np.asarray(np.maximum(tables, 0.0)).reshape(stations, len(_BLURS_DEG), count)
+        return np.asarray(np.maximum(tables, 0.0)).reshape(
+            stations, len(BEARING_FIX.blurs_deg), count
+        )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned): density of each bearing towards each place, per degree.
+        """(n, places, turned) density of each bearing for each place and heading error.
 
         `east_m`, `north_m` (places,): the places.
         `cell_m` (places,): width of the cell that a place represents.
@@ -78,8 +73,8 @@ class BearingEvidence:
             dx, dy = east_m - self._east_m[station], north_m - self._north_m[station]
             # A cell of width c has a standard deviation of c / √12 across the ray.
             spread = np.degrees(cell_m / 3.46 / np.maximum(np.hypot(dx, dy), cell_m))
-            blur = np.searchsorted(_BLURS_DEG[1:], spread * 0.75)
-            place = np.remainder(np.degrees(np.arctan2(dx, dy)), 360.0) / _STEP_DEG
+            blur = np.searchsorted(BEARING_FIX.blurs_deg[1:], spread * 0.75)
+            place = np.remainder(np.degrees(np.arctan2(dx, dy)), 360.0) / BEARING_FIX.step_deg
             below = place.astype(np.intp)
             part = (place - below)[:, None]
             rows = table.reshape(-1, table.shape[2])
@@ -91,20 +86,20 @@ class BearingEvidence:
     def log_likelihoods(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places, turned) logarithm of the prior of each heading error and of all bearings."""
+        """(places, turned) log-likelihood of all bearings with a heading error's prior."""
         return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
 
     def _log_likelihoods(self, densities: _Floats) -> _Floats:
         # One logarithm for some stations: no product of that few is too small for a float.
         total = np.zeros(densities.shape[1:])
-        for first in range(0, len(densities), _MULTIPLIED):
-            total += np.log(np.prod(densities[first : first + _MULTIPLIED], axis=0))
+        for first in range(0, len(densities), BEARING_FIX.multiplied):
+            total += np.log(np.prod(densities[first : first + BEARING_FIX.multiplied], axis=0))
         return np.asarray(total + self._log_turned)
 
     def log_likelihood(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places,) logarithm of the product of all bearings' densities."""
+        """(places,) log-likelihood of all bearings, the heading error integrated out."""
         each = self.log_likelihoods(east_m, north_m, cell_m)
         top = each.max(axis=1)
         if each.shape[1] == 1:
@@ -114,10 +109,12 @@ class BearingEvidence:
     def doubts(
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
     ) -> "Doubts":
-        """Heading error and outlier probabilities over a posterior of places."""
+        """Heading error and outlier probabilities, averaged over a posterior of places."""
         # Cells in the far tails are many, and decide nothing.
         order = np.argsort(-probability)
-        count = int(np.searchsorted(np.cumsum(probability[order]), _EVALUATED_SHARE)) + 1
+        count = (
+            int(np.searchsorted(np.cumsum(probability[order]), BEARING_FIX.evaluated_share)) + 1
+        )
         kept = order[:count]
         held = probability[kept] / probability[kept].sum()
         densities = self.densities(east_m[kept], north_m[kept], cell_m[kept])
@@ -137,33 +134,35 @@ class BearingEvidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubts:
-    """Heading error and outliers, averaged over a posterior of places."""
+    """Heading error and outlier probabilities, averaged over a posterior of places."""
 
     heading_error_deg: float
-    """Mean and standard deviation of the common error of all headings."""
+    """Mean of the error that all headings share [deg]."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:
-    """Heading errors on a grid of up to three sigma, in steps of the tables; about 9."""
-    step = max(1, round(0.67 * sigma_deg / _STEP_DEG))
-    reach = int(3.0 * sigma_deg / _STEP_DEG / step)
+    """About 9 heading errors up to three sigma [table steps]."""
+    step = max(1, round(0.67 * sigma_deg / BEARING_FIX.step_deg))
+    reach = int(3.0 * sigma_deg / BEARING_FIX.step_deg / step)
     return np.arange(-reach, reach + 1) * step
 
 
 def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
-    """(n, 1440) von Mises probabilities, kappa = 1 / sigma²; sigma at least 0.3°."""
+    """(n, 1440) von Mises probabilities with kappa = 1 / sigma²; sigma is at least 0.3°."""
     kappa = 1.0 / np.radians(np.maximum(sigma_deg, 0.3)) ** 2
-    grid = np.arange(0.0, 360.0, _STEP_DEG)
+    grid = np.arange(0.0, 360.0, BEARING_FIX.step_deg)
     off = np.radians(difference_deg(grid[None, :], bearing_deg[:, None]))
     density = np.exp(kappa[:, None] * (np.cos(off) - 1.0))
     return np.asarray(density / density.sum(axis=1, keepdims=True))
 
 
 def density_of(bearing_deg: float, sigma_deg: float | None) -> _Floats:
-    """(360,) probability of whole degrees; an unknown error is a mixture of all."""
-    sigmas = np.array(UNKNOWN_SIGMAS_DEG if sigma_deg is None else (sigma_deg,))
-    each = von_mises(np.full(len(sigmas), bearing_deg), sigmas)[:, :: round(1.0 / _STEP_DEG)]
+    """(360,) probability of whole degrees; an unknown error is a mixture of several."""
+    sigmas = np.array(BEARING_FIX.unknown_sigmas_deg if sigma_deg is None else (sigma_deg,))
+    each = von_mises(np.full(len(sigmas), bearing_deg), sigmas)[
+        :, :: round(1.0 / BEARING_FIX.step_deg)
+    ]
     density = np.mean(each / each.sum(axis=1, keepdims=True), axis=0)
     return np.asarray(density)

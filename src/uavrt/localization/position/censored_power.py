@@ -1,7 +1,7 @@
-"""The same regression when pulses were missed because they were weak.
+"""Regression of pulse powers on distance, when pulses were missed because they were weak.
 
-A fit to the heard pulses alone is biased: at the limit of hearing the loss looks flat. Each
-miss is therefore replaced by its expected level below the threshold, and the fit repeated
+A fit to the received pulses alone is biased: near the threshold the loss looks flat. Each miss
+is therefore replaced by its expected level below the threshold, and the fit repeated
 (expectation maximisation of Tobin's model). Some misses have other reasons, such as an
 interferer: their share is estimated at each place in the same way.
 """
@@ -14,31 +14,14 @@ from numpy.typing import NDArray
 
 from uavrt.lean_scipy import special
 from uavrt.localization.position.level_evidence import Propagation
-
-MISSED_BY_CHANCE = 0.02
-"""Prior share of pulses missed for other reasons than being weak."""
-_CHANCE_PULSES = 50.0
-"""Weight of that prior, in pulses."""
-_ROUNDS = 8
-_MOST_MISSES = 60
-"""Most misses used; more are thinned out and weighted."""
-_TYPICAL_FADING_DB = 4.0
-_LOG_ROOT_TWO_PI = 0.918_938_533_2
-_LOWEST, _HIGHEST = -12.0, 8.0
-_STEPS = 64
-"""Steps of the normal distribution's tables in one standard deviation."""
-
-_STRETCHES = (8, 16, 32)
-_LEAST_STRETCHES = 5
-"""Least number of stretches that shows the scatter of their means."""
-_MOST_CORRELATION = 0.98
+from uavrt.localization.position.tuning import POWER
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerFit:
-    """Level and path loss at each place, and its likelihood."""
+    """Level and path loss exponent at each place, and the log-likelihood."""
 
     log_likelihood: _Floats
     level_db: _Floats
@@ -57,18 +40,21 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
 
 
 def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Some of the misses, evenly along the track, and the weight of each."""
-    every = max(1, -(-len(missed) // _MOST_MISSES))
+    """Misses thinned out evenly along the track, and the weight of each."""
+    every = max(1, -(-len(missed) // POWER.most_misses))
     kept = missed[every // 2 :: every]
     return kept, len(missed) / max(1, len(kept))
 
 
 @lru_cache(maxsize=1)
 def _normal_tables() -> tuple[_Floats, _Floats, _Floats, _Floats]:
-    """Distribution function and inverse Mills ratio from `_LOWEST` on, and their steps."""
-    u = np.arange(_LOWEST, _HIGHEST + 2.0 / _STEPS, 1.0 / _STEPS)
+    u = np.arange(
+        POWER.lowest_sigmas,
+        POWER.highest_sigmas + 2.0 / POWER.table_steps,
+        1.0 / POWER.table_steps,
+    )
     below = special.ndtr(u)
-    ratio = np.exp(-0.5 * u * u - _LOG_ROOT_TWO_PI - special.log_ndtr(u))
+    ratio = np.exp(-0.5 * u * u - POWER.log_root_two_pi - special.log_ndtr(u))
     return below[:-1], np.diff(below), ratio[:-1], np.diff(ratio)
 
 
@@ -76,13 +62,13 @@ def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
     """Normal distribution function, and the density over it (inverse Mills ratio).
 
     Linear interpolation in tables is several times as fast as the functions, with errors up to
-    8e-6 and 2e-5. Beyond the tables' ends the values stay constant, but for the ratio, whose
-    line continues below, where it nears -u.
+    8e-6 and 2e-5. Beyond the tables the values stay constant; the ratio continues below as a
+    line, where it nears -u.
     """
     below, below_steps, ratio, ratio_steps = _normal_tables()
-    place = np.minimum(u, _HIGHEST)
-    place -= _LOWEST
-    place *= _STEPS
+    place = np.minimum(u, POWER.highest_sigmas)
+    place -= POWER.lowest_sigmas
+    place *= POWER.table_steps
     number = np.maximum(place, 0.0).astype(np.intp)
     place -= number
     of_ratio = ratio_steps[number]
@@ -106,11 +92,11 @@ def censored_fit(
 ) -> PowerFit:
     """Fit level, exponent, fading and random misses at each place.
 
-    `loss`, `level_heard_db`: (places, heard) -10 log10 of distance over 100 m, and levels less
-    the antenna's gain.
-    `missed_loss`, `limit_db`: (places, missed) the same loss, and upper limits of the levels.
+    `loss`, `level_heard_db`: (places, received) -10 log10 of distance over 100 m, and levels
+        less the antenna's gain.
+    `missed_loss`, `limit_db`: (places, missed) the same for misses, with upper limits of the
+        levels.
     `miss_weight`: number of misses that each represents.
-    `correlation`: of neighbouring pulses' fading, the same for all compared places.
     """
     heard = regression_sums(loss, level_heard_db)
     x, z, xx, xz, zz = heard
@@ -123,10 +109,10 @@ def censored_fit(
 
     exponent = np.full(places, propagation.exponent)
     level = (z - exponent * x) / count
-    sigma = np.full(places, _TYPICAL_FADING_DB)
-    chance = np.full(places, MISSED_BY_CHANCE)
-    everything = count + miss_weight * missed_loss.shape[1] + _CHANCE_PULSES
-    for _ in range(_ROUNDS):
+    sigma = np.full(places, POWER.typical_fading_db)
+    chance = np.full(places, POWER.missed_share)
+    everything = count + miss_weight * missed_loss.shape[1] + POWER.missed_pulses
+    for _ in range(POWER.censored_rounds):
         expected = level[:, None] + exponent[:, None] * missed_loss
         u = (limit_db - expected) / sigma[:, None]
         below, ratio = normal_tail(u)
@@ -140,9 +126,9 @@ def censored_fit(
         )
         of_missed = filled - level[:, None] - exponent[:, None] * missed_loss
         squares = energy(level, exponent) + np.sum(share * (of_missed**2 + variance), axis=1)
-        sigma = np.sqrt((squares + _TYPICAL_FADING_DB**2) / (count + weighed + 1.0))
+        sigma = np.sqrt((squares + POWER.typical_fading_db**2) / (count + weighed + 1.0))
         by_chance = miss_weight * missed_loss.shape[1] - weighed
-        chance = (by_chance + MISSED_BY_CHANCE * _CHANCE_PULSES) / everything
+        chance = (by_chance + POWER.missed_share * POWER.missed_pulses) / everything
     expected = level[:, None] + exponent[:, None] * missed_loss
     below, _ = normal_tail((limit_db - expected) / sigma[:, None])
     misses = np.log(chance[:, None] + (1.0 - chance[:, None]) * below).sum(axis=1)
@@ -154,12 +140,12 @@ def censored_fit(
     )
     # Fading that lasts makes neighbours one fact.
     score *= (1.0 - correlation) / (1.0 + correlation)
-    prior_pulses = MISSED_BY_CHANCE * _CHANCE_PULSES
+    prior_pulses = POWER.missed_share * POWER.missed_pulses
     score += prior_pulses * np.log(chance)
-    score += (_CHANCE_PULSES - prior_pulses) * np.log1p(-chance)
+    score += (POWER.missed_pulses - prior_pulses) * np.log1p(-chance)
     score -= 0.5 * ((exponent - propagation.exponent) / propagation.exponent_sigma) ** 2
     # The fading's own width and prior cancel those of level and exponent (Laplace).
-    score -= 0.5 * np.log(determinant) + 0.5 * (_TYPICAL_FADING_DB / sigma) ** 2
+    score -= 0.5 * np.log(determinant) + 0.5 * (POWER.typical_fading_db / sigma) ** 2
     return PowerFit(log_likelihood=score, level_db=level, exponent=exponent)
 
 
@@ -172,7 +158,6 @@ def _regressed(
     sigma: _Floats,
     propagation: Propagation,
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Level, exponent and determinant, for each place."""
     prior = (sigma / propagation.exponent_sigma) ** 2
     weighted = share * missed_loss
     ones = count + share.sum(axis=1)
@@ -186,30 +171,26 @@ def _regressed(
 
 
 def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> float:
-    """Correlation of neighbours that explains the scatter of the means of stretches.
+    """Correlation of neighbouring pulses that explains the scatter of means of stretches.
 
-    Errors of the ground model extend over many pulses below their own scatter, where neighbours
-    alone hardly show them. The fit absorbs some of them, so the model's expected error is added
-    to that of the residuals.
-
-    `residual`: shape (n,).
-    `error_db`: standard deviation of the losses' error along the track.
-    `alike`: pulses over which it is the same.
+    Errors of the ground model extend over many pulses. The fit absorbs some of them, so the
+    model's expected error `error_db`, constant over `alike` pulses, is added to that of the
+    `residual` (n,).
     """
     energy = max(float(np.var(residual)), 1e-9)
     inflation = 1.0
-    for size in _STRETCHES:
+    for size in POWER.stretches:
         count = len(residual) // size
-        if count < _LEAST_STRETCHES:
+        if count < POWER.least_stretches:
             break
         means = residual[: count * size].reshape(count, size).mean(axis=1)
         inflation = max(inflation, size * float(np.var(means, ddof=1)) / energy)
     inflation += alike * error_db**2 / energy
-    return float(np.clip((inflation - 1.0) / (inflation + 1.0), 0.0, _MOST_CORRELATION))
+    return float(np.clip((inflation - 1.0) / (inflation + 1.0), 0.0, POWER.most_lasting))
 
 
 def lasting_correlation(residual: _Floats) -> float:
-    """Correlation of neighbours (n,), 0 to 0.95; chance's 1/√n taken off."""
+    """Correlation of neighbouring residuals (n,), 0 to 0.95, less chance's 1/√n."""
     energy = max(float(residual @ residual), 1e-9)
     lag = float(residual[1:] @ residual[:-1]) / energy
     return float(np.clip(lag - len(residual) ** -0.5, 0.0, 0.95))

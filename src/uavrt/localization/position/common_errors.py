@@ -1,9 +1,10 @@
 """Check that bearings agree, and find a common explanation if they do not.
 
-A wrong compass, or a walking animal, turns all bearings of a flight together; no single one
-looks bad. With four stations around the tag three explanations can be compared: a resting tag,
-a walking one, and a common heading error. Each is fitted to the bearings (with outliers) and
-compared by its evidence (Laplace's approximation; MacKay, Information Theory, ch. 27).
+A wrong compass or a walking animal turns all bearings of a flight together, so that none of
+them alone is conspicuous. With four stations around the tag three explanations can be compared:
+a resting tag, a walking one, and a common heading error. Each is fitted to the bearings (with
+outliers) and compared by its evidence (Laplace's approximation; MacKay, Information Theory, ch.
+27).
 """
 
 from dataclasses import dataclass
@@ -14,29 +15,12 @@ from numpy.typing import NDArray
 
 from uavrt.lean_scipy import special
 from uavrt.localization.angles import difference_deg, widest_gap_deg
+from uavrt.localization.position.tuning import COMMON
 from uavrt.localization.results import Caution
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 
-LEAST_STATIONS = 4
-AROUND_DEG = 210.0
-"""Widest arc without a station, seen from the tag."""
-WRONG_COMPASS_SHARE = 0.02
-WRONG_COMPASS_DEG = 20.0
-"""Standard deviation of the headings when the compass is wrong."""
-WALKING_SHARE = 0.05
-WALKING_M_S = 0.5
-"""Standard deviation of a walking animal's speed in each direction."""
-_LEAST_SPAN_S = 20.0
-_CONTRADICTION = 0.01
-"""Probability of the bearings' scatter below which they contradict each other: once in a
-hundred flights."""
-_SURELY_GOOD = 0.1
-"""Outlier probability below which a bearing is a good one."""
-_LEAST_AGREEING = 3
-_ROUNDS = 25
-_LOOSE_ROUNDS = 8
 
 Explanation = Literal["rest", "compass", "walk"]
 UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
@@ -48,35 +32,35 @@ class FlightBearings:
     """Bearings of one tag in the local plane."""
 
     east_m: _Floats
-    """(n,) stations."""
+    """(n,) east coordinates of the stations [m]."""
     north_m: _Floats
     bearing_deg: _Floats
     sigma_deg: _Floats
-    """(n,) of each bearing alone."""
+    """(n,) standard deviation of each bearing, without errors that they share [deg]."""
     time_s: _Floats | None = None
-    """(n,) None: times are unknown, and the tag is assumed to rest."""
+    """(n,) times of the bearings [s]; None assumes that the tag rests."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """One fitted explanation."""
+    """One explanation of the bearings, fitted: rest, walk or compass."""
 
     explanation: Explanation
     place: _Floats
-    """(2,) east and north [m]; for a walking tag at the last bearing."""
+    """(2,) east and north of the tag [m]; for a walking tag at the last bearing."""
     covariance_m2: _Floats
     heading_error_deg: float
     heading_error_sigma_deg: float
     velocity_m_s: _Floats
-    """(2,) east and north."""
+    """(2,) east and north velocity of the tag [m/s]."""
     inlier: _Floats
-    """(n,) probability that each bearing is of the tag."""
+    """(n,) probability that each bearing belongs to the tag."""
     misfit: float
-    """Probability of at least this scatter of the bearings under the explanation."""
+    """Probability that the bearings scatter at least this far under the explanation."""
     log_evidence: float
 
     def middle_of(self, bearings: FlightBearings) -> tuple[float, float]:
-        """East and north of the tag in the middle of the flight."""
+        """East and north of the tag in the middle of the flight [m]."""
         ago_s = 0.0 if bearings.time_s is None else 0.5 * float(np.ptp(bearings.time_s))
         east, north = self.place - ago_s * self.velocity_m_s
         return float(east), float(north)
@@ -92,10 +76,10 @@ class _Model:
 
 def stations_around(east_m: _Floats, north_m: _Floats, place: tuple[float, float]) -> bool:
     """True if enough stations surround a place to show common errors."""
-    if len(east_m) < LEAST_STATIONS:
+    if len(east_m) < COMMON.least_stations:
         return False
     seen = np.degrees(np.arctan2(east_m - place[0], north_m - place[1]))
-    return widest_gap_deg(seen) <= AROUND_DEG
+    return widest_gap_deg(seen) <= COMMON.widest_gap_deg
 
 
 def explanations(
@@ -106,10 +90,11 @@ def explanations(
     outlier_share: float,
     unusual: frozenset[Explanation] = UNUSUAL,
 ) -> list[tuple[float, Fit]]:
-    """Fit all explanations; each with its probability, that of a resting tag first.
+    """Fit all explanations, each with its probability; that of a resting tag comes first.
 
     `bearings`: four or more, around the tag.
-    `heading_sigma_deg`: usual common error of the headings; 0: they are known.
+    `heading_sigma_deg`: standard deviation of the error that headings share; 0 for exact
+        headings.
     `outlier_share`: probability that a bearing is unrelated to the tag.
     """
     models = []
@@ -117,19 +102,19 @@ def explanations(
         models.append(
             _Model(
                 explanation="compass",
-                share=WRONG_COMPASS_SHARE,
-                heading_sigma_deg=WRONG_COMPASS_DEG,
+                share=COMMON.wrong_compass_share,
+                heading_sigma_deg=COMMON.wrong_compass_deg,
                 speed_m_s=0.0,
             )
         )
-    timed = bearings.time_s is not None and np.ptp(bearings.time_s) >= _LEAST_SPAN_S
+    timed = bearings.time_s is not None and np.ptp(bearings.time_s) >= COMMON.least_span_s
     if timed and "walk" in unusual:
         models.append(
             _Model(
                 explanation="walk",
-                share=WALKING_SHARE,
+                share=COMMON.walking_share,
                 heading_sigma_deg=heading_sigma_deg,
-                speed_m_s=WALKING_M_S,
+                speed_m_s=COMMON.walking_m_s,
             )
         )
     resting = _Model(
@@ -147,7 +132,6 @@ def explanations(
 def _best(
     bearings: FlightBearings, place: tuple[float, float], model: _Model, outlier_share: float
 ) -> Fit:
-    """Best fit from several starts: outliers cause more than one maximum."""
     middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
     fits = []
     for east, north in (place, middle):
@@ -167,15 +151,15 @@ def _azimuth(bearings: FlightBearings, place: _Floats) -> _Floats:
 def _fitted(
     bearings: FlightBearings, start: _Floats, model: _Model, outlier_share: float
 ) -> Fit:
-    """Gauss–Newton with the outliers' probabilities as weights (expectation maximisation)."""
+    """Fit one explanation by Gauss–Newton, weighted by outlier probabilities."""
     ago = np.zeros(len(bearings.east_m))
     if bearings.time_s is not None and model.speed_m_s > 0.0:
         ago = bearings.time_s - bearings.time_s.max()
     sigmas = np.array([max(model.heading_sigma_deg, 1e-3)] + 2 * [max(model.speed_m_s, 1e-6)])
     prior = np.concatenate([[1e-12, 1e-12], sigmas**-2.0])
     theta = start.copy()
-    for number in range(_ROUNDS):
-        loose = max(1.0, 6.0 * (1.0 - number / _LOOSE_ROUNDS))
+    for number in range(COMMON.rounds):
+        loose = max(1.0, 6.0 * (1.0 - number / COMMON.loose_rounds))
         residual, slopes = _linearised(bearings, theta, ago)
         weight = _inlier(residual, loose * bearings.sigma_deg, outlier_share)
         weight = weight / (loose * bearings.sigma_deg) ** 2
@@ -183,7 +167,7 @@ def _fitted(
         step = np.linalg.solve(curvature, (slopes.T * weight) @ residual - prior * theta)
         length = float(np.hypot(step[0], step[1]))
         theta = theta + step * min(1.0, 300.0 / max(length, 1e-9))
-        if number >= _LOOSE_ROUNDS and length < 0.05:
+        if number >= COMMON.loose_rounds and length < 0.05:
             break
     residual, slopes = _linearised(bearings, theta, ago)
     inlier = _inlier(residual, bearings.sigma_deg, outlier_share)
@@ -212,7 +196,6 @@ def _fitted(
 def _linearised(
     bearings: FlightBearings, theta: _Floats, ago: _Floats
 ) -> tuple[_Floats, _Floats]:
-    """Residuals (n,) [deg], and derivatives of the expected bearings (n, 5)."""
     east = theta[0] + theta[3] * ago - bearings.east_m
     north = theta[1] + theta[4] * ago - bearings.north_m
     square = np.maximum(east**2 + north**2, 25.0)
@@ -238,7 +221,7 @@ def _inlier(residual: _Floats, sigma: _Floats, outlier_share: float) -> _Floats:
 UNCHECKED = Caution(
     name="unchecked",
     text="a shared error (compass, a moving tag) cannot be checked: that needs "
-    f"{LEAST_STATIONS} bearings from around the tag",
+    f"{COMMON.least_stations} bearings from around the tag",
 )
 
 UNKNOWN_SIGMAS = Caution(
@@ -251,9 +234,10 @@ UNKNOWN_SIGMAS = Caution(
 def cautions_of(
     fit: Fit, outlier_probabilities: tuple[float, ...] | None = None
 ) -> tuple[Caution, ...]:
-    """Cautions on the most probable explanation.
+    """Cautions for the operator on the most probable explanation.
 
-    `outlier_probabilities`: for each bearing of a resting tag, over all its possible places.
+    `outlier_probabilities`: for each bearing of a resting tag, averaged over its possible
+        places.
     """
     found = []
     if fit.explanation == "compass":
@@ -271,22 +255,19 @@ def cautions_of(
         )
         found.append(Caution(name="walk", text=text))
     odd = _odd(fit, outlier_probabilities)
-    scatter = bool(np.all(fit.inlier >= 0.5)) and fit.misfit < _CONTRADICTION
+    scatter = bool(np.all(fit.inlier >= 0.5)) and fit.misfit < COMMON.contradiction
     return (*found, *_cautions_of_odd(odd, scatter=scatter))
 
 
 def cautions_of_outliers(outlier_probabilities: tuple[float, ...]) -> tuple[Caution, ...]:
-    """Cautions on bearings with unknown errors."""
+    """Cautions for the operator on outliers among bearings with unknown errors."""
     return _cautions_of_odd(np.array(outlier_probabilities) > 0.5, scatter=False)
 
 
 def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution, ...]:
-    """Cautions on odd bearings, and on others that scatter too far.
-
-    Two lines always cross somewhere: with an odd bearing, two others confirm nothing.
-    """
+    """Cautions on outliers, and on other bearings that scatter too far."""
     numbers = np.flatnonzero(odd) + 1
-    few = len(odd) - len(numbers) < _LEAST_AGREEING
+    few = len(odd) - len(numbers) < COMMON.least_agreeing
     if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
         text = f"{_contradicting(numbers)}: the place may be wrong"
         return (Caution(name="contradiction", text=text),)
@@ -297,7 +278,6 @@ def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution,
 
 
 def _contradicting(numbers: NDArray[np.int64]) -> str:
-    """Sentence that names the bearings that contradict the others."""
     if not len(numbers):
         return "the bearings contradict each other more than their errors allow"
     if len(numbers) == 1:
@@ -307,13 +287,13 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
-    """(n,) mask of probable outliers.
+    """(n,) True for probable outliers.
 
-    A bearing with two lobes that agrees by the second one is good for the posterior, while the
-    fit uses only the first.
+    The fit uses only the first lobe of a bearing. A bearing with two lobes that agrees by the
+    second one is no outlier by the posterior.
     """
     odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:
         return odd
     probability = np.array(outlier_probabilities)
-    return np.asarray((probability > 0.5) | (odd & (probability > _SURELY_GOOD)))
+    return np.asarray((probability > 0.5) | (odd & (probability > COMMON.good_outlier)))

@@ -11,26 +11,21 @@ from uavrt.localization.position import lenth
 from uavrt.localization.position.bayes_fix import ellipse_of, normal_radius_m
 from uavrt.localization.position.bayes_model import Known
 from uavrt.localization.position.bayes_position import bayes_position
-from uavrt.localization.position.common_errors import LEAST_STATIONS, UNUSUAL
+from uavrt.localization.position.common_errors import UNUSUAL
 from uavrt.localization.position.follow import Follow
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
 from uavrt.localization.results import Position, PositionMethod
 from uavrt.plugins import Registry
 from uavrt.tangent_plane import plane_around
 from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
-HEADING_SIGMA_DEG = 1.5
-"""Default error that all headings of a flight share: a calibrated compass, a mounting by eye,
-and the declination."""
-LEAST_EXTENT_M = 20.0
-"""Least extent of a track of powers; less is one place with GNSS noise."""
 PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
 ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
-"""Estimators of installed packages, by the name of the method."""
+"""Position estimators of installed packages, by the name of the method."""
 
 
 def estimate_position(
@@ -39,8 +34,8 @@ def estimate_position(
     *,
     method: PositionMethod | str = "bayes",
     outlier_share: float | None = None,
-    heading_sigma_deg: float = HEADING_SIGMA_DEG,
-    height_sigma_m: float = HEIGHT_SIGMA_M,
+    heading_sigma_deg: float = COMMON.heading_sigma_deg,
+    height_sigma_m: float = SURVEY.height_sigma_m,
     propagation: Propagation | None = None,
     max_range_m: float | None = None,
     follow: bool = False,
@@ -53,46 +48,42 @@ def estimate_position(
     stations : Stations, optional
         Bearings. One gives a wedge, two or more a place.
     powers : PowerTrack, optional
-        Powers; used by the method ``bayes`` only. Pulses that already went into the bearings
-        must not be given again.
+        Powers, for the method ``bayes``, without pulses already used in the bearings.
     method : str
-        ``"bayes"`` (the default), or ``"track"``, which follows a tag that may move and keeps
-        the resting place of one that nothing contradicts to rest, or ``"mle"``, ``"rmr"``,
-        ``"mest"`` as the original system computes them, or ``"rmr_ahead"``, ``"mest_lenth"`` as
-        they were meant, or one that an installed package adds (docs/how-to/extend.md).
+        ``"bayes"`` (the default); ``"track"``, which follows a tag unless a fixed place
+        explains the data; ``"mle"``, ``"rmr"``, ``"mest"`` as the original system computes
+        them; ``"rmr_ahead"``, ``"mest_lenth"``, which are corrected; or one of an installed
+        package (docs/how-to/extend.md).
     outlier_share : float, optional
         Prior probability that a bearing has nothing to do with the tag; by default 0.05, and
         0.02 for one to three bearings, which cannot expose an outlier.
     heading_sigma_deg : float
         Standard deviation of the error that all headings of the flight share (compass,
-        mounting, declination). It is estimated where the stations determine it; 0 means
-        exact headings.
+        mounting, declination); 0 means exact headings. Stations around the tag estimate it.
     height_sigma_m : float
         Standard deviation of the error that all heights of the powers share (terrain, a tag on
-        a tree). It is estimated where the powers determine it; 0 means exact heights.
+        a tree); 0 means exact heights. Many powers estimate it.
     propagation : Propagation, optional
-        What is known of the path loss.
+        Knowledge of the path loss.
     max_range_m : float, optional
-        How far from the stations or the track the tag may be; 3000 with bearings, else as far
-        as the track is long.
+        Largest distance of the tag from the stations or the track; by default 3000 with
+        bearings, else the length of the track.
     follow : bool
-        To the method ``bayes``: seek also the way of a tag whose bearings or powers contradict
-        a place that rests, at the times that they have.
+        Also compute, with the method ``bayes``, the path of a tag whose timed bearings or
+        powers contradict a fixed place.
     hills : HillLosses, optional
-        The ground, to the method ``bayes``: hills weaken what is heard, and explain silence.
-        Heights of stations and powers then count from the ground at the take-off. None takes
-        the ground for level.
+        Ground for the method ``bayes``: hills weaken pulses and explain missed ones. Heights
+        of stations and powers then count from the ground at the take-off. None is level ground.
 
     Raises
     ------
     UsageError
-        There is nothing to estimate from, powers alone are from one place, arrays differ in
-        length, or the method is unknown or does not come to a position; the text says what to
-        use instead.
+        There are no data, powers alone are from one place, arrays differ in length, or the
+        method is unknown or finds no position; the text says what to use instead.
     """
     _check(stations, powers)
     if method in ("bayes", "track"):
-        few = stations is None or len(stations.bearing_deg) < LEAST_STATIONS
+        few = stations is None or len(stations.bearing_deg) < COMMON.least_stations
         known = Known(
             outlier_share=(0.02 if few else 0.05) if outlier_share is None else outlier_share,
             heading_sigma_deg=heading_sigma_deg,
@@ -137,15 +128,19 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
             )
         if powers.antenna is not None and powers.yaw_deg is None:
             raise UsageError("a directional antenna needs headings", remedy="Give yaw_deg")
-        if stations is None and powers.antenna is None and _extent_m(powers) < LEAST_EXTENT_M:
+        if (
+            stations is None
+            and powers.antenna is None
+            and _extent_m(powers) < POWER.least_extent_m
+        ):
             raise UsageError(
                 "signal strengths from one place give neither direction nor distance",
-                remedy=f"Fly {LEAST_EXTENT_M:.0f} m or more past the tag, or turn an antenna",
+                remedy=f"Fly {POWER.least_extent_m:.0f} m or more past the tag, or turn "
+                "an antenna",
             )
 
 
 def _extent_m(powers: PowerTrack) -> float:
-    """Diagonal of the rectangle that holds the middle nine tenths of the places."""
     plane = plane_around(powers.latitude_deg, powers.longitude_deg)
     places = plane.to_local(powers.latitude_deg, powers.longitude_deg)
     spans = [np.subtract(*np.quantile(one, [0.95, 0.05])) for one in places]
@@ -199,10 +194,7 @@ def _lenth(stations: Stations, method: str) -> Position:
 
 
 def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
-    """Lenth's covariance with the scatter over n - 2 bearings: two coordinates were fitted.
-
-    Lenth, R. V. (1981), Technometrics 23 (2), divides by n. None for two bearings.
-    """
+    """Covariance of Lenth's estimate, with the scatter over n - 2 bearings; None for two."""
     if covariance_m2 is None or stations < 3:
         return None
     return covariance_m2 * (stations / (stations - 2))

@@ -7,19 +7,17 @@ import numpy as np
 
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bayes_model import Model
-from uavrt.localization.position.moving import LEAST_TIMES, way_by_bearings, way_by_powers
+from uavrt.localization.position.moving import way_by_bearings, way_by_powers
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
+from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint
 
 Follow = Literal["never", "contradicted", "always"]
-"""When a path is computed: never; where the tag cannot rest; always."""
+"""Condition for computing a tag's path: never, if data contradict a fixed place, or always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
-_RESTING_FADING_DB = 6.0
 _MOVES = "the tag moved; its path is estimated from bearings"
-"""Fading that a way is sought with where the tag seems to rest: neighbours may fade alike."""
-_SURVEY_MARGIN = 0.25
-"""Margin around a survey in which a walking tag is searched, as a share of its extent."""
+"""Reason given for receivers whose levels are unused because the tag moved."""
 
 
 def followed(position: Position, model: Model, follow: Follow) -> Position:
@@ -27,11 +25,7 @@ def followed(position: Position, model: Model, follow: Follow) -> Position:
 
     A tag whose data allow a fixed place keeps it, and has a path only on request. The place by
     bearings already allows for walking; where powers contradict a fixed place, the position is
-    the path's end.
-
-    `position`: of a resting tag, or of its bearings' best explanation.
-    `model`: measurements and prior.
-    `follow`: ``"contradicted"`` or ``"always"``.
+    the path's end. `follow`: ``"contradicted"`` or ``"always"``.
     Raises `UsageError`: a path was requested, and times are not known.
     """
     if model.stations is not None:
@@ -47,7 +41,7 @@ def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
     named = {one.name for one in position.cautions}
     # Bearings from one side, or three, contradict each other in more ways than by a walk.
     contradicted = bool(named & _CONTRADICTS) and "unchecked" not in named
-    has_times = stations.time_s is not None and len(stations.time_s) >= LEAST_TIMES
+    has_times = stations.time_s is not None and len(stations.time_s) >= TRACK.least_times
     if follow == "contradicted" and not (contradicted and has_times):
         return position
     assert grid is not None
@@ -72,7 +66,7 @@ def _by_powers(
         return position
     east, north = model.plane.to_local(position.latitude_deg, position.longitude_deg)
     first = last = (float(east), float(north))
-    fading_db = _RESTING_FADING_DB
+    fading_db = WALK.resting_fading_db
     if walk is not None and walked and powers.time_s is not None:
         half_s = 0.5 * float(np.ptp(powers.time_s))
         first, last = walk.at(-half_s), walk.at(half_s)
@@ -87,7 +81,6 @@ def _by_powers(
 
 
 def _on_level_ground(position: Position, model: Model, powers: PowerTrack) -> PowerTrack:
-    """The powers without losses behind hills for a resting tag."""
     if model.hills is None:
         return powers
     place = model.plane.to_local(position.latitude_deg, position.longitude_deg)
@@ -102,7 +95,7 @@ def _walk(model: Model, powers: PowerTrack) -> SurveyWalk | None:
     east, north = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)
     shift_m = 0.0 if model.track is None else model.track.height_shift_m
     extent = max(float(np.ptp(east)), float(np.ptp(north)))
-    margin = _SURVEY_MARGIN * extent
+    margin = WALK.survey_margin * extent
     around = Area(
         west_m=float(east.min()) - margin,
         east_m=float(east.max()) + margin,

@@ -1,7 +1,7 @@
 """Positions from bearings after Lenth (1981, Technometrics 23:149), in the local plane.
 
-Each as the original system computes it, to reproduce its published positions, and in a
-corrected form.
+Each estimator exists as the original system computes it, to reproduce published positions, and
+in a corrected form.
 """
 
 from dataclasses import dataclass
@@ -10,31 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.lean_scipy import special
-
-_ITERATIONS = 200
-_CONVERGED_M = 0.001
-_ANDREWS = 1.5
-_FAR_M = 100_000.0
-"""Distance beyond any radio tag's range, which means divergence."""
+from uavrt.localization.position.tuning import BEARING_FIX
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanePosition:
-    """A point in the local plane."""
+    """Position in the local plane, with covariance and weights of the bearings."""
 
     east_m: float
     north_m: float
     covariance_m2: _Floats | None
-    """(2, 2), east and north; None when the bearings' scatter is not known."""
+    """(2, 2) covariance of east and north [m²]; None when the bearings' scatter is unknown."""
     weights: _Floats
-    """(n,) weight of each bearing, 1 is full."""
+    """(n,) weight of each bearing, at most 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rays:
-    """Bearings from places in the local plane."""
+    """Stations in the local plane and their bearings to the tag."""
 
     east_m: _Floats
     north_m: _Floats
@@ -42,23 +37,23 @@ class Rays:
 
     @property
     def angle_rad(self) -> _Floats:
-        """Counter-clockwise from east, as in the paper."""
+        """(n,) direction counter-clockwise from east [rad], as in Lenth's paper."""
         return np.asarray(np.radians(90.0 - self.bearing_deg))
 
 
 def maximum_likelihood(rays: Rays) -> PlanePosition | None:
-    """Lenth's MLE: least von Mises deviation of all bearings; None when it diverges."""
+    """Lenth's MLE, the least von Mises deviation of all bearings; None if it diverges."""
     point = _start(rays, np.ones(len(rays.east_m)))
     weights = np.ones(len(rays.east_m))
-    for _ in range(_ITERATIONS):
+    for _ in range(BEARING_FIX.iterations):
         if point is None:
             return None
         step = _solved(rays, weights, *_starred(rays, point))
-        if step is None or not np.hypot(*step) < _FAR_M:
+        if step is None or not np.hypot(*step) < BEARING_FIX.diverged_m:
             return None
         moved = float(np.hypot(*(step - point)))
         point = step
-        if moved < _CONVERGED_M:
+        if moved < BEARING_FIX.converged_m:
             return _placed(rays, point, weights)
     return None
 
@@ -72,7 +67,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """
     weights = np.ones(len(rays.east_m))
     point = _start(rays, weights)
-    for _ in range(_ITERATIONS):
+    for _ in range(BEARING_FIX.iterations):
         if point is None:
             return None
         deviation = _deviation(rays, point)
@@ -82,10 +77,10 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
         t = np.sqrt(2.0 * kappa * (1.0 - np.cos(deviation)))
         weights = _andrews(t)
         step = _solved(rays, weights, *_starred(rays, point))
-        if step is None or not np.hypot(*step) < _FAR_M:
+        if step is None or not np.hypot(*step) < BEARING_FIX.diverged_m:
             return None
         moved = float(np.hypot(*(step - point)))
-        if moved < _CONVERGED_M:
+        if moved < BEARING_FIX.converged_m:
             # The original hands out the iterate before the last; it is the same millimetre.
             return _placed(rays, point, weights)
         point = step
@@ -93,7 +88,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
-    """Repeated median of the lines' crossings, as the original all of them; None without."""
+    """Repeated median of the lines' crossings, as in the original; None without crossings."""
     c, s = np.cos(rays.angle_rad), np.sin(rays.angle_rad)
     dx = rays.east_m[None, :] - rays.east_m[:, None]
     dy = rays.north_m[None, :] - rays.north_m[:, None]
@@ -119,16 +114,16 @@ def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def concentration(cosine: float) -> float:
-    """Kappa of a von Mises law whose mean cosine is given: A⁻¹(C), Lenth's closed form."""
+    """Concentration kappa of a von Mises law from its mean cosine, by Lenth's formula."""
     c = min(max(cosine, 1e-3), 1.0 - 1e-12)
     inverse = 2.0 * (1.0 - c) + (1.0 - c) ** 2 * (0.48794 - 0.82905 * c - 1.3915 * c * c) / c
     return 1.0 / max(inverse, 1e-12)
 
 
 def fisher_information(rays: Rays, point: _Floats, kappa: _Floats) -> _Floats:
-    """(2, 2) information of bearings about a point: sum of kappa A(kappa) n nᵀ / r² (§2.2).
+    """(2, 2) information of bearings about a point: sum of kappa A(kappa) n nᵀ / r².
 
-    `rays`: the places; their bearings do not matter.
+    `rays`: stations; their bearings do not matter.
     `point` (2,): east and north [m].
     `kappa` (n,): concentration of each bearing, 1 / sigma² [rad⁻²].
     """
@@ -161,9 +156,13 @@ def _bessel_ratio(kappa: float) -> float:
 
 
 def _andrews(t: _Floats) -> _Floats:
-    """Andrews' psi(t) / t: 1 at zero, none beyond 1.5 π."""
+    """Weight psi(t) / t of Andrews' estimator: 1 at zero, 0 beyond 1.5 π."""
     safe = np.maximum(t, 1e-9)
-    weight = np.where(safe < _ANDREWS * np.pi, _ANDREWS * np.sin(safe / _ANDREWS) / safe, 0.0)
+    weight = np.where(
+        safe < BEARING_FIX.andrews * np.pi,
+        BEARING_FIX.andrews * np.sin(safe / BEARING_FIX.andrews) / safe,
+        0.0,
+    )
     return np.asarray(weight)
 
 

@@ -1,8 +1,8 @@
-"""Estimate of a tag's strength, place by place, and its update by a pulse or a miss.
+"""Estimate of a tag's strength for each possible place, and its update by a pulse or a miss.
 
 Published trackers assume a known strength. Here every place (cell or particle) has a normal
-distribution of it, given that the tag is there. A pulse updates it exactly, a miss by its first
-two moments. So the strength is learnt while the tag is searched.
+distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
+its first two moments. The strength is so estimated during the search.
 """
 
 from dataclasses import dataclass, replace
@@ -15,64 +15,48 @@ from numpy.typing import NDArray
 
 from uavrt.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
-from uavrt.localization.position.loss_error import OF_EACH_PULSE, LossError, doubtful_db
+from uavrt.localization.position.loss_error import LossError, doubtful_db
+from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
 from uavrt.terrain.hill_losses import HillLosses
 
-_ROOT_TWO_PI = 2.506_628_275
-BY_CHANCE = 0.02
-"""Share of pulses that are missed, or received at any strength, independently of geometry."""
-ANY_STRENGTH = 1.0 / 120.0
-"""Density of these [1/dB]."""
-_BARELY_DB = 3.0
-REFERENCE_M = 100.0
-_TINY = 1e-30
-_COSINES = 4096
-"""Steps of a pattern's table: 1.8° at boresight, where it is flat, 0.03° across it."""
-_TAIL_STEP = 0.005
-_TAIL = 12.0
-"""Range of the normal tail's table [standard deviations]."""
-
 _Floats = NDArray[np.floating[Any]]
-"""Single or double precision, as in the input."""
+"""Array in single or double precision, as in the input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listening:
-    """One expected pulse, heard or missed."""
+    """One expected pulse, received or missed."""
 
     east_m: float
-    """Place of the drone in the tracker's plane."""
+    """East coordinate of the drone in the tracker's plane [m]."""
     north_m: float
     height_m: float
-    """Above the tag."""
+    """Height of the drone above the tag [m]."""
     snr_db: float | None
-    """None is a miss: evidence of where the tag is not."""
+    """SNR of the pulse [dB]; None is a miss, which shows where the tag is not."""
     threshold_db: float = 10.0
-    """SNR from which it would have been heard."""
+    """SNR above which the pulse would have been detected [dB]."""
     yaw_deg: float | None = None
-    """Boresight; None is an upright monopole."""
+    """Direction of the boresight, clockwise from true north; None for an upright monopole."""
 
 
 def by_chance_density(heard: Listening) -> float:
-    """Density [1/dB] of the level of pulses that are not the tag's.
+    """Density of the power of pulses that are not the tag's [1/dB].
 
-    Half of them are noise just above the threshold, and half have any strength. If all had any
-    strength, each weak false pulse would be evidence of a weak tag, and no tag would be judged
-    absent.
+    Half of them are noise just above the threshold, and half have any strength. With any
+    strength for all, each weak false pulse would be evidence of a weak tag.
     """
     assert heard.snr_db is not None
     over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
-    return 0.5 * ANY_STRENGTH + 0.5 / _BARELY_DB * exp(-over / _BARELY_DB)
+    return 0.5 * LEVEL.any_strength_per_db + 0.5 / LEVEL.false_pulse_db * exp(
+        -over / LEVEL.false_pulse_db
+    )
 
 
 @lru_cache(maxsize=64)
 def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Gain in and across the plane of the elements, by the cosine off boresight, -1 to 1.
-
-    A pattern is evaluated for ten thousand places with every pulse: without arc cosines that
-    takes a fifth of the time.
-    """
-    forward = np.linspace(-1.0, 1.0, _COSINES + 1)
+    """Gain in and across the plane of the elements, by the cosine off boresight (-1 to 1)."""
+    forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
     aside = np.sqrt(1.0 - forward**2)
     none = np.zeros_like(forward)
     return (
@@ -83,15 +67,17 @@ def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np
 
 @lru_cache(maxsize=1)
 def _tails() -> NDArray[np.float32]:
-    """(n,) logarithm of the normal distribution function, from -_TAIL to _TAIL."""
-    return special.log_ndtr(np.arange(-_TAIL, _TAIL + _TAIL_STEP, _TAIL_STEP)).astype(
-        np.float32
-    )
+    """(n,) table of the logarithm of the normal distribution function, symmetric about 0."""
+    return special.log_ndtr(
+        np.arange(-LEVEL.tail_sigmas, LEVEL.tail_sigmas + LEVEL.tail_step, LEVEL.tail_step)
+    ).astype(np.float32)
 
 
 def log_normal_tail(u: _Floats) -> _Floats:
-    """Logarithm of the normal distribution function; constant beyond 12."""
-    place = (np.clip(u, -_TAIL, _TAIL) + _TAIL) * (1.0 / _TAIL_STEP) + 0.5
+    """Logarithm of the normal distribution function, from a table; constant beyond its ends."""
+    place = (np.clip(u, -LEVEL.tail_sigmas, LEVEL.tail_sigmas) + LEVEL.tail_sigmas) * (
+        1.0 / LEVEL.tail_step
+    ) + 0.5
     return np.asarray(_tails()[place.astype(np.int32)])
 
 
@@ -103,7 +89,7 @@ def antenna_gain_db(
     height_m: _Floats | float,
     slant_m: _Floats,
 ) -> _Floats:
-    """Gain towards places (dx, dy, height_m below) of a level drone; see `Listening`."""
+    """Antenna gain of a level drone towards places at (dx, dy, height_m below) [dB]."""
     if pattern is None or yaw_deg is None:
         # cos² of the elevation, not below that of the null
         flat = 1.0 - (height_m / slant_m) ** 2
@@ -117,7 +103,7 @@ def antenna_gain_db(
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
         right = dx * np.cos(yaw) - dy * np.sin(yaw)
     forward = np.clip(ahead / slant_m, -1.0, 1.0)
-    place = ((forward + 1.0) * (0.5 * _COSINES) + 0.5).astype(np.int32)
+    place = ((forward + 1.0) * (0.5 * LEVEL.pattern_steps) + 0.5).astype(np.int32)
     in_plane, across = _by_cosine(pattern)
     gain = in_plane[place]
     if pattern.h_plane_db is None:
@@ -129,19 +115,19 @@ def antenna_gain_db(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Behind:
-    """Effect of the ground on a pulse from each place."""
+    """Effect of the ground on a pulse, for a tag at each place."""
 
     rise_m: _Floats
-    """Height of the ground over that at the take-off."""
+    """Height of the ground above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss for an error of 1."""
+    """Additional loss if the relative error of the losses is 1 [dB]."""
 
     @classmethod
     def hills(
         cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
     ) -> "Behind | None":
-        """Losses from the drone to some places; None over level ground."""
+        """Ground effect between the drone and each place; None over level ground."""
         if hills is None:
             return None
         up_m = float(heard.height_m) + hills.tag_m
@@ -154,20 +140,20 @@ class Behind:
         )
 
     def scatter_db(self, fading_db: float) -> _Floats:
-        """Fading, and the part of the losses' error that differs from pulse to pulse."""
-        return np.asarray(np.hypot(fading_db, OF_EACH_PULSE * self.lost_db))
+        """Standard deviation of fading and losses that differ from pulse to pulse [dB]."""
+        return np.asarray(np.hypot(fading_db, LOSS.pulse_share * self.lost_db))
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class LevelBelief:
-    """Mean and variance of the tag's SNR at 100 m, for each place."""
+    """Mean and variance of the tag's SNR at 100 m, for each possible place."""
 
     mean_db: _Floats
     variance_db2: _Floats
     known: bool = False
     """True if the strength is known and not estimated."""
     error: LossError | None = None
-    """Error of the ground's losses; None over level ground."""
+    """Relative error of the losses behind hills; None over level ground."""
 
     def expected_db(
         self,
@@ -178,7 +164,7 @@ class LevelBelief:
         pattern: AntennaPattern | None,
         behind: Behind | None = None,
     ) -> _Floats:
-        """Expected SNR here for a tag of the mean strength at each place."""
+        """Expected SNR at the drone if the tag is at each place [dB]."""
         # As Python's floats they leave single precision as it is.
         dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
         height: _Floats | float = float(heard.height_m)
@@ -187,7 +173,7 @@ class LevelBelief:
         yaw = None if heard.yaw_deg is None else float(heard.yaw_deg)
         slant2 = np.maximum(dx * dx + dy * dy + height**2, 1.0)
         gain = antenna_gain_db(pattern, yaw, dx, dy, height, np.sqrt(slant2))
-        loss = exponent * (5.0 * np.log10(slant2) - 10.0 * np.log10(REFERENCE_M))
+        loss = exponent * (5.0 * np.log10(slant2) - 10.0 * np.log10(POWER.reference_m))
         expected = self.mean_db - loss + gain
         if behind is None:
             return np.asarray(expected)
@@ -195,7 +181,7 @@ class LevelBelief:
         return np.asarray(expected - behind.lost_db - error)
 
     def spread_db2(self, behind: Behind | None) -> _Floats:
-        """Variance of the expected level here, without fading."""
+        """Variance of the expected SNR at the drone, without fading [dB²]."""
         error = self.error
         if error is None or behind is None:
             return self.variance_db2
@@ -209,19 +195,17 @@ class LevelBelief:
         expected_db: _Floats,
         fading_db: _Floats | float,
         *,
-        missed_share: float = BY_CHANCE,
-        chance_share: float = BY_CHANCE,
+        missed_share: float = LEVEL.by_chance,
+        chance_share: float = LEVEL.by_chance,
         elsewhere: float = 0.0,
         behind: Behind | None = None,
     ) -> _Floats:
         """Update with one pulse or miss; returns its log-likelihood at each place.
 
-        `expected_db`: from `expected_db`.
-        `fading_db`: including other unknown parts of the level.
+        `fading_db`: standard deviation of fading and of other unknown parts of the level.
         `missed_share`: share of pulses missed at any strength.
         `chance_share`: share of pulses that are not the tag's.
         `elsewhere`: density [1/dB] of a pulse of this level from another source.
-        `behind`: as given to `expected_db`.
         """
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2
@@ -229,10 +213,10 @@ class LevelBelief:
             variance = self.spread_db2(behind) + variance
         if heard.snr_db is not None:
             innovation = float(heard.snr_db) - expected_db
-            scale = (1.0 - missed_share) / _ROOT_TWO_PI / np.sqrt(variance)
+            scale = (1.0 - missed_share) / LEVEL.root_two_pi / np.sqrt(variance)
             density = np.exp(-0.5 * innovation * innovation / variance) * scale
             others = chance_share * by_chance_density(heard) + elsewhere
-            mixed = density + max(others, _TINY)
+            mixed = density + max(others, LEVEL.least_share)
             if learns:
                 # What came by chance says nothing of the strength.
                 part = density / mixed / variance
@@ -241,18 +225,18 @@ class LevelBelief:
         u = (float(heard.threshold_db) - expected_db) / np.sqrt(variance)
         log_below = log_normal_tail(u)
         below = np.exp(log_below) * (1.0 - missed_share)
-        mixed = below + max(missed_share, _TINY)
+        mixed = below + max(missed_share, LEVEL.least_share)
         if learns:
-            hazard = np.exp(-0.5 * u * u - log_below) / _ROOT_TWO_PI
+            hazard = np.exp(-0.5 * u * u - log_below) / LEVEL.root_two_pi
             ratio = below / mixed * hazard
             part = np.clip(ratio * (ratio + u), 0.0, 1.0) / variance
             self._learn(behind, -ratio / np.sqrt(variance), part)
         return np.asarray(np.log(mixed))
 
     def _learn(self, behind: Behind | None, moved: _Floats, shrunk: _Floats) -> None:
-        """Update with a level other than expected.
+        """Update the level's mean and variance with a received level.
 
-        `moved`: its deviation over its variance [1/dB].
+        `moved`: deviation from the expected level over its variance [1/dB].
         `shrunk`: reduction of the variance, over its square [1/dB²].
         """
         error, with_pulse = self.error, self.variance_db2

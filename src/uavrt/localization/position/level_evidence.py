@@ -1,9 +1,8 @@
 """Likelihood of a place from the levels of rotations, and of receivers that never turned.
 
 A mast, a person, or a passing drone gives no bearing. Its pulses still contain the antenna's
-gain towards the tag, and the tag's level, which all receivers share. The effect of a receiver's
-own gain, cable, noise and height over the ground is unknown, and is one error of all its
-levels.
+gain towards the tag, and the tag's level, which all receivers share. A receiver's gain, cable,
+noise and height over the ground are unknown; together they are one error of all its levels.
 """
 
 from dataclasses import dataclass
@@ -12,33 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.position.level_belief import antenna_gain_db
-from uavrt.localization.position.over_hills import LOSS_ERROR, OverHills
+from uavrt.localization.position.over_hills import OverHills
 from uavrt.localization.position.strengths import Strengths
+from uavrt.localization.position.tuning import LEVEL, POWER
 
 _Floats = NDArray[np.float64]
-
-OWN_GAINS_DB = ((0.7, 6.0), (0.3, 20.0))
-"""Common error of a receiver's levels: probability and standard deviation. Another radio or
-cable makes some decibels. An antenna 6 m over the ground hears a far tag 20 dB weaker than one
-at 60 m (two rays: 20 log of the heights' ratio), and one behind a hut weaker still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """Prior knowledge of the path loss."""
+    """Knowledge of the path loss before the flight."""
 
     exponent: float = 2.5
-    """Mean of the path loss exponent: 2 in free space, 4 for a tag on the ground beyond the
-    break point."""
+    """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
-    """Standard deviation of the effect of ground and plants at a place, the same for a
-    rotation."""
+    """Standard deviation of the loss by ground and plants at a place [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Levels:
-    """Levels in the local plane, row by row: of bearings first, then of receivers."""
+    """Received levels in the local plane: rows of bearings, then rows of receivers."""
 
     east_m: _Floats
     north_m: _Floats
@@ -46,21 +39,19 @@ class Levels:
     level_db: _Floats
     sigma_db: _Floats
     group: NDArray[np.int64]
-    """(n,) number of the receiver, whose error all its levels share: those of listeners first,
-    then those of several that turn; -1 where only one turns."""
+    """(n,) number of the receiver whose error a level shares; -1 where only one turns.
+    Receivers that never turned have the first numbers."""
 
 
 class LevelEvidence:
-    """Log-likelihood of places, given levels of bearings and of receivers that never turned.
+    """Log-likelihood of places, given two or more levels of bearings and other receivers.
 
     Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
-    normal error. P has a flat prior and n a normal one. A listener's error is normal, of one of
-    two widths; that of each of several receivers that turn is unknown. All integrate out in
-    closed form.
+    normal error. P has a flat prior and n a normal one. The error of a receiver that never
+    turned is normal, of one of two widths; that of each of several receivers that turn is
+    unknown. All integrate out in closed form.
 
-    `levels`: two or more.
-    `listeners`: the receivers that never turned, as their groups number them.
-    `over_hills`: losses behind hills, without listeners; None is level.
+    `listeners`: receivers that never turned, in the order of their numbers.
     """
 
     def __init__(
@@ -78,11 +69,11 @@ class LevelEvidence:
         # The unknown gains of receivers that turn contain P.
         several = len(groups) > 0 and not listeners
         self._errors = errors * 1.0 if several else np.insert(errors * 1.0, len(groups), 1.0, 1)
-        """(n, errors) which levels share each receiver's error, then P."""
-        self._own_gains = OWN_GAINS_DB if listeners else ((1.0, 1.0),)
+        """(n, errors) 1 where a level contains a receiver's error or, in the last column, P."""
+        self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) up to a constant."""
+        """(places,) log-likelihood up to a constant."""
         levels, over = self._levels, self._over_hills
         dx, dy = east_m[:, None] - levels.east_m, north_m[:, None] - levels.north_m
         height, variance = levels.height_m[np.newaxis], self._variance_db2[np.newaxis]
@@ -90,7 +81,7 @@ class LevelEvidence:
         if over is not None:
             lost = over.lost_db(east_m, north_m).astype(np.float64)
             height = height - over.hills.rise_m(east_m, north_m)[:, np.newaxis]
-            variance = variance + (LOSS_ERROR * lost) ** 2
+            variance = variance + (POWER.hill_error * lost) ** 2
         slant2 = dx * dx + dy * dy + np.maximum(np.abs(height), 1.0) ** 2
         x = -5.0 * np.log10(slant2 / 100.0**2)
         heard = levels.level_db + lost - self._gain_db(dx, dy, np.sqrt(slant2))
@@ -102,7 +93,7 @@ class LevelEvidence:
         return np.asarray(np.logaddexp.reduce(scores))
 
     def _gain_db(self, dx: _Floats, dy: _Floats, slant_m: _Floats) -> _Floats:
-        """(places, n) gains towards the places; 0 for bearings, with levels at boresight."""
+        """(places, n) antenna gain towards places [dB]; 0 for bearings, taken on boresight."""
         gain = np.zeros(dx.shape)
         for number, one in enumerate(self._listeners):
             rows = np.flatnonzero(self._levels.group == number)
@@ -114,10 +105,9 @@ class LevelEvidence:
         return gain
 
     def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
-        """(places,) log-likelihood; P, the receivers' errors and n integrated out.
+        """(places,) log-likelihood with P, the receivers' errors and n integrated out.
 
-        `weight`: (places or 1, n) inverse variances.
-        `gain_db`: standard deviation of the listeners' errors; the others' are unknown.
+        `gain_db`: standard deviation of the errors of receivers that never turned.
         """
         errors, listeners = self._errors, len(self._listeners)
         normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)

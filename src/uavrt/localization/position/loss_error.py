@@ -1,10 +1,11 @@
-"""Error of a ground model's losses, estimated place by place together with a tag's strength.
+"""Error of a ground model's losses, estimated at each place together with a tag's strength.
 
 Behind a round top, in woods, or where the map is some metres off, pulses lose more or less than
-by the map, and equally so while the drone flies along the same side of the hill. As an
-independent error of each pulse, twenty of them would rule out the tag's place. So it is one
-unknown that pulses update and that decorrelates with the drone's path. The independent part
-must be small: places behind more of a hill would pay for it with every pulse.
+by the map. The error persists while the drone flies along the same side of the hill. As an
+independent error of each pulse, twenty of them would rule out the tag's place. It is therefore
+one unknown that pulses update and that decorrelates along the drone's path. The independent
+part must be small: places behind more of a hill would otherwise become improbable with every
+pulse.
 """
 
 from dataclasses import dataclass, replace
@@ -13,82 +14,75 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_Floats = NDArray[np.floating[Any]]
+from uavrt.localization.position.tuning import LOSS
 
-USUAL = 0.4
-"""Mean of the error: round tops take up to twice a sharp edge's loss (P.526-15, 4.2), and woods
-add to it."""
-SIGMA = 0.5
-"""Standard deviation of the error before any pulse."""
-ALIKE_M = 800.0
-"""Length of the drone's path after which two errors are correlated by 1 / e."""
-OF_EACH_PULSE = 0.05
-"""Standard deviation of the part that differs from pulse to pulse, as a share of the loss."""
-_RANGE = (-0.7, 2.5)
-_GRAZING_DB = 6.0
-_GRAZES_DB = 3.0
+_Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss for an error of 1.
+    """Additional loss if the relative error is 1 [dB].
 
     Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
     """
-    return np.asarray(lost_db - _GRAZING_DB * np.expm1(lost_db * (-1.0 / _GRAZES_DB)))
+    return np.asarray(
+        lost_db - LOSS.grazing_db * np.expm1(lost_db * (-1.0 / LOSS.grazing_fall_db))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossError:
-    """Normal distribution of the error for each place, given that the tag is there."""
+    """Normal distribution of the losses' relative error, if the tag is at each place."""
 
     mean: _Floats
     variance: _Floats
     with_level_db: _Floats
-    """Covariance with the tag's strength."""
+    """Covariance of the error with the tag's strength [dB]."""
 
     @classmethod
     def unlearnt(cls, shape: tuple[int, ...] | int) -> "LossError":
-        """Prior error, before any pulse."""
+        """Distribution of the error before any pulse."""
         return cls(
-            mean=np.full(shape, USUAL, np.float32),
-            variance=np.full(shape, SIGMA**2, np.float32),
+            mean=np.full(shape, LOSS.mean, np.float32),
+            variance=np.full(shape, LOSS.sigma**2, np.float32),
             with_level_db=np.zeros(shape, np.float32),
         )
 
     @classmethod
     def of_columns(cls, columns: _Floats) -> "LossError | None":
-        """From (n, 3) columns; None from (n, 0), where there is no map."""
+        """Convert (n, 3) columns; None from (n, 0), where there is no map."""
         if not columns.shape[1]:
             return None
         return cls(mean=columns[:, 0], variance=columns[:, 1], with_level_db=columns[:, 2])
 
     def columns(self) -> NDArray[np.float32]:
-        """(n, 3)"""
+        """(n, 3) columns: mean, variance, covariance with the tag's strength."""
         return np.stack((self.mean, self.variance, self.with_level_db), axis=1)
 
     def after(
         self, was_m: tuple[float, float] | None, now_m: tuple[float, float]
     ) -> "LossError":
-        """The same from another place of the drone, with a partly new error."""
+        """Distribution after a movement of the drone, by which the error changes partly."""
         if was_m is None or was_m == now_m:
             return self
-        kept = float(np.exp(-np.hypot(now_m[0] - was_m[0], now_m[1] - was_m[1]) / ALIKE_M))
+        kept = float(
+            np.exp(-np.hypot(now_m[0] - was_m[0], now_m[1] - was_m[1]) / LOSS.correlation_m)
+        )
         return LossError(
-            mean=USUAL + kept * (self.mean - USUAL),
-            variance=SIGMA**2 + kept**2 * (self.variance - SIGMA**2),
+            mean=LOSS.mean + kept * (self.mean - LOSS.mean),
+            variance=LOSS.sigma**2 + kept**2 * (self.variance - LOSS.sigma**2),
             with_level_db=kept * self.with_level_db,
         )
 
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """The same after a pulse; see `LevelBelief.update`.
+        """Distribution after a pulse; see `LevelBelief.update`.
 
-        `doubtful`: additional loss [dB] for an error of 1.
+        `doubtful`: additional loss [dB] if the error is 1.
         `moved`: deviation of the level [dB], over its variance.
         `shrunk`: reduction of that variance, over its square.
         """
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,
-            mean=np.clip(self.mean + with_pulse * moved, *_RANGE),
+            mean=np.clip(self.mean + with_pulse * moved, *LOSS.limits),
             variance=np.maximum(self.variance - with_pulse**2 * shrunk, 1e-6),
         )

@@ -1,8 +1,8 @@
 """Path of a moving animal, from the bearings or powers of a whole flight.
 
-A particle tracker follows it. Each remaining hypothesis holds its whole past, so that all
-places use all of the flight. Few of them differ in the distant past, so one tracker runs
-forwards and one backwards, and each gives the half of the flight that it processed last.
+A particle tracker follows it. Each remaining hypothesis keeps its path, so that all places use
+all of the flight. In the distant past few different paths remain. So one tracker runs forwards
+and one backwards, and each gives the half of the flight that it processed last.
 """
 
 import math
@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.bearing_evidence import UNKNOWN_SIGMAS_DEG, von_mises
+from uavrt.localization.position.bearing_evidence import von_mises
 from uavrt.localization.position.level_belief import Listening
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior, TrackEstimate
+from uavrt.localization.position.tuning import BEARING_FIX, TRACK
 from uavrt.localization.results import TrackPoint
 from uavrt.tangent_plane import TangentPlane
 from uavrt.terrain.hill_losses import HillLosses
@@ -26,38 +27,22 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 _Floats = NDArray[np.float64]
 
-LEAST_TIMES = 3
-_PARTICLES = 10_000
-_STEP_S = 15.0
-_MOST_POINTS = 40
-"""Most points of a path: one at each bearing, and between in steps of 15 s or longer."""
-_FASTEST_M_S = 2.0
-"""Speed at which an animal may leave the place found for the whole flight, at most."""
-_MARGIN_M = 300.0
-_END_M, _END_M_S = 120.0, 0.15
-"""Uncertainty of a survey's first and last place: constant part, and part for each second."""
-_ROOM = 1.1
-"""Factor on a pulse's fading: ten thousand hypotheses are too few for the sharp likelihood of a
-survey's pulses. Without it, circles of walkers at 1 m/s held .85."""
-_TURNING = 0.03
-"""Change of velocity in each direction after a second: 20° at 1 m/s in two minutes. The circles
-hold 97 % of straight walkers, and 93 % of those that turn by 0.05."""
-
 
 def way_by_bearings(
     stations: Stations, plane: TangentPlane, around: Area, *, heading_sigma_deg: float
 ) -> tuple[TrackPoint, ...]:
-    """Follow a tag from bearing to bearing.
+    """Path of a tag through the bearings of a flight.
 
     `around`: the tag's approximate place during the flight.
-    `heading_sigma_deg`: error of the headings, taken as each bearing's own.
+    `heading_sigma_deg`: error of the headings, treated as independent for each bearing.
     Raises `UsageError`: times are not known, or fewer than three.
     """
     times = _checked(stations.time_s, "bearings")
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     posterior = _blurred(_posteriors(stations), heading_sigma_deg)
     prior = TagPrior(
-        area=_widened(around, float(np.ptp(times))), turning_m_s_per_root_s=_TURNING
+        area=_widened(around, float(np.ptp(times))),
+        turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
     )
 
     def take(tracker: ParticleTracker, number: int) -> None:
@@ -74,21 +59,21 @@ def way_by_powers(
     fading_db: float,
     hills: HillLosses | None = None,
 ) -> tuple[TrackPoint, ...]:
-    """Follow a tag from pulse to pulse, missed ones included.
+    """Path of a tag through the pulses of a flight, missed ones included.
 
-    `ends`: approximate east and north of the tag at first and at last, around which hypotheses
-    start; there are too few to start anywhere.
-    `fading_db`: of the pulses; greater where neighbours are correlated.
-    `hills`: the ground in that plane; None is level.
+    `ends`: approximate east and north of the tag at the start and at the end. Hypotheses begin
+        around these; there are too few to begin anywhere.
+    `fading_db`: fading of single pulses, increased where neighbours are correlated.
+    `hills`: ground model in the local plane; None is level ground.
     Raises `UsageError`: times are not known, or fewer than three.
     """
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
-    half_m = _END_M + _END_M_S * float(np.ptp(times))
+    half_m = TRACK.end_m + TRACK.end_m_s * float(np.ptp(times))
     prior = TagPrior(
         area=_around(ends[0], half_m),
-        fading_db=_ROOM * fading_db,
-        turning_m_s_per_root_s=_TURNING,
+        fading_db=TRACK.fading_factor * fading_db,
+        turning_m_s_per_root_s=TRACK.turning_m_s_per_root_s,
         pattern=powers.antenna,
         hills=hills,
     )
@@ -111,7 +96,7 @@ def way_by_powers(
 
 
 def _checked(times: _Floats | None, what: str) -> _Floats:
-    if times is None or len(times) < LEAST_TIMES:
+    if times is None or len(times) < TRACK.least_times:
         raise UsageError(
             f"a track needs the times of three or more {what} of one flight",
             remedy="Name one flight alone, or use the method bayes, which takes the tag to "
@@ -121,7 +106,7 @@ def _checked(times: _Floats | None, what: str) -> _Floats:
 
 
 def _widened(around: Area, span_s: float) -> Area:
-    margin = _MARGIN_M + 0.5 * _FASTEST_M_S * span_s
+    margin = TRACK.margin_m + 0.5 * TRACK.fastest_m_s * span_s
     return Area(
         west_m=around.west_m - margin,
         east_m=around.east_m + margin,
@@ -140,14 +125,13 @@ def _around(place: tuple[float, float], half_m: float) -> Area:
 
 
 def _posteriors(stations: Stations) -> _Floats:
-    """(n, steps) probability of directions; unknown errors are a mixture of all."""
     if stations.posterior is not None:
         return stations.posterior
     if stations.sigma_deg is not None:
         return von_mises(stations.bearing_deg, stations.sigma_deg)
     each = [
         von_mises(stations.bearing_deg, np.full(len(stations.bearing_deg), sigma))
-        for sigma in UNKNOWN_SIGMAS_DEG
+        for sigma in BEARING_FIX.unknown_sigmas_deg
     ]
     return np.asarray(np.mean(each, axis=0))
 
@@ -166,7 +150,6 @@ def _both_ways(
     plane: TangentPlane,
     origin_ns: int,
 ) -> tuple[TrackPoint, ...]:
-    """Track forwards and backwards; each time uses all data."""
     points_s = _point_times(times)
     forwards = _trail(priors[0], times, points_s, take)
     backwards = _trail(priors[1], -times, [-one for one in reversed(points_s)], take)[::-1]
@@ -191,9 +174,9 @@ def _both_ways(
 
 
 def _point_times(times: _Floats) -> list[float]:
-    """Times of the path's points: first and last, and about each step between."""
+    """Times of the path's points: the first, the last, and about each step between [s]."""
     ordered = np.sort(times)
-    step = max(_STEP_S, float(np.ptp(times)) / _MOST_POINTS)
+    step = max(TRACK.point_step_s, float(np.ptp(times)) / TRACK.most_points)
     points_s = [float(ordered[0])]
     for until in ordered[1:]:
         while points_s[-1] + 1.5 * step < until:
@@ -211,8 +194,7 @@ def _trail(
     points_s: list[float],
     take: Callable[[ParticleTracker, int], None],
 ) -> list[TrackEstimate | None]:
-    """Process all data in order of time, and remember the path's points."""
-    tracker = ParticleTracker(prior, np.random.default_rng(0), particles=_PARTICLES)
+    tracker = ParticleTracker(prior, np.random.default_rng(0), particles=TRACK.particles)
     waiting = list(points_s)
     for number in np.argsort(times, kind="stable"):
         while waiting and waiting[0] < times[number]:

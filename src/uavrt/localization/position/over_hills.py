@@ -1,4 +1,4 @@
-"""Losses behind hills of a flight's pulses, from each place."""
+"""Losses behind hills for a flight's pulses, from each possible place of the tag."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -6,25 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.position.tuning import POWER
 from uavrt.terrain.hill_losses import HillLosses, LossesFrom
 
 _Floats = NDArray[np.floating[Any]]
-LOSS_ERROR = 0.25
-"""Standard deviation of a loss behind hills, as a share of it: heights of 30 m squares without
-trees, and one edge in place of a hill."""
-FACTORS = ((0.65, 1.0 / 6.0), (1.0, 2.0 / 3.0), (1.35, 1.0 / 6.0))
-"""Common factors on all losses of a flight, with probabilities (three nodes of Gauss and
-Hermite)."""
-_GRAZING_DB = 0.5
-_MAP_ERROR_DB = 2.0
-"""Effect of some metres of height error on a present loss."""
-ALIKE_M = 200.0
-"""Length of the drone's path over which that error is constant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OverHills:
-    """The ground, and its losses from a flight's pulses."""
+    """Losses behind hills for the pulses of a track, by a ground model."""
 
     hills: HillLosses
     losses: LossesFrom
@@ -35,9 +25,9 @@ class OverHills:
     def of(
         cls, hills: HillLosses | None, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> "OverHills | None":
-        """Losses from each pulse's place, its height above the ground at the take-off.
+        """Losses for pulses received at positions; heights count from the take-off's ground.
 
-        `hills`: in the plane of the places; None is level ground.
+        `hills`: ground model in the plane of the places; None is level ground.
         `east_m`, `north_m`, `up_m`: shape (n,).
         """
         if hills is None:
@@ -45,15 +35,15 @@ class OverHills:
         return cls(hills=hills, losses=hills.seen_from(east_m, north_m, up_m))
 
     def lost_db(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) losses [dB] of the pulses from places (places,)."""
+        """(places, n) loss of each pulse for a tag at each of the places (places,) [dB]."""
         return self.losses(east_m, north_m) * np.float32(self.factor)
 
     def chosen(self, pulses: NDArray[np.bool_] | NDArray[np.intp]) -> "OverHills":
-        """Losses of some of the pulses."""
+        """Losses for the pulses selected by an index array or a mask."""
         return replace(self, losses=replace(self.losses, which=self.losses.which[pulses]))
 
 
 def along_error_db(lost_db: _Floats) -> float:
-    """Standard deviation of the errors of losses (n,) along a path, common error excluded."""
-    hidden = float(np.mean(lost_db > _GRAZING_DB))
-    return float(np.hypot(LOSS_ERROR * np.std(lost_db), _MAP_ERROR_DB * hidden**0.5))
+    """Standard deviation of the error of losses (n,) [dB], without the common error."""
+    hidden = float(np.mean(lost_db > POWER.hidden_db))
+    return float(np.hypot(POWER.hill_error * np.std(lost_db), POWER.map_error_db * hidden**0.5))

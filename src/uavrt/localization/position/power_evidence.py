@@ -1,9 +1,9 @@
 """Likelihood of a place from powers along a track, with unknown level and path loss.
 
-The model is z = P - 10 n log10(r / 100 m) + G + e, e being fading that is correlated along the
-track (first-order autoregressive). For a given place it is linear in P and n, so that both, and
-the fading's size, integrate out in closed form; the correlation is summed over some values.
-Misses enter as "below the threshold".
+The model is z = P - 10 n log10(r / 100 m) + G + e, with fading e that is correlated along the
+track (first-order autoregressive). At a given place it is linear in P and n, so both, and the
+fading's size, integrate out in closed form; the correlation is summed over some values. Misses
+enter as "below the threshold".
 """
 
 from collections.abc import Sequence
@@ -27,68 +27,62 @@ from uavrt.localization.position.censored_power import (
     thinned,
 )
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.over_hills import ALIKE_M, OverHills, along_error_db
+from uavrt.localization.position.over_hills import OverHills, along_error_db
+from uavrt.localization.position.tuning import POWER
 
-REFERENCE_M = 100.0
-_TYPICAL_FADING_DB = 4.0
 _DB = 10.0 / np.log(10.0)
-_TOGETHER = 60_000
-"""Numbers computed at once, within the processor's cache."""
-_MOST_CORRELATION = 0.93
-_WIDEST_STEP = 0.3
-"""For few pulses, of the correlations' Fisher transforms."""
 
 _Floats = NDArray[np.float64]
 _Reals = NDArray[np.floating]
-"""Usually single precision."""
+"""Array of real numbers, usually in single precision."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerTrack:
-    """Expected pulses along a track, heard or missed."""
+    """Expected pulses along a track, received or missed."""
 
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
     snr_db: _Floats
-    """(n,) NaN for a miss."""
+    """(n,) SNR of each pulse [dB]; NaN for a miss."""
     threshold_db: float = 10.0
-    """SNR above which a missed pulse would have been heard."""
+    """SNR above which a missed pulse would have been detected [dB]."""
     antenna: AntennaPattern | None = None
-    """None is an upright monopole; else `yaw_deg` must be given."""
+    """Antenna pattern, which needs `yaw_deg`; None for an upright monopole."""
     yaw_deg: _Floats | None = None
-    """(n,) boresight, clockwise from true north."""
+    """(n,) direction of the boresight, clockwise from true north [deg]."""
     time_s: _Floats | None = None
-    """(n,) from any origin, in order; None assumes that the tag rests."""
+    """(n,) rising times of the pulses [s]; None assumes that the tag rests."""
     origin_ns: int = 0
-    """UTC at a `time_s` of 0; 0 where unknown."""
+    """UTC of `time_s` 0 [ns]; 0 where unknown."""
 
     def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
-        """Some of the pulses."""
+        """Return the pulses selected by an index array or a mask."""
         return chosen_rows(self, kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Seen:
-    """Geometry between places and pulses, for any height: (places, pulses)."""
+    """Geometry between places and pulses, shape (places, pulses), for any height."""
 
     east_m: _Reals
     north_m: _Reals
     square_m2: _Reals
     log_square: _Reals
     rise_m: _Reals | None = None
-    """(places, 1) height of the ground over that at the take-off; None is level."""
+    """(places, 1) height of the ground above that at the take-off [m]; None is level ground."""
     lost_db: _Reals | None = None
-    """(places, pulses) behind hills."""
+    """(places, pulses) loss behind hills [dB]; None is level ground."""
 
 
 def fit_each(
     several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
 ) -> list[PowerFit]:
-    """Fit evidences that differ only in height, at once."""
+    """Fit several evidences that differ only in the height of the track, at once."""
     first = several[0]
     fits = []
-    together = max(1, _TOGETHER // len(first.used))
+    together = max(1, POWER.together // len(first.used))
     for start in range(0, len(east_m), together):
         part = slice(start, start + together)
         seen = first.seen_from(east_m[part], north_m[part], first.used)
@@ -101,9 +95,9 @@ class PowerEvidence:
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: heights, powers, antenna.
-    `correlation`: of neighbouring pulses' fading, where pulses were missed; see
-    `correlation_at_best`. Without misses it is integrated out.
-    `over_hills`: losses behind hills; None is level.
+    `correlation`: correlation of neighbouring pulses' fading, where pulses were missed; see
+        `correlation_at_best`. Without misses it is integrated out.
+    `over_hills`: losses behind hills; None is level ground.
     """
 
     def __init__(
@@ -125,21 +119,21 @@ class PowerEvidence:
         self._mean_db = float(np.nanmean(track.snr_db))
         missed, self._miss_weight = thinned(np.flatnonzero(~self._heard))
         self.used = np.concatenate([np.flatnonzero(self._heard), missed])
-        """Used pulses: those heard, then misses, thinned out if many."""
+        """Indices of the used pulses: received ones, then misses, thinned out if many."""
 
     def losing(self, factor: float) -> "PowerEvidence":
-        """The same with all losses behind hills multiplied by a factor."""
+        """Copy with all losses behind hills multiplied by a factor."""
         other = copy(self)
         if self.over_hills is not None:
             other.over_hills = replace(self.over_hills, factor=factor)
         return other
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
-        """Fit level and exponent at each of some places (places,)."""
+        """Fit level and exponent at each of the places (places,)."""
         return fit_each([self], east_m, north_m)[0]
 
     def fitted(self, seen: "Seen") -> PowerFit:
-        """Fit level and exponent to the used pulses at each of the places."""
+        """Fit level and exponent at places whose geometry is given."""
         count = int(self._heard.sum())
         loss, gain = self._propagated(seen, self.used)
         heard = self._over_mean(self.used[:count], loss[:, :count], gain[:, :count])
@@ -158,10 +152,9 @@ class PowerEvidence:
         return replace(fit, level_db=fit.level_db + self._mean_db)
 
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
-        """Correlation length of fading, by the most likely of some places (places,).
+        """Correlation of neighbouring pulses' fading, at the most likely of (places,).
 
-        One figure for all places: separate ones would weigh places of equal likelihood
-        differently.
+        One value for all places: separate ones would favour some of equally likely places.
         """
         fit = self.fit(east_m, north_m)
         top = int(np.argmax(fit.log_likelihood))
@@ -173,12 +166,12 @@ class PowerEvidence:
         over = self.over_hills.chosen(np.flatnonzero(self._heard))
         lost_db = over.lost_db(east_m[top : top + 1], north_m[top : top + 1])[0]
         step_m = np.median(np.hypot(np.diff(self._east_m), np.diff(self._north_m)))
-        alike = float(np.clip(ALIKE_M / max(step_m, 1e-3), 1.0, len(residual)))
+        alike = float(np.clip(POWER.same_error_m / max(step_m, 1e-3), 1.0, len(residual)))
         by_hills = correlation_over_hills(residual, along_error_db(lost_db), alike)
         return max(lasting_correlation(residual), by_hills)
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """(places, heard): loss, and level over their mean, less the antenna's gain."""
+        """(places, received) loss, and level over the pulses' mean less antenna gain."""
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
 
@@ -190,14 +183,14 @@ class PowerEvidence:
     def propagation(
         self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
     ) -> tuple[_Reals, _Reals]:
-        """(places, pulses): -10 log10(r / 100 m), and the antenna's gain [dB].
+        """(places, pulses) -10 log10(r / 100 m), and the antenna's gain [dB].
 
         Single precision is several times as fast and errs by a millionth of a dB.
         """
         return self._propagated(self.seen_from(east_m, north_m, pulses), pulses)
 
     def seen_from(self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]) -> "Seen":
-        """Geometry from each of some pulses to places on the ground."""
+        """Geometry from the positions of pulses to places on the ground."""
         single = np.float32
         dx = east_m.astype(single)[:, None] - self._east_m[pulses].astype(single)[None, :]
         dy = north_m.astype(single)[:, None] - self._north_m[pulses].astype(single)[None, :]
@@ -222,7 +215,7 @@ class PowerEvidence:
         height = np.maximum(np.abs(height), single(0.5))
         slant = ground + height * height
         log_slant = np.log(slant)
-        loss = single(-0.5 * _DB) * (log_slant - single(2.0 * np.log(REFERENCE_M)))
+        loss = single(-0.5 * _DB) * (log_slant - single(2.0 * np.log(POWER.reference_m)))
         if self._track.antenna is None or self._track.yaw_deg is None:
             # cos² of the elevation is ground / slant; the scatter floor is that of the pattern
             flat = seen.log_square - log_slant
@@ -242,22 +235,18 @@ _FLOOR_DB = float(monopole_gain_db(90.0))
 
 @lru_cache(maxsize=16)
 def _correlations(count: int) -> _Floats:
-    """(m,) correlations that are summed over for some number of pulses.
-
-    Their Fisher transforms (artanh) are 2.5 standard errors apart: sums over wider steps take
-    the nearest correlation for the true one.
-    """
-    step = min(_WIDEST_STEP, 2.5 / count**0.5)
-    return np.asarray(np.tanh(np.arange(0.0, np.arctanh(_MOST_CORRELATION), step)))
+    """(m,) correlations to sum over, 2.5 standard errors apart in Fisher's transform."""
+    step = min(POWER.widest_step, 2.5 / count**0.5)
+    return np.asarray(np.tanh(np.arange(0.0, np.arctanh(POWER.most_correlation), step)))
 
 
 def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
-    """Fit at places with all pulses heard; x the loss, z the power (places, pulses).
+    """Fit places to received pulses without misses; x is loss, z power (places, pulses).
 
     Level, exponent, and the fading's size and correlation integrate out. The precision of a
     first-order process with correlation rho is, up to 1 / (1 - rho²), the sum over all pulses,
-    plus rho² over the inner ones, minus rho over neighbours both ways. The size has a prior of
-    one pulse with the typical fading, which matters for two or three pulses. The constant is
+    plus rho² over the inner ones, minus rho over neighbours on both sides. The size has a prior
+    of one pulse with the typical fading, which matters for two or three pulses. The constant is
     included, so that likelihoods of different numbers of pulses compare.
     """
 
@@ -271,7 +260,7 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     both = [dot(x1, x0), 0.5 * (dot(x1, z0) + dot(x0, z1)), dot(z1, z0)]
     exponent = prior.exponent ** np.arange(3)
     known = np.zeros((5, 1))
-    known[2:, 0] = (_TYPICAL_FADING_DB / max(prior.exponent_sigma, 1e-3)) ** 2 * exponent
+    known[2:, 0] = (POWER.typical_fading_db / max(prior.exponent_sigma, 1e-3)) ** 2 * exponent
     terms = np.stack(
         [
             whole + known,
@@ -289,7 +278,7 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     exponent = (ones * xz - x_sum * z_sum) / determinant
     level = (z_sum - exponent * x_sum) / ones
     residual = np.maximum(zz - level * z_sum - exponent * xz, 1e-9) / white
-    score = -0.5 * (np.log(determinant) + count * np.log(residual + _TYPICAL_FADING_DB**2))
+    score = -0.5 * (np.log(determinant) + count * np.log(residual + POWER.typical_fading_db**2))
     score -= 0.5 * (count - 3) * np.log(white)
     top = score.max(axis=0)
     weight = np.exp(score - top)

@@ -1,4 +1,4 @@
-"""Outlines of the regions that hold a tag with some probability, for maps."""
+"""Outlines of the regions that hold a tag with a given probability, for maps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,25 +8,17 @@ from uavrt.tangent_plane import TangentPlane
 
 _Floats = NDArray[np.float64]
 _Edge = tuple[int, int, int]
-"""Row, column, and 0 for the edge to the next column, 1 for that to the next row."""
+"""Edge of the grid: row, column, and 0 towards the next column or 1 towards the next row."""
 
 
 def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
-    """Outline of the smallest region that holds some share of a probability.
+    """Outline of the smallest region that holds a given probability.
 
-    Parameters
-    ----------
-    grid : PositionGrid
-        A position's heat map.
-    share : float
-        0.5 or 0.95, say.
-
-    Returns
-    -------
-    list of (k, 2) float64 arrays
-        Closed rings of longitude and latitude [deg], the first place repeated at the end;
-        outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the search area
-        cuts is closed along its edge.
+    `grid`: heat map of a position.
+    `share`: the probability, such as 0.5 or 0.95.
+    Returns: closed rings (k, 2) of longitude and latitude [deg], the first place repeated at
+        the end; outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the
+        search area cuts is closed along its edge.
     """
     grid_east, grid_north, probability = refined(
         np.asarray(grid.east_m), np.asarray(grid.north_m), grid.probability
@@ -48,9 +40,9 @@ def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
 def refined(
     x: _Floats, y: _Floats, probability: _Floats, times: int = 4
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Refine a probability over a grid: its logarithm by cubics through four neighbours.
+    """Interpolate a probability on a finer grid: cubic in its logarithm.
 
-    Returns (x, y, probability): the finer grid; the probability sums to 1.
+    Returns: x, y and probability on the finer grid; the probability sums to 1.
     """
     # Below 1e-12 of the peak nothing is drawn; a zero has no logarithm.
     logs = np.log(np.maximum(probability, 1e-12 * probability.max()))
@@ -84,10 +76,10 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 
 
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
-    """Closed contours of an array with a margin below the level: rows and columns of each.
+    """Closed contours of an array at a level, as rows and columns; the margin must be below it.
 
-    Marching squares. Around each cell, counter-clockwise, the edge where one leaves the region
-    leads back to the one where one entered; so rings have the region on their left.
+    Marching squares. Around each cell, counter-clockwise, the edge at which a contour leaves
+    the region leads to the one at which it enters; so the region is on the left of each ring.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level
@@ -123,7 +115,6 @@ def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
 
 
 def _crossing(values: _Floats, level: float, edge: _Edge) -> tuple[float, float]:
-    """Row and column where the level lies on an edge."""
     row, column, down = edge
     here = float(values[row, column])
     there = float(values[row + down, column + 1 - down])

@@ -14,35 +14,34 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stations:
-    """Bearings of one tag and their places."""
+    """Bearings of one tag and the places where they were taken."""
 
     latitude_deg: _Floats
     longitude_deg: _Floats
     bearing_deg: _Floats
-    """(n,) clockwise from true north."""
+    """(n,) bearings, clockwise from true north [deg]."""
     sigma_deg: _Floats | None = None
-    """(n,) standard deviations; None lets them be learnt, one for all."""
+    """(n,) standard deviations [deg]; None estimates one for all bearings."""
     posterior: _Floats | None = None
     """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
     level_db: _Floats | None = None
-    """(n,) SNR on boresight, NaN where unknown, as for a bearing noted by hand: its differences
-    show the distance, to the method ``bayes``."""
+    """(n,) SNR on boresight [dB], NaN where unknown. Differences show the distance."""
     level_sigma_db: _Floats | None = None
-    """(n,) errors of the levels; 0 when None."""
+    """(n,) standard deviations of the levels [dB]; None is 0."""
     height_m: _Floats | None = None
-    """(n,) above the tag; 0 when None."""
+    """(n,) height above the tag [m]; None is 0."""
     receiver: NDArray[np.int64] | None = None
-    """(n,) number of each one's receiver; None: all are of one."""
+    """(n,) number of the receiver of each bearing; None if one receiver took all."""
     time_s: _Floats | None = None
-    """(n,) time of each, from any origin; None assumes that the tag rests."""
+    """(n,) time of each bearing from any origin [s]; None assumes that the tag rests."""
     origin_ns: int = 0
-    """UTC at a `time_s` of 0; 0 where unknown."""
+    """UTC of `time_s` 0 [ns]; 0 where unknown."""
     listeners: tuple[Strengths, ...] = ()
     """Strengths of receivers that never turned, for the method ``bayes``."""
 
     @property
     def receivers(self) -> NDArray[np.int64]:
-        """(n,) number of each one's receiver."""
+        """(n,) number of the receiver of each bearing; 0 if one receiver took all."""
         if self.receiver is None:
             return np.zeros(len(self.bearing_deg), np.int64)
         return self.receiver
@@ -56,7 +55,7 @@ class Stations:
         time_s: ArrayLike | None = None,
         origin_ns: int = 0,
     ) -> "Stations":
-        """Make stations from estimated bearings."""
+        """Convert estimated bearings to stations."""
         densities = None
         if any(one.posterior is not None for one in bearings):
             densities = np.array(
@@ -83,7 +82,7 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Bearings with a level, and the other inputs for levels; None where there is none."""
+        """Stations with a level, and the parameters of the levels; None where there is none."""
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)

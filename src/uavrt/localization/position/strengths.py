@@ -1,4 +1,4 @@
-"""Strengths of receivers that never turned: one level for each place and heading."""
+"""Strengths of a tag at a receiver that never turned: one level for each place and heading."""
 
 from dataclasses import dataclass
 
@@ -12,33 +12,33 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Strengths:
-    """One receiver's levels of a tag, received without turning."""
+    """Levels of a tag at one receiver that never turned."""
 
     listener: str
     """Name of the receiver, for the operator: ``vehicle 7`` or a flight's name."""
     pulses: int
-    """Number of pulses in the levels, used or not."""
+    """Number of pulses in all levels, used or unused."""
     latitude_deg: _Floats
-    """(n,) places of the receiver."""
+    """(n,) latitude of the receiver at each level."""
     longitude_deg: _Floats
     height_m: _Floats
     yaw_deg: _Floats
-    """(n,) headings of the boresight."""
+    """(n,) direction of the boresight at each level, clockwise from true north [deg]."""
     level_db: _Floats
-    """(n,) received SNR, including the antenna's gain towards the tag."""
+    """(n,) received SNR [dB], including the antenna's gain towards the tag."""
     sigma_db: _Floats
     antenna: AntennaPattern | None
-    """None is an upright monopole."""
+    """Antenna pattern; None is an upright monopole."""
     unused: str | None = None
-    """Why none of it can be used."""
+    """Reason why none of the levels can be used; None if they can."""
 
     def because(self, reason: str) -> str:
-        """Sentence that it is not used, and why."""
+        """Sentence for the operator that the levels are unused, with the reason."""
         return f"{self.listener}: its strengths ({self.pulses} pulses) are not used: {reason}"
 
     @property
     def outcome(self) -> str:
-        """Sentence for the operator on its use."""
+        """Sentence for the operator on the use of the levels."""
         if self.unused is not None:
             return self.because(self.unused)
         stood = "one place" if len(self.level_db) == 1 else f"{len(self.level_db)} places"

@@ -1,8 +1,8 @@
-"""The strongest signal of a survey, which is not the tag's place.
+"""Place of the strongest signal of a survey, which is not the tag's place.
 
 A monopole receives nothing straight below it, so a tag is strongest on a ring around it: the
 largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n), 36 m for 40 m above the tag and an
-exponent of 2.5. Users of surveys walk to the peak, so it is labelled.
+exponent of 2.5. Users of surveys walk to the peak, so maps label it.
 """
 
 from dataclasses import dataclass
@@ -13,40 +13,37 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.tuning import POWER
 from uavrt.tangent_plane import TangentPlane, plane_around
-
-_IN_A_ROW = 6
-BAND_M = 10.0
-"""Height of a layer; thinner ones have too few pulses for a map."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StrongestSignal:
-    """Place of a track's strongest signal, some distance from the tag."""
+    """Place of the strongest signal on a track, some distance from the tag."""
 
     latitude_deg: float
     longitude_deg: float
     snr_db: float
-    """Mean of the pulses there."""
+    """Mean SNR of the pulses at the place [dB]."""
     ring_radius_m: float
-    """Distance of the tag from there, for a monopole and a path loss exponent of 2.5."""
+    """Distance of the tag from the place [m], for a monopole and a loss exponent of 2.5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalSurface:
-    """SNR over the ground, interpolated between the pulses; the colours of a signal map."""
+    """SNR over the ground, interpolated between the pulses: the colours of a signal map."""
 
     latitude_deg: float
-    """Of the local plane's origin."""
+    """Latitude of the local plane's origin."""
     longitude_deg: float
     east_m: _Floats
-    """(x,) from the origin."""
+    """(x,) grid coordinates east of the origin [m]."""
     north_m: _Floats
-    """(y,)."""
+    """(y,) grid coordinates north of the origin [m]."""
     snr_db: _Floats
-    """(y, x); NaN outside the track's hull."""
+    """(y, x) SNR [dB]; NaN outside the track's convex hull."""
 
 
 def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:
@@ -69,32 +66,34 @@ def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSi
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalSection:
-    """SNR over height, by the distance along the ground from some place."""
+    """Side view of a survey: SNR by height and by distance along the ground from a place."""
 
     distance_m: _Floats
-    """(x + 1,) edges of the cells."""
+    """(x + 1,) edges of the cells over distance [m]."""
     height_m: _Floats
-    """(y + 1,) edges, above the tag."""
+    """(y + 1,) edges of the cells over height above the tag [m]."""
     snr_db: _Floats
-    """(y, x) median of the pulses in each cell; NaN where there are none."""
+    """(y, x) median SNR of the pulses in each cell [dB]; NaN in empty cells."""
 
 
 def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
-    """Divide heights into the layers in which a survey was flown, lowest first.
+    """Divide heights (n,) into the layers in which a survey was flown, lowest first.
 
     A drone holds its height to a few metres: fixed layers of 10 m would split one level flight
     at 40 m in two. So heights are divided where 5 m are empty, and ranges above 15 m, such as a
     climb, into equal layers of 10 m at most.
 
-    `height_m` (n,): heights of the pulses, n ≥ 1.
-    Returns: each (low, high). Each height lies in exactly one: low ≤ height < high, of the last
-    one ≤ high.
+    Returns: low and high of each layer, low ≤ height < high; the last one includes its high.
     """
     ordered = np.sort(height_m)
     bands: list[tuple[float, float]] = []
-    for level in np.split(ordered, np.flatnonzero(np.diff(ordered) > BAND_M / 2.0) + 1):
+    for level in np.split(ordered, np.flatnonzero(np.diff(ordered) > POWER.layer_m / 2.0) + 1):
         low, high = float(level[0]), float(level[-1])
-        layers = 1 if high - low <= 1.5 * BAND_M else int(np.ceil((high - low) / BAND_M))
+        layers = (
+            1
+            if high - low <= 1.5 * POWER.layer_m
+            else int(np.ceil((high - low) / POWER.layer_m))
+        )
         edges = np.linspace(low, high, layers + 1)
         # Up to, not with, the upper edge, but for the highest pulse of each level.
         edges[-1] = np.nextafter(high, np.inf)
@@ -103,7 +102,7 @@ def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
 
 
 def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
-    """Part of a track within a range of heights."""
+    """Pulses of a track within a range of heights."""
     low, high = band
     inside = (track.height_m >= low) & (track.height_m < high)
     return track.chosen(inside)
@@ -112,13 +111,13 @@ def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
 def signal_section(
     track: PowerTrack, latitude_deg: float, longitude_deg: float
 ) -> SignalSection:
-    """Side view of a survey: SNR over height and over the distance from a place.
+    """Side view of a survey: SNR by height and by the distance from a place.
 
     Around the tag a monopole's field is the same in all directions. The side view shows the
     null above the tag, and the effect of height.
 
     `latitude_deg`, `longitude_deg`: origin of distances: the tag's estimated position.
-    Raises `UsageError`: it was flown at one height.
+    Raises `UsageError`: the survey was flown at one height.
     """
     heard = ~np.isnan(track.snr_db)
     if len(height_bands(track.height_m[heard])) < 2:
@@ -137,23 +136,22 @@ def signal_section(
 
 
 def _edges(low: float, high: float, cells: int, least: float) -> _Floats:
-    """Edges of equal cells, limited in number and least width."""
     count = max(1, min(cells, int((high - low) / least)))
     return np.linspace(low, max(high, low + least), count + 1)
 
 
 def smoothed(snr_db: _Floats) -> _Floats:
-    """(n,) mean of six pulses in a row, fewer at the ends."""
-    window = np.ones(min(_IN_A_ROW, len(snr_db)))
+    """(n,) SNR averaged over six consecutive pulses, fewer at the ends."""
+    window = np.ones(min(POWER.in_a_row, len(snr_db)))
     total = np.convolve(snr_db, window, mode="same")
     return np.asarray(total / np.convolve(np.ones(len(snr_db)), window, mode="same"))
 
 
 def signal_surface(track: PowerTrack) -> SignalSurface:
-    """Interpolate the smoothed SNR linearly between the places where pulses were heard.
+    """Interpolate the smoothed SNR linearly between the places where pulses were received.
 
-    The grid's spacing is half of that of the pulses, between a 300th and a 60th of the track's
-    extent, a metre at least.
+    The grid's spacing is half of the pulses' spacing, at least 1 m, and between a 300th and a
+    60th of the track's extent.
     Raises `UsageError`: the places do not span an area.
     """
     # The interpolator takes long to import, and only maps want it.

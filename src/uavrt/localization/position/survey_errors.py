@@ -1,10 +1,9 @@
 """Errors common to all powers of a survey: a wrong height, pulses of other senders.
 
 A wrong height (terrain, a tag on a tree, a take-off on a hill) changes the place of the minimum
-and the slope of the strength; several heights are weighed against each other, with the place.
-Pulses of other senders have any strength: a robust fit (Student's law, iteratively reweighted)
-finds the approximate place, and pulses far outside the others' scatter there are left out, and
-counted.
+and the slope of the strength; several heights are compared together with the place. Pulses of
+other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
+approximate place. Pulses far outside the others' scatter there are left out and counted.
 """
 
 from collections.abc import Sequence
@@ -15,59 +14,14 @@ from numpy.typing import NDArray
 
 from uavrt.localization.position.censored_power import PowerFit
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.over_hills import FACTORS, OverHills
+from uavrt.localization.position.over_hills import OverHills
 from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack, fit_each
+from uavrt.localization.position.tuning import POWER, SURVEY
 from uavrt.localization.results import Caution
 
-HEIGHT_SIGMA_M = 7.0
-"""Standard deviation of a given height over the tag, unless specified."""
-_FAR_WRONG_SHARE = 0.1
-_FAR_WRONG_SIGMAS = 4.0
-"""Standard deviations of rare height errors far beyond the usual."""
-_SHIFTS_M = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
-_LEAST_HEIGHT_M = 3.0
-_CLOSER_M = np.linspace(-9.0, 9.0, 7)
-"""Heights about the mean of those, if it is known to less than `_KNOWN_M`."""
-_KNOWN_M = 6.0
-"""Standard deviation of the height below which it counts as known."""
-_NODES = np.array([-1.5, 0.0, 1.5])
-"""Heights weighed with each place, in standard deviations about the mean."""
-_LEAST_SIGMA_M = 1.5
-_LEAST_BEND = 0.05
-"""Least curvature of the parabola through them; its peak must lie between them. Farther out it
-exceeds the true value at places where the lowest fits best."""
-FOREIGN_SHARE = 0.02
-"""Prior share of foreign pulses, each equally probable at any strength within 60 dB."""
-_ANY_DB = 60.0
-_LOG_FOREIGN = float(np.log(FOREIGN_SHARE / _ANY_DB))
-_LOG_OWN = float(np.log(1.0 - FOREIGN_SHARE))
-_MOST_READINGS = 4
-"""Most choices of foreign pulses that are weighed against each other."""
-_NO_MATTER_NATS = 6.0
-"""Largest log-probability below the best of a choice that is kept."""
-_ALIKE = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Possible shares of its neighbours' fading in a pulse's own."""
-_MOST_FOREIGN = 0.25
-"""Largest share of outliers; with more, the model is wrong, and nothing is left out."""
-_LEAST_PULSES = 20
-"""Least number of pulses that determines heights and outliers."""
-_HEARD_SHARE = 0.95
-"""Least share of heard pulses for which heights are weighed."""
-_COARSE, _FINE = 14, 9
-_ROUGH_PLACES, _ROUGH_FINE, _ROUGH_PULSES = 2, 7, 400
-"""Cells, not neighbours, of a grid twice as fine that are refined, with some of the pulses. A
-peak may be narrower than a cell, and the most likely cell that of a mirror image."""
-_MARGIN_M = 60.0
-_MIRROR_REACH, _MIRROR_CELLS = 1.75, 15
-"""Search range for mirror images around the approximate place, in its grid's steps (at most a
-line's spacing), and cells along a side of it."""
-_MIRROR_NATS = 20.0
-"""Largest log-likelihood below the best of such a place with independent pulses: some 4 where
-fading is correlated."""
-_LEAST_DB = 0.05
-"""Resolution of powers; with smaller differences there is no residual."""
-_FREEDOM = 3.0
-_ROUNDS = 4
+_FOREIGN_PER_DB = SURVEY.foreign_share / SURVEY.foreign_range_db
+_LOG_FOREIGN = float(np.log(_FOREIGN_PER_DB))
+_LOG_OWN = float(np.log(1.0 - SURVEY.foreign_share))
 
 _Floats = NDArray[np.float64]
 
@@ -76,8 +30,8 @@ class SurveyEvidence:
     """Log-likelihood of places, given powers along a track of uncertain height.
 
     `east_m`, `north_m` (n,): the track in the local plane.
-    `track`: heights as reported, powers, antenna.
-    `over_hills`: losses behind hills; None is level.
+    `track`: reported heights, powers, antenna.
+    `over_hills`: losses behind hills; None is level ground.
     """
 
     def __init__(
@@ -93,9 +47,9 @@ class SurveyEvidence:
         self._east_m, self._north_m, self._track = east_m, north_m, track
         self._propagation, self._height_sigma_m = propagation, height_sigma_m
         self.kept = np.ones(len(track.snr_db), bool)
-        """(n,) pulses that are not attributed to other senders."""
+        """(n,) True for pulses that are not attributed to other senders."""
         self.height_shift_m = 0.0
-        """Mean over the weighed heights."""
+        """Estimated error of the height above the tag [m]."""
         self.height_right_probability = 1.0
         """Probability that the height is wrong by less than 10 m."""
         self._correlation = 0.0
@@ -104,15 +58,15 @@ class SurveyEvidence:
             self._correlation = self._lasting()
         shifts_m, self._log_prior = np.zeros(1), np.zeros(1)
         readings = [self.kept]
-        if int(heard.sum()) >= _LEAST_PULSES:
+        if int(heard.sum()) >= SURVEY.least_pulses:
             place, spread_m, shift_m = self._roughly(heard)
             readings = self._readings(heard, place, spread_m, shift_m)
             self.kept = readings[0]
             # What is made of misses compares places, but not heights: a flight whose heights
             # were true, with half of its pulses missed, was taken for one 30 m lower.
-            if height_sigma_m > 0.0 and np.mean(heard) >= _HEARD_SHARE:
+            if height_sigma_m > 0.0 and np.mean(heard) >= SURVEY.received_share:
                 shifts_m = self._weigh_heights(place, spread_m)
-                self._log_prior = self._log_prior_of(shifts_m)
+                self._log_prior = _log_prior_of_height(shifts_m, self._height_sigma_m)
         self._read = [
             (
                 [self._evidence(float(shift), kept) for shift in shifts_m],
@@ -120,7 +74,7 @@ class SurveyEvidence:
             )
             for kept in readings
         ]
-        """Evidences of the heights for each choice of used pulses, and its prior."""
+        """For each set of the tag's own pulses, evidences of the heights and log-prior."""
 
     @property
     def foreign(self) -> int:
@@ -128,7 +82,7 @@ class SurveyEvidence:
         return int(np.sum(~self.kept))
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
-        """Fit level and exponent at each of some places (places,)."""
+        """Fit level and exponent at each of the places (places,)."""
         if self._over_hills is None:
             return _over_readings(
                 [
@@ -139,7 +93,7 @@ class SurveyEvidence:
         score = np.full(len(east_m), -np.inf)
         middle = None
         ((own, _),) = self._read
-        for factor, share in FACTORS:
+        for factor, share in POWER.hill_factors:
             heights = [one.losing(factor) for one in own]
             found = self._fit_heights(heights, east_m, north_m)
             score = np.logaddexp(score, found.log_likelihood + np.log(share))
@@ -159,7 +113,7 @@ class SurveyEvidence:
     def _evidence(self, shift_m: float, kept: NDArray[np.bool_] | None = None) -> PowerEvidence:
         kept = self.kept if kept is None else kept
         track = self._track.chosen(kept)
-        height_m = np.maximum(track.height_m + shift_m, _LEAST_HEIGHT_M)
+        height_m = np.maximum(track.height_m + shift_m, SURVEY.least_height_m)
         over = self._over_hills
         return PowerEvidence(
             self._east_m[kept],
@@ -171,38 +125,39 @@ class SurveyEvidence:
         )
 
     def _lasting(self) -> float:
-        """Correlation of neighbouring pulses' fading, where pulses were missed."""
-        north, east = (one.ravel() for one in np.meshgrid(*reversed(self._coarsely(_COARSE))))
+        """Correlation of neighbouring pulses' fading, for missed pulses or hills."""
+        axes = reversed(self._coarsely(SURVEY.coarse_cells))
+        north, east = (one.ravel() for one in np.meshgrid(*axes))
         return self._evidence(0.0).correlation_at_best(east, north)
 
     def _coarsely(self, count: int) -> tuple[_Floats, _Floats]:
-        """East and north of a coarse grid over the survey."""
+        margin_m = SURVEY.margin_m
         east, north = (
-            np.linspace(float(axis.min()) - _MARGIN_M, float(axis.max()) + _MARGIN_M, count)
+            np.linspace(float(axis.min()) - margin_m, float(axis.max()) + margin_m, count)
             for axis in (self._east_m, self._north_m)
         )
         return east, north
 
     def _shifts(self) -> tuple[float, ...]:
-        """Heights to weigh, all above the ground."""
+        """Candidate errors of the height that leave the drone above the ground [m]."""
         if self._height_sigma_m <= 0.0:
             return (0.0,)
-        lowest = float(np.median(self._track.height_m)) - _LEAST_HEIGHT_M
-        return tuple(one for one in _SHIFTS_M if one > -lowest)
+        lowest = float(np.median(self._track.height_m)) - SURVEY.least_height_m
+        return tuple(one for one in SURVEY.shifts_m if one > -lowest)
 
     def _roughly(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Place, its search radius, and height shift of the best robust fit."""
+        """Place, search radius [m] and height error [m] of the best robust fit."""
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)
-        some[pulses[:: -(-len(pulses) // _ROUGH_PULSES)]] = True
-        east, north = self._coarsely(2 * _COARSE)
+        some[pulses[:: -(-len(pulses) // SURVEY.rough_pulses)]] = True
+        east, north = self._coarsely(2 * SURVEY.coarse_cells)
         step = max(float(east[1] - east[0]), float(north[1] - north[0]))
         y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
         score = self._robust(x, y, some, 0.0)[2]
-        off = np.linspace(-step, step, _ROUGH_FINE)
+        off = np.linspace(-step, step, SURVEY.rough_fine)
         shifts = self._shifts()[::2] if len(self._shifts()) > 1 else (0.0,)
         found = []
-        for _ in range(_ROUGH_PLACES):
+        for _ in range(SURVEY.rough_places):
             top = int(np.argmax(score))
             found += [
                 (*self._best_of(x[top] + off, y[top] + off, some, shift_m), shift_m)
@@ -223,13 +178,14 @@ class SurveyEvidence:
     def _robust(
         self, east_m: _Floats, north_m: _Floats, heard: NDArray[np.bool_], shift_m: float
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """Residuals (places, heard), their scale (places,), and Student's score (places,)."""
+        """Robust fit: residuals (places, received), scale (places,), log-likelihood."""
         evidence = self._evidence(shift_m)
         loss, gain = evidence.propagation(east_m, north_m, np.flatnonzero(heard[self.kept]))
         z = self._track.snr_db[heard & self.kept] - gain
         weight = np.ones_like(z)
         prior = (4.0 / self._propagation.exponent_sigma) ** 2
-        for _ in range(_ROUNDS):
+        freedom = SURVEY.freedom
+        for _ in range(SURVEY.rounds):
             ones, x = weight.sum(axis=1), np.sum(weight * loss, axis=1)
             level_sum, xz = np.sum(weight * z, axis=1), np.sum(weight * loss * z, axis=1)
             xx = np.sum(weight * loss**2, axis=1) + prior
@@ -237,10 +193,10 @@ class SurveyEvidence:
             slope = (ones * xz - x * level_sum) / np.maximum(ones * xx - x * x, 1e-9)
             level = (level_sum - slope * x) / ones
             residual = z - level[:, None] - slope[:, None] * loss
-            scale = np.sqrt(np.mean(weight * residual**2, axis=1) + _LEAST_DB**2)
-            weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2)
-        law = np.log1p((residual / scale[:, None]) ** 2 / _FREEDOM)
-        score = -z.shape[1] * np.log(scale) - 0.5 * (_FREEDOM + 1.0) * law.sum(axis=1)
+            scale = np.sqrt(np.mean(weight * residual**2, axis=1) + SURVEY.least_db**2)
+            weight = (freedom + 1.0) / (freedom + (residual / scale[:, None]) ** 2)
+        law = np.log1p((residual / scale[:, None]) ** 2 / freedom)
+        score = -z.shape[1] * np.log(scale) - 0.5 * (freedom + 1.0) * law.sum(axis=1)
         return residual, scale, score
 
     def _readings(
@@ -250,45 +206,46 @@ class SurveyEvidence:
         step_m: float,
         shift_m: float,
     ) -> list[NDArray[np.bool_]]:
-        """Choices of used pulses (n,), the most probable first.
+        """Sets of the tag's own pulses, as masks (n,), the most probable first.
 
-        Pulses are left out if another sender is more probable than their deviation. That
-        depends on the place: right beneath the drone a monopole receives nothing, and a weak
-        foreign pulse looks like a tag there. So outliers are determined for places around the
-        approximate one, and beneath weak pulses. Where pulses were missed, or over hills,
-        likelihoods of different pulses do not compare; then only outliers at all of those
-        places are left out.
+        A pulse is left out where another sender is more probable than its deviation. That
+        depends on the place: a monopole receives little right beneath the drone, so a weak
+        foreign pulse looks like a tag there. Places around the approximate one and beneath weak
+        pulses are examined. With missed pulses or over hills, likelihoods of different sets do
+        not compare; then only pulses that are outliers at all places are left out.
         """
-        off = np.linspace(-_MIRROR_REACH * step_m, _MIRROR_REACH * step_m, _MIRROR_CELLS)
+        reach_m = SURVEY.mirror_reach * step_m
+        off = np.linspace(-reach_m, reach_m, SURVEY.mirror_cells)
         north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
         near = np.hypot(self._east_m - place[0], self._north_m - place[1])
-        beneath = heard & (near <= _MIRROR_REACH * step_m)
+        beneath = heard & (near <= reach_m)
         east = np.concatenate([east, self._east_m[beneath]])
         north = np.concatenate([north, self._north_m[beneath]])
         residual, _, score = self._robust(east, north, heard, shift_m)
-        residual = residual[score > score.max() - _MIRROR_NATS]
+        residual = residual[score > score.max() - SURVEY.mirror_nats]
         innovation, sigma = _unlike_neighbours(residual)
         own = np.exp(-0.5 * (innovation / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
-        odd = (1.0 - FOREIGN_SHARE) * own < FOREIGN_SHARE / _ANY_DB
+        own *= 1.0 - SURVEY.foreign_share
+        odd = own < _FOREIGN_PER_DB
         found: list[NDArray[np.bool_]] = []
         if self._over_hills is None and np.all(heard):
-            mixed = np.log((1.0 - FOREIGN_SHARE) * own + FOREIGN_SHARE / _ANY_DB).sum(axis=1)
-            near_best = np.flatnonzero(mixed > mixed.max() - _MIRROR_NATS)
+            mixed = np.log(own + _FOREIGN_PER_DB).sum(axis=1)
+            near_best = np.flatnonzero(mixed > mixed.max() - SURVEY.mirror_nats)
             for number in near_best[np.argsort(-mixed[near_best], kind="stable")]:
                 if not any(np.array_equal(odd[number], one) for one in found):
                     found.append(odd[number])
-                if len(found) == _MOST_READINGS:
+                if len(found) == SURVEY.most_readings:
                     break
         else:
             found.append(np.all(odd, axis=0))
         readings = []
         for one in found:
-            if np.mean(one) <= _MOST_FOREIGN:
+            if np.mean(one) <= SURVEY.most_foreign:
                 kept = np.ones(len(heard), bool)
                 kept[np.flatnonzero(heard)[one]] = False
                 readings.append(kept)
         if len(readings) > 1:
-            near_best = score > score.max() - _MIRROR_NATS
+            near_best = score > score.max() - SURVEY.mirror_nats
             weighed = [
                 np.logaddexp.reduce(
                     self._evidence(shift_m, kept)
@@ -299,49 +256,43 @@ class SurveyEvidence:
                 for kept in readings
             ]
             order = np.argsort(weighed)[::-1]
-            least = max(weighed) - _NO_MATTER_NATS
+            least = max(weighed) - SURVEY.readings_nats
             readings = [readings[number] for number in order if weighed[number] >= least]
         return readings or [np.ones(len(heard), bool)]
 
     def _weigh_heights(self, place: tuple[float, float], step_m: float) -> _Floats:
-        """Distribution of the height error, and three heights that represent it."""
+        """Estimate the height error; returns three heights for its distribution [m]."""
         shifts = np.array(self._shifts())
         weight = self._weights(shifts, place, step_m)
         mean = float(weight @ shifts)
         variance = float(weight @ (shifts - mean) ** 2)
         self.height_shift_m = mean
         self.height_right_probability = float(weight[np.abs(shifts) < 10.0].sum())
-        lowest = _LEAST_HEIGHT_M - float(np.median(self._track.height_m))
-        if variance < _KNOWN_M**2:
-            shifts = mean + _CLOSER_M
+        lowest = SURVEY.least_height_m - float(np.median(self._track.height_m))
+        if variance < SURVEY.known_m**2:
+            shifts = mean + np.array(SURVEY.closer_m)
             shifts = shifts[shifts > lowest]
             weight = self._weights(shifts, place, step_m)
             mean = float(weight @ shifts)
             variance = float(weight @ (shifts - mean) ** 2)
-        nodes = max(variance**0.5, _LEAST_SIGMA_M) * _NODES
+        nodes = max(variance**0.5, SURVEY.least_sigma_m) * np.array(SURVEY.nodes)
         nodes += max(mean, lowest - float(nodes[0]))
         return np.asarray(nodes)
 
     def _weights(self, shifts_m: _Floats, place: tuple[float, float], step_m: float) -> _Floats:
-        """(shifts,) probability of each, over the places around one."""
-        off = np.linspace(-1.5 * step_m, 1.5 * step_m, _FINE)
+        off = np.linspace(-1.5 * step_m, 1.5 * step_m, SURVEY.fine_cells)
         north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
         each = [self._evidence(float(shift)) for shift in shifts_m]
         fits = fit_each(each, east, north)
         score = np.array([np.logaddexp.reduce(one.log_likelihood) for one in fits])
-        score += self._log_prior_of(shifts_m) + np.log(np.gradient(shifts_m))
+        prior = _log_prior_of_height(shifts_m, self._height_sigma_m)
+        score += prior + np.log(np.gradient(shifts_m))
         weight = np.exp(score - score.max())
         return np.asarray(weight / weight.sum())
 
-    def _log_prior_of(self, shifts_m: _Floats) -> _Floats:
-        sigma = self._height_sigma_m
-        usual = (1.0 - _FAR_WRONG_SHARE) * _normal(shifts_m, sigma)
-        far_wrong = _FAR_WRONG_SHARE * _normal(shifts_m, _FAR_WRONG_SIGMAS * sigma)
-        return np.asarray(np.log(usual + far_wrong))
-
 
 def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
-    """Cautions on a survey's powers."""
+    """Cautions for the operator on a survey's heights and foreign pulses."""
     found = []
     if evidence.height_right_probability < 0.1:
         text = (
@@ -359,24 +310,29 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
     return tuple(found)
 
 
+def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
+    """(n,) log-density of height errors before the flight: usual ones and far greater ones."""
+    usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
+    far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
+    return np.asarray(np.log(usual + far_wrong))
+
+
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior of a choice of used pulses (n,); the others are of any strength."""
+    """Log-prior of a set of the tag's own pulses (n,); the others have any strength."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviation of pulses from their neighbours' estimate, (places, n), and its usual size.
-
-    Correlated fading makes neighbours similar, so a pulse may be an outlier among them that is
-    usual elsewhere. The similarity is measured by medians, which one outlier does not move.
-    """
+    """Deviation of pulses from neighbours' estimate (places, n), and its standard deviation."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
     around = np.sort(around, axis=0)
     level = 0.5 * (around[1] + around[2])
     middle = np.median(residual, axis=1)[:, None]
-    each = np.stack([residual - middle - alike * (level - middle) for alike in _ALIKE])
+    each = np.stack(
+        [residual - middle - alike * (level - middle) for alike in SURVEY.fading_shares]
+    )
     size = 1.4826 * np.median(np.abs(each), axis=2)
     best = np.argmin(size, axis=0)
     places = np.arange(len(residual))
@@ -384,7 +340,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum the likelihood over choices of used pulses; level and exponent of the best."""
+    """Sum the likelihood over sets of the tag's own pulses; level and exponent of the best."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
@@ -392,7 +348,6 @@ def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
 
 
 def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floats) -> PowerFit:
-    """Level and exponent of the fit with the best score (fits, places) at each place."""
     best = np.argmax(score, axis=0)[None]
     return PowerFit(
         log_likelihood=log_likelihood,
@@ -402,12 +357,9 @@ def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floa
 
 
 def _over_heights(score: _Floats) -> _Floats:
-    """(places,) logarithm of the integral over three heights (3, places), one step apart.
-
-    The score's parabola for each place also finds heights between the three.
-    """
+    """(places,) log-integral over three evenly spaced heights (3, places), by a parabola."""
     low, middle, high = score
-    bend = np.maximum(middle - 0.5 * (low + high), _LEAST_BEND)
+    bend = np.maximum(middle - 0.5 * (low + high), SURVEY.least_bend)
     slope = 0.5 * (high - low)
     vertex = np.clip(0.5 * slope / bend, -1.0, 1.0)
     return np.asarray(middle + (slope - bend * vertex) * vertex - 0.5 * np.log(bend))

@@ -1,8 +1,8 @@
 """Compare a resting tag with one of constant velocity for a power survey.
 
-A tag moving past a drone is equivalent to the drone moving past a tag: the same likelihood
-applies, with each place of the drone shifted back by the tag's movement. The evidence of both
-is summed over a grid of places and velocities: a coarse one with some of the pulses, and a
+A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
+applies, with each position of the drone shifted back by the tag's movement. The evidence of
+both is summed over a grid of places and velocities: a coarse one with some of the pulses, and a
 finer one if the first favours walking.
 """
 
@@ -14,25 +14,13 @@ from numpy.typing import NDArray
 from uavrt.columns import chosen_rows
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.censored_power import lasting_correlation
-from uavrt.localization.position.common_errors import WALKING_M_S, WALKING_SHARE
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
+from uavrt.localization.position.tuning import COMMON, WALK
 from uavrt.localization.results import Caution
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
-
-_LEAST_SPAN_S = 60.0
-_LEAST_PULSES = 20
-_ROUGH_PULSES = 60
-"""Number of a survey's pulses for the coarse comparison."""
-_ROUGH_CELLS = 12
-_SPEEDS_M_S = (0.4, 0.9)
-_DIRECTIONS = 8
-_GATE_NATS = 2.0
-"""Evidence for walking in the coarse comparison that starts the fine one."""
-_FINE_CELLS, _FINE_VELOCITIES = 9, 5
-_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,15 +29,14 @@ class SurveyWalk:
 
     probability: float
     velocity_m_s: tuple[float, float]
-    """East and north."""
+    """Velocity towards east and north [m/s]."""
     place: tuple[float, float]
-    """Place in the middle of the flight."""
+    """East and north of the tag in the middle of the flight [m]."""
     fading_db: float
-    """Fading, increased where neighbours are correlated, so that each pulse counts as
-    independent."""
+    """Standard deviation of fading [dB], increased for the correlation of neighbours."""
 
     def at(self, since_s: float) -> tuple[float, float]:
-        """East and north at a time after the middle of the flight."""
+        """East and north of the tag at a time after the middle of the flight [m]."""
         return (
             self.place[0] + self.velocity_m_s[0] * since_s,
             self.place[1] + self.velocity_m_s[1] * since_s,
@@ -57,7 +44,7 @@ class SurveyWalk:
 
     @property
     def caution(self) -> Caution:
-        """Caution for the operator."""
+        """Caution for the operator that the tag walked."""
         speed = float(np.hypot(*self.velocity_m_s))
         towards = float(wrap_degrees_360(np.degrees(np.arctan2(*self.velocity_m_s))))
         return Caution(
@@ -69,12 +56,12 @@ class SurveyWalk:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Moved:
-    """A survey's heard pulses relative to a walking tag."""
+    """Received pulses of a survey, as seen from a walking tag."""
 
     east_m: _Floats
     north_m: _Floats
     since_s: _Floats
-    """(n,) from the middle of the flight."""
+    """(n,) times from the middle of the flight [s]."""
     track: PowerTrack
     propagation: Propagation
 
@@ -117,7 +104,7 @@ def survey_walk(
     if powers.time_s is None:
         return None
     heard = ~np.isnan(powers.snr_db)
-    if heard.sum() < _LEAST_PULSES or np.ptp(powers.time_s[heard]) < _LEAST_SPAN_S:
+    if heard.sum() < WALK.least_pulses or np.ptp(powers.time_s[heard]) < WALK.least_span_s:
         return None
     middle = 0.5 * float(powers.time_s.min() + powers.time_s.max())
     moved = _Moved(
@@ -127,22 +114,26 @@ def survey_walk(
         track=powers,
         propagation=propagation,
     ).of(heard)
-    rough = moved.every(max(1, int(heard.sum()) // _ROUGH_PULSES))
-    rest = _best(rough, [(0.0, 0.0)], around, _ROUGH_CELLS)
-    angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
-    rim = [(v * float(np.cos(a)), v * float(np.sin(a))) for v in _SPEEDS_M_S for a in angles]
-    walk = _best(rough, rim, around, _ROUGH_CELLS)
-    if walk.score < rest.score + _GATE_NATS:
+    rough = moved.every(max(1, int(heard.sum()) // WALK.rough_pulses))
+    rest = _best(rough, [(0.0, 0.0)], around, WALK.rough_cells)
+    angles = np.arange(WALK.directions) * 2.0 * np.pi / WALK.directions
+    rim = [
+        (v * float(np.cos(a)), v * float(np.sin(a))) for v in WALK.speeds_m_s for a in angles
+    ]
+    walk = _best(rough, rim, around, WALK.rough_cells)
+    if walk.score < rest.score + WALK.gate_nats:
         return None
     return _weighed(moved, around, rest, walk)
 
 
 def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWalk:
-    """Integrate both over finer and finer grids, with all pulses."""
-    step = max(around.east_m - around.west_m, around.north_m - around.south_m) / _ROUGH_CELLS
+    """Probability of a walk, by integrals around both peaks on finer grids."""
+    step = (
+        max(around.east_m - around.west_m, around.north_m - around.south_m) / WALK.rough_cells
+    )
     rest = _closed_in(moved, rest, step, 0.0)
     walk = _closed_in(moved, walk, step, 0.3)
-    odds = np.log(WALKING_SHARE / (1.0 - WALKING_SHARE))
+    odds = np.log(COMMON.walking_share / (1.0 - COMMON.walking_share))
     odds += walk.log_evidence - rest.log_evidence
     best = walk if odds > 0.0 else rest
     return SurveyWalk(
@@ -154,21 +145,21 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
 
 
 def _closed_in(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
-    """Evidence around a peak, on a grid as narrow as the peak."""
-    for _ in range(_ROUNDS):
-        half = (0.5 * _FINE_CELLS - 0.5) * step_m / 2.0
+    """Evidence integrated around a peak, on grids that narrow to its width."""
+    for _ in range(WALK.rounds):
+        half = (0.5 * WALK.fine_cells - 0.5) * step_m / 2.0
         around = Area(
             west_m=peak.place[0] - half,
             east_m=peak.place[0] + half,
             south_m=peak.place[1] - half,
             north_m=peak.place[1] + half,
         )
-        steps = np.arange(_FINE_VELOCITIES) - _FINE_VELOCITIES // 2
+        steps = np.arange(WALK.fine_velocities) - WALK.fine_velocities // 2
         off = steps * (step_m_s / 2.0) if step_m_s else np.zeros(1)
         velocities = [
             (float(peak.velocity[0] + x), float(peak.velocity[1] + y)) for x in off for y in off
         ]
-        peak = _best(moved, velocities, around, _FINE_CELLS, step_m_s / 2.0)
+        peak = _best(moved, velocities, around, WALK.fine_cells, step_m_s / 2.0)
         step_m, step_m_s = step_m / 2.0, step_m_s / 2.0
     return peak
 
@@ -180,7 +171,6 @@ def _best(
     cells: int,
     step_m_s: float = 0.0,
 ) -> _Peak:
-    """Best place and velocity; the velocity's prior is in its score."""
     east = np.linspace(around.west_m, around.east_m, cells)
     north = np.linspace(around.south_m, around.north_m, cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
@@ -189,11 +179,11 @@ def _best(
     squares = np.sum(np.array(velocities) ** 2, axis=1)
     walks = bool(np.any(squares > 0.0))
     if walks:
-        found = found - (0.5 * squares / WALKING_M_S**2)[:, None]
+        found = found - (0.5 * squares / COMMON.walking_m_s**2)[:, None]
     row, column = np.unravel_index(int(np.argmax(found)), found.shape)
     whole = float(np.logaddexp.reduce(found.ravel())) + np.log(cell_m2)
     if walks and step_m_s:
-        whole += np.log(step_m_s**2 / (2.0 * np.pi * WALKING_M_S**2))
+        whole += np.log(step_m_s**2 / (2.0 * np.pi * COMMON.walking_m_s**2))
     return _Peak(
         score=float(found[row, column]),
         velocity=velocities[int(row)],
@@ -203,7 +193,7 @@ def _best(
 
 
 def _fading_db(moved: _Moved, peak: _Peak) -> float:
-    """Scatter of the powers about the fit, as for independent pulses."""
+    """Scatter of the powers about the fit [dB], as if pulses were independent."""
     evidence = moved.evidence(peak.velocity)
     east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
     fit = evidence.fit(east, north)

@@ -17,99 +17,83 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearing_evidence import BearingEvidence
 from uavrt.localization.position.level_belief import (
-    ANY_STRENGTH,
-    BY_CHANCE,
     Behind,
     LevelBelief,
     Listening,
     by_chance_density,
 )
 from uavrt.localization.position.loss_error import LossError
+from uavrt.localization.position.tuning import LEVEL, TRACK
 from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
 PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
-"""Level [dB] over that of plain spreading: a reflection, a hill between.
+"""Level over plain spreading [dB], from distances east and north and the drone's height [m]."""
 
-Of ways east and north from the drone to the tag, and the drone's height above it.
-"""
-
-_SETTLED_M = 0.02
-_STRAYS = 2.0
-"""Distance by which an animal leaves its area, in standard deviations of its walk."""
-_UNHEARD_NATS, _CALMS_NATS = 0.7, 0.1
-"""Largest effect of one unexplained pulse on the loss of track, and its decay with time."""
-_SWITCHING_PER_S = 0.005
-"""Rate of changes of motion: every three minutes or so."""
-_LOST_NATS = 12.0
-"""Log-probability deficit against chance at which hypotheses are renewed."""
-_PATHS = 4000
-"""Number of hypotheses whose paths are evaluated afterwards."""
 RESTING, BROWSING, TRAVELLING = range(3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackEstimate:
-    """Where a tag is now, in the tracker's plane."""
+    """Present place and strength of a tag, in the tracker's plane."""
 
     east_m: float
     north_m: float
     radius50_m: float
-    """Circle around the point that holds the tag with 50 %."""
+    """Radius of the circle around the point that holds the tag with 50 % [m]."""
     radius95_m: float
     level_db: float
-    """SNR at 100 m."""
+    """SNR of the tag at 100 m [dB]."""
     east_m_s: float = 0.0
-    """Velocity; 0 in the mean of all hypotheses when it rests."""
+    """Velocity towards east, averaged over all hypotheses [m/s]; resting ones count as 0."""
     north_m_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagPrior:
-    """Prior knowledge before the flight."""
+    """Knowledge of a tag's area, strength and motion before the flight."""
 
     area: Area
     level_db: float = 45.0
-    """SNR at 100 m: a 20 ms collar heard at 9 dB from 3 km, n = 2.5."""
+    """Mean SNR at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
-    """Random walk of the strength after a second: the animal turns, plants intervene."""
+    """Random walk of the strength [dB/√s]: the animal turns, plants intervene."""
     fading_db: float = 4.0
     pattern: AntennaPattern | None = None
-    """None is an upright monopole."""
+    """Antenna pattern; None is an upright monopole."""
     walking_m_per_root_s: float = 1.0
-    """Random walk of a browsing animal in each direction, after a second."""
+    """Random walk of a browsing animal in each direction [m/√s]."""
     travelling_m_s: float = 1.0
-    """Usual speed of a travelling animal; 0: it never travels."""
+    """Usual speed of a travelling animal [m/s]; 0 if it never travels."""
     turning_m_s_per_root_s: float = 0.08
-    """Change of a traveller's velocity in each direction, after a second: 5° at 1 m/s."""
+    """Change of a traveller's velocity in each direction [m/s/√s]: 5° a second at 1 m/s."""
     motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
-    """Shares of the time that such an animal rests, browses, travels."""
+    """Shares of the time in which an animal rests, browses, and travels."""
     exponent: float = 2.5
     exponent_sigma: float = 0.5
-    """0: the exponent is known, as is the strength with a `level_sigma_db` of 0."""
-    missed_share: float = BY_CHANCE
+    """Standard deviation of the path loss exponent; 0 if it is known."""
+    missed_share: float = LEVEL.by_chance
     """Share of pulses missed at any strength."""
-    chance_share: float = BY_CHANCE
+    chance_share: float = LEVEL.by_chance
     """Share of pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
-    """Level over plain spreading, where more is known of the ground."""
+    """Level over plain spreading by a propagation model; None is plain spreading."""
     hills: HillLosses | None = None
-    """Ground in the tracker's plane; None is level. Heights of the drone then count from the
-    take-off's tags."""
+    """Ground model; None is level. Heights then count from a tag at the take-off."""
 
 
 def _estimate(
     east_m: _Floats, north_m: _Floats, level_db: _Floats, weight: _Floats
 ) -> TrackEstimate:
-    """Summarise weighted places; the point is the one with the least expected error."""
+    """Point with the least expected distance error from weighted places, and circles."""
     x, y = float(weight @ east_m), float(weight @ north_m)
     for _ in range(20):
         pull = weight / np.maximum(np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2), 1.0)
         whole = float(pull.sum())
         was, x, y = (x, y), float(pull @ east_m) / whole, float(pull @ north_m) / whole
-        if abs(x - was[0]) + abs(y - was[1]) < _SETTLED_M:
+        if abs(x - was[0]) + abs(y - was[1]) < TRACK.settled_m:
             break
     distance = np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2)
     order = np.argsort(distance)
@@ -126,20 +110,20 @@ def _estimate(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hypotheses:
-    """Places and strengths of a tag: equally probable hypotheses, drawn from a tracker."""
+    """Equally probable hypotheses of a tag's place and strength, drawn from a tracker."""
 
     east_m: _Singles
     north_m: _Singles
     level_db: _Singles
-    """SNR at 100 m."""
+    """SNR of the tag at 100 m, for each hypothesis [dB]."""
     level_variance_db2: _Singles
     exponent: _Singles
     loss_error: _Singles
-    """Error of the ground model; see `LossError`."""
+    """Relative error of the losses behind hills, for each hypothesis."""
     east_m_s: _Singles
     north_m_s: _Singles
     wandering_m_per_root_s: _Singles
-    """Random walk in each direction, after a second."""
+    """Random walk of the tag in each direction [m/√s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,40 +131,39 @@ class Expectation:
     """A tracker's expectation of a pulse, before the update."""
 
     level_db: float
-    """Mean over all hypotheses."""
+    """Mean of the expected SNR over all hypotheses [dB]."""
     variance_db2: float
-    """Variance of the level, fading included."""
+    """Variance of the expected SNR, fading included [dB²]."""
     log_probability: float
-    """Log-probability of the received pulse or miss if the tag is there: a density per decibel
-    for a pulse."""
+    """Log-probability of a miss, or log-density of a pulse [1/dB], if the tag is there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """First two moments of a tag's place; cheap to compute."""
+    """Mean and covariance of a tag's place; cheap to compute."""
 
     east_m: float
     north_m: float
     east_m2: float
-    """Variance."""
+    """Variance of the east coordinate [m²]."""
     north_m2: float
     product_m2: float
 
     @property
     def determinant_m4(self) -> float:
-        """Determinant of the covariance."""
+        """Determinant of the covariance [m⁴]."""
         return max(0.0, self.east_m2 * self.north_m2 - self.product_m2**2)
 
     @property
     def major_sigma_m(self) -> float:
-        """Standard deviation along the longer axis."""
+        """Standard deviation along the longer axis [m]."""
         middle = 0.5 * (self.east_m2 + self.north_m2)
         off = np.hypot(0.5 * (self.east_m2 - self.north_m2), self.product_m2)
         return float(np.sqrt(middle + off))
 
     @property
     def rms_m(self) -> float:
-        """Root of the mean squared distance from the mean."""
+        """Root mean square distance from the mean [m]."""
         return float(np.sqrt(self.east_m2 + self.north_m2))
 
 
@@ -202,16 +185,16 @@ class _Particles:
     east_m: _Singles
     north_m: _Singles
     east_m_s: _Singles
-    """Velocity of travelling ones, 0 for the others."""
+    """Velocity towards east of travelling hypotheses [m/s]; 0 for the others."""
     north_m_s: _Singles
     mode: NDArray[np.int8]
     exponent: _Singles
     loss_error: _Singles
-    """(n, 3) columns of a `LossError`; (n, 0) where there is no map."""
+    """(n, 3) columns of a `LossError`; (n, 0) without a ground model."""
     mean_db: _Singles
     variance_db2: _Singles
     origin: NDArray[np.int32]
-    """Index among the hypotheses of the last remembered time; -1: it is newer."""
+    """Index of the hypothesis' ancestor at the last stored time; -1 for a new one."""
 
     def chosen(self, index: NDArray[np.intp]) -> "_Particles":
         return _Particles(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
@@ -227,7 +210,7 @@ class _Particles:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Remembered:
-    """Places of all hypotheses at a time, and their index at the time before."""
+    """Places of all hypotheses at a stored time, and the index of each one's ancestor."""
 
     east_m: _Singles
     north_m: _Singles
@@ -235,24 +218,18 @@ class _Remembered:
 
 
 class _Walk:
-    """How hypotheses begin, and how they walk.
-
-    Three motions with transitions between them (interacting multiple models): resting, a random
-    walk, and a nearly constant velocity.
-    """
+    """Motion model: hypotheses rest, walk randomly or travel, and change between these."""
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
         self._external_exponent = (0.0, 0.0)
-        """Precision, and mean times precision, of the exponent from other tags."""
+        """Precision, and mean times precision, of the exponent learned from other tags."""
         self._since_s = 0.0
 
     def normal(self, count: int) -> _Singles:
-        """Draw normal numbers."""
         return self._rng.standard_normal(count, dtype=np.float32)
 
     def fresh(self, count: int) -> _Particles:
-        """Hypotheses before any pulse."""
         prior, rng = self._prior, self._rng
         area = prior.area
         mode = self._modes(count)
@@ -278,13 +255,12 @@ class _Walk:
         )
 
     def _plausible(self, exponent: _Singles) -> _Singles:
-        """Clip a learnt exponent to the range from free space to woods."""
+        """Limit exponents to the range from free space to woods."""
         if self._prior.exponent_sigma == 0.0:
             return np.full(len(exponent), self._prior.exponent, np.float32)
         return np.clip(exponent, 1.8, 4.2)
 
     def _modes(self, count: int) -> NDArray[np.int8]:
-        """Shares of the motions; a tag that never travels browses or rests instead."""
         rest, browse, travel = self._prior.motion
         if self._prior.travelling_m_s <= 0.0:
             browse, travel = browse + travel, 0.0
@@ -295,7 +271,6 @@ class _Walk:
         return np.asarray(np.searchsorted(shares[:2], drawn, side="right"), np.int8)
 
     def _velocities(self, mode: NDArray[np.int8]) -> _Singles:
-        """(2, count) velocities of travelling ones: any direction, about the usual speed."""
         velocity = np.zeros((2, len(mode)), np.float32)
         moving = np.flatnonzero(mode == TRAVELLING)
         sigma = self._prior.travelling_m_s * float(np.sqrt(2.0 / np.pi))
@@ -304,7 +279,7 @@ class _Walk:
         return velocity
 
     def advance(self, state: _Particles, step: float) -> None:
-        """Let the tag rest or walk for a time [s]."""
+        """Move the hypotheses over a time step [s]."""
         self._drift(state, step)
         self._switch(state, step)
         walk = self._prior.walking_m_per_root_s * float(np.sqrt(step))
@@ -328,13 +303,15 @@ class _Walk:
                 speed[those] += turning * self.normal(len(those))
         self._since_s += step
         prior, area = self._prior, self._prior.area
-        strays = _STRAYS * prior.walking_m_per_root_s * float(np.sqrt(self._since_s))
+        strays = (
+            TRACK.strays_sigmas * prior.walking_m_per_root_s * float(np.sqrt(self._since_s))
+        )
         strays += 2.0 * prior.travelling_m_s * self._since_s
         _stay_about(state.east_m, area.west_m - strays, area.east_m + strays)
         _stay_about(state.north_m, area.south_m - strays, area.north_m + strays)
 
     def _drift(self, state: _Particles, step: float) -> None:
-        """Random walk of the strength about its learnt value, with a limit."""
+        """Random walk of the strength about its prior mean, limited to the prior's variance."""
         drift2 = self._prior.level_drift_db_per_root_s**2 * step
         if drift2 <= 0.0 or self._prior.level_sigma_db <= 0.0:
             return
@@ -347,11 +324,10 @@ class _Walk:
             state.loss_error[:, 2] *= kept
 
     def _switch(self, state: _Particles, step: float) -> None:
-        """Change the motion of some hypotheses."""
         if max(self._prior.motion) >= sum(self._prior.motion):
             return
         count = len(state.mode)
-        chance = 1.0 - float(np.exp(-_SWITCHING_PER_S * step))
+        chance = 1.0 - float(np.exp(-TRACK.switching_per_s * step))
         those = self._rng.choice(count, self._rng.binomial(count, chance), False)
         mode = self._modes(len(those))
         velocity = self._velocities(mode)
@@ -359,7 +335,7 @@ class _Walk:
         state.east_m_s[those], state.north_m_s[those] = velocity
 
     def learn_exponent(self, precision: float, weighted: float) -> None:
-        """Begin with what is known of the exponent from other tags, too."""
+        """Include knowledge of the exponent from other tags in new hypotheses."""
         known, before = self._external_exponent
         self._external_exponent = (known + precision, before + weighted)
 
@@ -374,7 +350,7 @@ class _Walk:
         return (own * prior.exponent + weighted) / precision, float(np.sqrt(1.0 / precision))
 
     def resampled(self, state: _Particles, weight: _Singles, count: int) -> _Particles:
-        """Systematic resampling, with Silverman's smoothing to separate copies."""
+        """Resample systematically, with Silverman's smoothing to separate copies."""
         chosen = state.chosen(_comb(weight, (np.arange(count) + self._rng.random()) / count))
         bandwidth = 0.5 * count ** (-1.0 / 6.0)
         # Shrunk towards the mean by as much as the smoothing widens.
@@ -394,7 +370,7 @@ class _Walk:
 
 
 def _stay_about(place: _Singles, least: float, most: float) -> None:
-    """Turn back those that would leave the area farther than an animal walks by now."""
+    """Turn back hypotheses farther outside the area than an animal can have walked."""
     if float(place.min()) < least:
         np.copyto(place, 2.0 * least - place, where=place < least)
     if float(place.max()) > most:
@@ -402,18 +378,17 @@ def _stay_about(place: _Singles, least: float, most: float) -> None:
 
 
 def _comb(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
-    """Find the hypotheses at some places, 0 to 1, of the sum of all weights."""
+    """Indices of the hypotheses at given places, 0 to 1, of the sum of all weights."""
     return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
 class _Past:
-    """Stored earlier positions of the particles; each can be traced back through them."""
+    """Stored places of the hypotheses, which can be traced back through their ancestors."""
 
     def __init__(self) -> None:
         self._remembered: list[_Remembered] = []
 
     def remember(self, state: _Particles) -> None:
-        """Remember the hypotheses' present places."""
         self._remembered.append(
             _Remembered(
                 east_m=state.east_m.copy(), north_m=state.north_m.copy(), origin=state.origin
@@ -422,7 +397,6 @@ class _Past:
         state.origin = np.arange(len(state.mode), dtype=np.int32)
 
     def trail(self, state: _Particles, kept: NDArray[np.intp]) -> list[TrackEstimate | None]:
-        """Estimates of the tag's place at each remembered time, by the hypotheses kept."""
         found: list[TrackEstimate | None] = []
         level = state.mean_db[kept]
         index = state.origin[kept]
@@ -461,11 +435,11 @@ class ParticleTracker:
 
     @property
     def prior(self) -> TagPrior:
-        """The prior, before the flight."""
+        """Knowledge of the tag before the flight."""
         return self._prior
 
     def advance_to(self, time_s: float) -> None:
-        """Let the tag rest or walk until a time, which must not go back."""
+        """Move the hypotheses to a time [s], which must not go back."""
         step = 0.0 if self._time_s is None else max(0.0, time_s - self._time_s)
         self._time_s = time_s
         if step > 0.0:
@@ -474,8 +448,8 @@ class ParticleTracker:
     def listen(self, heard: Listening, *, elsewhere: float = 0.0) -> Expectation:
         """Update with a pulse or a miss; returns the expectation before it.
 
-        `elsewhere`: density [1/dB] of pulses of this level from another source, besides those
-        by chance.
+        `elsewhere`: density [1/dB] of pulses of this level from another source, in addition to
+            false alarms.
         """
         state, prior = self._state, self._prior
         error = LossError.of_columns(state.loss_error)
@@ -505,15 +479,15 @@ class ParticleTracker:
             state.loss_error = level.error.columns()
         evidence = self._weigh(likelihood)
         if heard.snr_db is None:
-            self._wonder(min(-evidence, _UNHEARD_NATS) - _CALMS_NATS)
+            self._wonder(min(-evidence, TRACK.unheard_nats) - TRACK.decay_nats)
         else:
-            chance = max(prior.chance_share, BY_CHANCE) * by_chance_density(heard)
+            chance = max(prior.chance_share, LEVEL.by_chance) * by_chance_density(heard)
             by_others = chance + elsewhere
             self._wonder(float(np.log(by_others)) + chance / by_others - evidence)
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
 
     def density(self, heard: Listening) -> float:
-        """Probability density [1/dB] that the tag gives this pulse, without an update."""
+        """Probability density [1/dB] that the tag sends this pulse, without an update."""
         level, expected, scatter_db, behind = self._expected(heard)
         both = level.update(
             heard,
@@ -528,7 +502,7 @@ class ParticleTracker:
     def _expected(
         self, heard: Listening
     ) -> tuple[LevelBelief, _Floats, _Floats | float, Behind | None]:
-        """Strengths, expected levels here, their scatter, and the hills between."""
+        """Strengths, expected levels, their scatter, and ground effects for one pulse."""
         state, prior = self._state, self._prior
         level = LevelBelief(
             mean_db=state.mean_db,
@@ -553,7 +527,7 @@ class ParticleTracker:
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]
     ) -> float:
-        """Update with a bearing's (360,) posterior; its pulses must not count as well.
+        """Update with a bearing's (360,) posterior; its pulses must not be used, too.
 
         Returns: the logarithm of its probability density per degree if the tag is there.
         """
@@ -563,19 +537,19 @@ class ParticleTracker:
         east = self._state.east_m.astype(np.float64)
         north = self._state.north_m.astype(np.float64)
         gained = self._weigh(evidence.log_likelihood(east, north, 1.0))
-        self._wonder(float(np.log(BY_CHANCE * ANY_STRENGTH)) + 1.0 - gained)
+        self._wonder(float(np.log(LEVEL.by_chance * LEVEL.any_strength_per_db)) + 1.0 - gained)
         return gained
 
     def exponent(self) -> tuple[float, float]:
-        """Mean and variance of the path loss exponent."""
+        """Mean and variance of the path loss exponent over the hypotheses."""
         exponent, weight = self._state.exponent, self._weight
         mean = float(weight @ exponent)
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update with knowledge of the exponent from other tags, as a normal likelihood.
+        """Update with a normal likelihood of the exponent, learned from other tags.
 
-        `precision`: one over its variance.
+        `precision`: reciprocal of its variance.
         `weighted`: its mean times the precision.
         """
         self._walk.learn_exponent(precision, weighted)
@@ -584,7 +558,7 @@ class ParticleTracker:
         self._spread_out()
 
     def estimate(self) -> TrackEstimate:
-        """Estimate of the tag's place."""
+        """Estimate the tag's present place."""
         state, weight = self._state, self._weight
         found = _estimate(state.east_m, state.north_m, state.mean_db, weight)
         return replace(
@@ -594,25 +568,25 @@ class ParticleTracker:
         )
 
     def remember(self) -> None:
-        """Remember the hypotheses' present places, for `trail`."""
+        """Store the hypotheses' present places for `trail`."""
         self._past.remember(self._state)
 
     def trail(self) -> list[TrackEstimate | None]:
-        """Estimates of the tag's place at each remembered time, by all data until now.
+        """Estimates of the tag's place at each stored time, by all data until now.
 
-        Each hypothesis has its own past, and the present ones give the past places (the paths
+        Each present hypothesis has a path, and these paths give the earlier places (the paths
         of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time before
         which all hypotheses were replaced.
         """
-        kept = _comb(self._weight, (np.arange(_PATHS) + 0.5) / _PATHS)
+        kept = _comb(self._weight, (np.arange(TRACK.paths) + 0.5) / TRACK.paths)
         return self._past.trail(self._state, kept)
 
     def spread(self) -> Spread:
-        """Spread of the hypotheses."""
+        """Mean and covariance of the hypotheses' places."""
         return _spread(self._state.east_m, self._state.north_m, self._weight)
 
     def hypotheses(self, count: int) -> Hypotheses:
-        """A few hypotheses, drawn evenly from all without chance."""
+        """Select a few hypotheses evenly by weight, without random numbers."""
         state = self._state
         index = _comb(self._weight, (np.arange(count) + 0.5) / count)
         walk = self._prior.walking_m_per_root_s
@@ -631,7 +605,7 @@ class ParticleTracker:
         )
 
     def replace_at_random(self, share: float) -> None:
-        """Put a share of the hypotheses anywhere in the area (TrackerBots' remedy)."""
+        """Move a share of the hypotheses to random places in the area (as TrackerBots does)."""
         count = round(share * self._count)
         those = self._rng.choice(self._count, count, replace=False)
         kept = np.setdiff1d(np.arange(self._count), those)
@@ -652,12 +626,9 @@ class ParticleTracker:
         return evidence
 
     def _wonder(self, nats: float) -> None:
-        """Sum the deficit of the hypotheses against chance and others; good pulses reduce it.
-
-        Renew them when it is too large, else resample them where few hold most of the weight.
-        """
+        """Sum how much less likely pulses are than by chance; a large sum draws hypotheses."""
         self._surprise = max(0.0, self._surprise + nats)
-        if self._surprise > _LOST_NATS:
+        if self._surprise > TRACK.lost_nats:
             self._renew()
         else:
             self._spread_out()
@@ -668,7 +639,6 @@ class ParticleTracker:
             self._even()
 
     def _renew(self) -> None:
-        """Restart half of the hypotheses: the tag is not where they were."""
         half = self._count // 2
         kept = self._walk.resampled(self._state, self._weight, self._count - half)
         self._state = kept.joined(self._walk.fresh(half))

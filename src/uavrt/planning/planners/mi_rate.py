@@ -1,7 +1,7 @@
-"""Our planner: the path with the most information per second on all tags still wanted.
+"""Default planner: the path with the most information per second on all tags not yet found.
 
-Rates paths of several lengths in sixteen directions, to each tag, past it on both sides, and a
-turn in place. A tag's value is limited to the information still needed to find it: paths that
+It rates paths of several lengths in sixteen directions, to each tag, past it on both sides, and
+a turn in place. A tag's value is limited to the information still needed to find it: paths that
 give more gain nothing.
 """
 
@@ -31,45 +31,44 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PathRating:
-    """Constants by which candidate paths are made and rated."""
+    """Constants by which candidate paths are generated and rated."""
 
     samples: int = 8
-    """Points of a path; each stands for the pulses around it."""
+    """Number of points of a path; each represents the pulses around it."""
     directions: int = 16
     """Number of evenly spread directions of paths that lead to no tag."""
     horizons_cycles: tuple[float, ...] = (1.0, 3.0)
-    """Lengths of the paths that lead to no tag [cycles]."""
+    """Lengths of the paths that lead to no tag [decision cycles]."""
     hypotheses: int = 48
     """Number of hypotheses of each tag by which a path is rated."""
     turn_s: float = 2.0
-    """Approximate time to turn before a path of the round [s]."""
+    """Approximate time to turn before a path of the following round [s]."""
     stay_s: float = 4.0
     """Time spent at the end of a path to a tag [s]."""
     finished_share: float = 0.1
-    """Share of the information that a tag needs below which the round passes it."""
+    """Missing information, as a share of what a tag needs, below which the round omits it."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
     # factor times the share. Finishing one tag then counts for more than beginning two; the
     # second term decides while no tag is nearly found.
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """All directions and a turn are rated while every tag needs more information than this."""
+    """Missing information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Share by which the rate of another tag must be higher before the drone changes to it,
-    while it keeps away from animals or drones; each refused path changes rates."""
+    """Relative gain for which the drone changes to another tag near animals or drones."""
     turn_nats: float = 1.5
-    """Least information on an animal that may be near for which alone a turn is made."""
+    """Least information on an animal that may be near for which a turn is made [nats]."""
     near_probability: float = 0.25
-    """Lowest probability of a near animal at which the drone leaves instead of turning."""
+    """Least probability of a near animal at which the drone leaves instead of turning."""
     vague_factor: float = 1.5
-    """Factor on the distance to keep: a turn locates only tags whose clouds are wider."""
+    """Spread of a tag's position over the distance to keep, above which a turn locates it."""
 
 
 _RATING = _PathRating()
 
 
 class MiRate:
-    """Most information per second.
+    """Planner that maximises information per second.
 
     If no path to a tag keeps the distance to animals, all directions are rated. If none of
     these keeps it, the drone waits, or turns to locate the animals, before it flies one that
@@ -83,14 +82,12 @@ class MiRate:
         self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """Decide by the interface of `Planner`."""
+        """Choose the next action, as `Planner` specifies."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)
         ways, spans, legs, goals = self._ways(situation, exploring=exploring)
-        if not exploring and (
-            not ways.allowed.any() or any(map(_by_animals_only, ways.refused))
-        ):
+        if not exploring and (not ways.allowed.any() or ways.disturbs.any()):
             # Round an animal, or away from it; past another drone that stays at the tag.
             ways, spans, legs, goals = self._ways(situation, exploring=True)
         return self._best(situation, ways, spans, legs, goals)
@@ -103,7 +100,7 @@ class MiRate:
         legs: Legs,
         goals: list[int | None],
     ) -> Decision:
-        """Choose among the allowed paths, and the turn, which comes last."""
+        """Choose the best of the allowed paths and the turn, which is the last candidate."""
         wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
@@ -151,7 +148,7 @@ class MiRate:
     def _ways(
         self, situation: Situation, *, exploring: bool
     ) -> tuple[Ways, _Floats, Legs, list[int | None]]:
-        """Candidate paths, their times, samples, and target tags; the turn comes last."""
+        """Candidate paths, their times, samples, and target tags; the turn is the last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
         horizons = _RATING.horizons_cycles if exploring else ()
@@ -176,6 +173,7 @@ class MiRate:
         strong = ~np.isfinite(spans)
         for number in np.flatnonzero(strong):
             ways.refused[number] = "against too strong a wind"
+        ways.disturbs[strong] = False
         # At a tag it stays for some pulses: the last metres give most.
         fixed = _RATING.directions * len(horizons)
         staying = np.where(np.flatnonzero(useful) >= fixed, _RATING.stay_s, 0.0)
@@ -190,7 +188,6 @@ class MiRate:
     def _towards(
         self, situation: Situation, belief: TagBelief
     ) -> list[tuple[_Floats, _Floats]]:
-        """Ends of paths to a tag and past it on both sides; around a wide cloud, too."""
         state, rule, place = situation.state, situation.keep_away, belief.spread()
         start, middle = (state.east_m, state.north_m), (place.east_m, place.north_m)
         if rule is None:
@@ -206,8 +203,8 @@ class MiRate:
     def _explores(self, situation: Situation) -> bool:
         """True while no tag is close to its target accuracy; paths then cover all directions.
 
-        Otherwise only paths to the tags count: a path past many tags promises a little of each,
-        again and again, while they walk and none is finished.
+        Otherwise only paths to the tags count. A path past many walking tags gives a little
+        information on each again and again, and none is found.
         """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
         return needed > _RATING.explore_nats
@@ -216,11 +213,11 @@ class MiRate:
         return here(situation).refused[0] is None
 
     def _away(self, situation: Situation, ways: Ways) -> Decision:
-        """Choose the least disturbing path when none is allowed, if the area allows any."""
+        """Choose the least disturbing path, if the area allows any, when none is allowed."""
         stays = self._stays(situation)
         if stays is not None:
             return stays
-        inside = np.array([_by_animals(one) for one in ways.refused])
+        inside = ways.allowed | ways.disturbs
         if not inside.any():
             return Decision(
                 action=Hold(duration_s=situation.cycle_s), reason="no path is allowed"
@@ -232,11 +229,7 @@ class MiRate:
         )
 
     def _stays(self, situation: Situation) -> Decision | None:
-        """Wait where it may stay; turn if an animal may be near but hardly is.
-
-        Without knowledge of an animal every path leads to it as likely as away from it. A turn
-        locates it in time, before it walks to the drone.
-        """
+        """Wait, or turn to locate an animal that may be near; None if neither helps."""
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
@@ -245,7 +238,7 @@ class MiRate:
             )
         near = 1.0 - float(stay.kept[0])
         if (
-            not _by_animals(stay.refused[0])
+            not stay.disturbs[0]
             or near > _RATING.near_probability
             or not self._turns(situation)
         ):
@@ -265,12 +258,10 @@ class MiRate:
         )
 
     def _turns(self, situation: Situation) -> bool:
-        """True if a turn in place gives information and is possible."""
         directional = any(one.prior.pattern is not None for one in situation.wanted)
         return situation.vehicle.hovers and directional and self._rotation_s > 0.0
 
     def _nats(self, situation: Situation, legs: Legs) -> _Floats:
-        """(tags, ways) information on each wanted tag, beyond that of other drones."""
         drones = situation.others
         others = None if drones is None else drones.legs(situation.state.time_s)
         return information_nats(
@@ -306,10 +297,7 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """(ways,) the same over each path and a following round of all tags.
-
-    The round goes to the nearest tag each time, skipping those finished on the path itself.
-    """
+    """(ways,) rate over each path and a following round to the nearest tag each time."""
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])
     tags_y = np.array([one.north_m for one in places])
@@ -331,13 +319,3 @@ def _with_round(
         x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
         seen[near, ways] = True
     return np.asarray(gained / time)
-
-
-def _by_animals(refused: str | None) -> bool:
-    """True for paths that only an animal excludes."""
-    return refused is None or "animal" in refused
-
-
-def _by_animals_only(refused: str | None) -> bool:
-    """True if a path is refused because of an animal only."""
-    return refused is not None and "animal" in refused

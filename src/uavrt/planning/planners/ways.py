@@ -14,23 +14,25 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ways:
-    """Straight paths from the drone's position."""
+    """Straight paths from the drone's position, and whether they may be flown."""
 
     east_m: _Floats
-    """(ways,) end of each."""
+    """(ways,) east coordinate of each end [m]."""
     north_m: _Floats
     refused: list[str | None]
-    """Why each may not be flown; None if it may."""
+    """Reasons why each path may not be flown; None if it may."""
+    disturbs: NDArray[np.bool_]
+    """(ways,) True for paths that are refused only because they may come near an animal."""
     kept: _Floats
     """(ways,) probability of keeping the distance from the most endangered animal."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """True for the paths that may be flown, (ways,)."""
+        """(ways,) True for the paths that may be flown."""
         return np.array([reason is None for reason in self.refused])
 
     def action(self, number: int) -> FlyTo:
-        """Convert a path to an action."""
+        """Convert the path of this number to an action."""
         return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
 
 
@@ -51,8 +53,8 @@ def checked(
 ) -> Ways:
     """Check which paths the area and the distance to animals allow.
 
-    `east_m`, `north_m` (ways,): ends. `stays_s`: time at the end, to which the same limits
-    apply.
+    `east_m`, `north_m` (ways,): ends.
+    `stays_s`: time at the end, to which the same limits apply.
     """
     state = situation.state
     here = (state.east_m, state.north_m)
@@ -71,21 +73,18 @@ def checked(
             speed_m_s=situation.vehicle.speed_m_s,
             stays_s=stays_s,
         ).min(axis=0)
+    least = 0.0 if rule is None else rule.probability
+    disturbs = np.array([one is None for one in refused]) & (kept < least)
+    if rule is not None:
         reason = f"within {rule.radius_m * rule.margin:.0f} m of an animal, perhaps"
-        refused = [
-            one or (reason if probability < rule.probability else None)
-            for one, probability in zip(refused, kept, strict=True)
-        ]
-    return Ways(east_m=east_m, north_m=north_m, refused=refused, kept=kept)
+        refused = [reason if near else one for one, near in zip(refused, disturbs, strict=True)]
+    return Ways(east_m=east_m, north_m=north_m, refused=refused, disturbs=disturbs, kept=kept)
 
 
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths that come too close to those of other drones.
-
-    For drones that are too close already, only paths that bring them closer are refused.
-    """
+    """Refuse paths close to other drones' paths; a drone already close may only leave."""
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -101,7 +100,7 @@ def _near_others(
 
 
 def here(situation: Situation) -> Ways:
-    """Stay in place for a cycle."""
+    """Path of no length, at whose end the drone stays for a cycle."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -110,10 +109,7 @@ def here(situation: Situation) -> Ways:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths of a fixed wing by the curves that it would actually fly.
-
-    At the end of each there must be room for a circle on either side to turn back.
-    """
+    """Refuse paths of a fixed wing whose actual curves, or a turn back, are not allowed."""
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -129,7 +125,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """True if no whole circle fits at the end of a cycle on this path, nor at its end."""
+    """True if no whole circle fits after a cycle on a path, or at its end."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -165,15 +161,4 @@ def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: in
         east_m=np.full((1, samples), state.east_m),
         north_m=np.full((1, samples), state.north_m),
         yaw_deg=(state.yaw_deg + turn_deg * shares)[None],
-    )
-
-
-def some_of(legs: Legs, numbers: NDArray[np.intp]) -> Legs:
-    """Select paths by index."""
-    return Legs(
-        duration_s=legs.duration_s[numbers],
-        time_s=legs.time_s[numbers],
-        east_m=legs.east_m[numbers],
-        north_m=legs.north_m[numbers],
-        yaw_deg=legs.yaw_deg[numbers],
     )

@@ -1,1 +1,1 @@
-"""Logs of other systems and of the original's tools; `read_pulse_log` recognises them all."""
+"""Read and write logs of other systems and the original's tools, recognised by `recognise`."""

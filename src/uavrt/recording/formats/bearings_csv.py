@@ -1,11 +1,11 @@
-"""``bearings.csv`` as the original's uavrt_bearing writes it: read and write.
+"""Read and write the original system's ``bearings.csv``, and read bearings noted by hand.
 
 No heading, ten columns, and our eleventh, the standard deviation, which the original's readers
-pass over::
+ignore::
 
     tag_id,parent_file,bearing_deg,tau,lat,lon,alt_agl,alt_asl,t_start,t_end[,sigma_deg]
 
-Bearings that a person has noted have a heading, in any order, and need its first four names::
+Bearings noted by hand have a heading, with columns in any order; the first four are required::
 
     tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc]
 """
@@ -16,7 +16,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from uavrt.clock import parse_iso_utc
-from uavrt.errors import FormatError
 from uavrt.recording.formats.text import (
     finite,
     latitude,
@@ -29,27 +28,27 @@ from uavrt.recording.formats.text import (
     with_commas,
     wrong_line,
 )
-from uavrt.recording.formats.whole_file import write_whole
+from uavrt.recording.formats.whole_file import require_plain_name, write_whole
 
 _COLUMNS = 10
 _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
-"""Column names of bearings noted by hand."""
+"""Required column names of bearings noted by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingRow:
-    """One line of the file."""
+    """One line of a bearings.csv."""
 
     tag_id: int
     parent_file: str
     bearing_deg: float
-    confidence: float | None
+    confidence: float | None = None
     latitude_deg: float
     longitude_deg: float
-    altitude_relative_m: float | None
-    altitude_amsl_m: float | None
-    start_time_ns: int | None
-    end_time_ns: int | None
+    altitude_relative_m: float | None = None
+    altitude_amsl_m: float | None = None
+    start_time_ns: int | None = None
+    end_time_ns: int | None = None
     sigma_deg: float | None = None
 
 
@@ -75,7 +74,7 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
 
 def _row(cells: list[str]) -> BearingRow:
     if len(cells) < _COLUMNS:
-        raise ValueError(f"{len(cells)} columns")
+        raise ValueError(f"it has {len(cells)} columns")
     return BearingRow(
         tag_id=whole(cells[0]),
         parent_file=cells[1],
@@ -92,7 +91,7 @@ def _row(cells: list[str]) -> BearingRow:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """Whether a heading is one of bearings noted by hand."""
+    """True if a heading is that of bearings noted by hand."""
     return set(heading) >= _NOTED
 
 
@@ -102,13 +101,9 @@ def _noted_row(cells: Mapping[str, str]) -> BearingRow:
         tag_id=whole(cells["tag_id"]),
         parent_file="noted",
         bearing_deg=finite(cells["bearing_deg"]),
-        confidence=None,
         latitude_deg=latitude(cells["latitude_deg"]),
         longitude_deg=longitude(cells["longitude_deg"]),
-        altitude_relative_m=None,
-        altitude_amsl_m=None,
         start_time_ns=parse_iso_utc(time) if time else None,
-        end_time_ns=None,
         sigma_deg=_sigma_deg(cells.get("sigma_deg") or "NaN"),
     )
 
@@ -130,19 +125,15 @@ def _sigma_deg(cell: str) -> float | None:
 
 
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
-    """Write a bearings.csv, whole or not at all.
+    """Write a bearings.csv completely or not at all.
 
-    It replaces all lines of the tags and parent files written and keeps the others.
-    Raises `FormatError` if the existing file is not a bearings.csv, or a name holds a comma;
-    `RecordingError` if it cannot be written.
+    Existing lines of the written tags and parent files are replaced, and others are kept.
+    Raises `FormatError` if the existing file is not a bearings.csv or a name contains a comma,
+    and `RecordingError` if it cannot be written.
     """
     new = list(rows)
     for row in new:
-        if "," in row.parent_file or "\n" in row.parent_file:
-            raise FormatError(
-                f"the name {row.parent_file!r} cannot be written in a CSV without quotes",
-                remedy="Rename the file",
-            )
+        require_plain_name(row.parent_file)
     old = read_bearing_file(path) if os.path.exists(path) else ()
     replaced = {(row.tag_id, row.parent_file) for row in new}
     kept = [row for row in old if (row.tag_id, row.parent_file) not in replaced]
@@ -150,7 +141,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
 
 
 def bearing_line(row: BearingRow) -> str:
-    """Write one line, with its newline; unknown values are ``NaN``."""
+    """Format one line with its newline; unknown values are ``NaN``."""
     cells = [
         *(str(row.tag_id), row.parent_file, f"{row.bearing_deg:.6f}"),
         _number(row.confidence, 6),

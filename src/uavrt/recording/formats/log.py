@@ -1,4 +1,4 @@
-"""A pulse log as its reader returns it, whichever format it read."""
+"""A pulse log in memory, as returned by the reader of any format."""
 
 import math
 from dataclasses import dataclass
@@ -19,34 +19,35 @@ LogKind = Literal[
 ]
 
 WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
-"""Logs without headings: read with a whip unless an antenna is named, and without bearings."""
+"""Kinds of logs without headings: a whip is assumed unless an antenna is named, and bearings
+are impossible."""
 NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
-"""Logs without a list of tags: the same number can be another tag in another log."""
+"""Kinds of logs without a tag list: one number can be different tags in different logs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotationMark:
-    """Where the original's ground station started or stopped a rotation."""
+    """Place where the original's ground station started or stopped a rotation."""
 
     kind: Literal["start", "stop"]
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     before_pulse: int
-    """Number of the log's pulses before the mark."""
+    """Number of pulses in the log before the mark."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseLog:
-    """A pulse log of any kind."""
+    """Pulses, rotation marks and warnings from a pulse log of any kind."""
 
     kind: LogKind
     pulse_poses: tuple[PulsePose, ...]
     marks: tuple[RotationMark, ...] = ()
     warnings: tuple[str, ...] = ()
-    """Sentences on limits that users of these pulses must know."""
+    """Sentences on limitations that users of these pulses must know."""
     passed_over: int = 0
-    """Rows without a pulse: rotation slices with nothing found."""
+    """Number of rows without a pulse: rotation slices in which nothing was found."""
 
 
 def heard_pulse(
@@ -59,7 +60,7 @@ def heard_pulse(
     noise_db: float = math.nan,
     confirmed: bool = False,
 ) -> Pulse:
-    """Make a pulse of a log without groups of pulses; `noise_db` is its noise density."""
+    """Make a pulse from a log without pulse groups; `noise_db` is the noise density."""
     return Pulse(
         tag_id=tag_id,
         frequency_hz=frequency_hz,

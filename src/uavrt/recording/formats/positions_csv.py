@@ -1,28 +1,26 @@
-"""``positions.csv`` as the original's uavrt_localize writes it.
+"""Read and write the original system's ``positions.csv``.
 
-No heading, one line for each tag and each bearings file, with
-a comma at its end::
+It has no heading, and one line for each tag and bearings file, with a comma at the end::
 
     tag_id,bearing_file,latMLE,lonMLE,latRMR,lonRMR,latMEST,lonMEST,
 
-An estimator that found no place leaves ``NaN`` in its two cells.
+An estimator without a result has ``NaN`` in its two cells.
 """
 
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from uavrt.errors import FormatError
 from uavrt.recording.formats.text import cells_of, place_or_none, read_lines, whole, wrong_line
-from uavrt.recording.formats.whole_file import write_whole
+from uavrt.recording.formats.whole_file import require_plain_name, write_whole
 
 Place = tuple[float, float]
-"""Latitude, longitude [deg]."""
+"""Latitude and longitude [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionRow:
-    """One line of the file."""
+    """One line of a positions.csv."""
 
     tag_id: int
     bearing_file: str
@@ -40,18 +38,12 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
             continue
         try:
             if not 4 <= len(cells) <= 8:
-                raise ValueError(f"{len(cells)} columns")
+                raise ValueError(f"it has {len(cells)} columns")
             cells += [""] * (8 - len(cells))
-            places = [place_or_none(cells[i], cells[i + 1]) for i in (2, 4, 6)]
-            found.append(
-                PositionRow(
-                    tag_id=whole(cells[0]),
-                    bearing_file=cells[1],
-                    mle=places[0],
-                    rmr=places[1],
-                    mest=places[2],
-                )
-            )
+            mle, rmr, mest = (place_or_none(cells[i], cells[i + 1]) for i in (2, 4, 6))
+            tag_id = whole(cells[0])
+            row = PositionRow(tag_id=tag_id, bearing_file=cells[1], mle=mle, rmr=rmr, mest=mest)
+            found.append(row)
         except (ValueError, OverflowError) as error:
             remedy = "A positions.csv has 8 columns: tag, file, latitude, longitude, …"
             raise wrong_line(path, number, error, remedy) from None
@@ -59,16 +51,12 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
 
 
 def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow]) -> None:
-    """Write a positions.csv as a whole; raises `FormatError` or `RecordingError`."""
+    """Write a whole positions.csv; raises `FormatError` or `RecordingError`."""
     kept: dict[tuple[int, str], PositionRow] = {}
     if os.path.exists(path):
         kept = {(row.tag_id, row.bearing_file): row for row in read_position_file(path)}
     for row in rows:
-        if "," in row.bearing_file or "\n" in row.bearing_file:
-            raise FormatError(
-                f"the name {row.bearing_file!r} cannot be written in a CSV without quotes",
-                remedy="Rename the file",
-            )
+        require_plain_name(row.bearing_file)
         kept[row.tag_id, row.bearing_file] = row
     write_whole(path, "".join(map(_line, kept.values())))
 

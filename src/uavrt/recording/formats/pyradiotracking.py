@@ -1,12 +1,12 @@
-"""Signal CSV of pyradiotracking, semicolons between the cells.
+"""Read the signal CSV of pyradiotracking, with semicolons between the cells.
 
 A heading, then one row for each signal::
 
     Device; Time; Frequency; Duration; max (dBW); avg (dBW); std (dB); noise (dBW); snr (dB)
 
-Times are ISO 8601 or seconds since 1970; durations seconds, or ``0:00:00.020``. Stations stand
-still and name no place, so the pulses have no pose. That system's SNR is average power over
-noise power in its FFT bin; it is kept as it is. Tags are numbered by frequency.
+Times are ISO 8601 or seconds since 1970; durations are seconds, or ``0:00:00.020``. Stations
+stand still and report no place, so the pulses have no pose. That system's SNR is average power
+over noise power in its FFT bin, and is not converted. Tags are numbered by frequency.
 """
 
 import os
@@ -33,7 +33,7 @@ _REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
 
 
 def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a signal CSV; raises `FormatError` if unreadable, with the line of a wrong row."""
+    """Read a signal CSV; raises `FormatError` if unreadable, with a wrong row's number."""
     heard = parsed_rows(
         path,
         NAMES,
@@ -61,7 +61,7 @@ def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def column_names(cells: Sequence[str]) -> list[str]:
-    """Names of a heading without their units: ``"max (dBW)"`` is ``"max"``."""
+    """Column names of a heading without their units: ``"max (dBW)"`` is ``"max"``."""
     plain = [cell.lower().split("(")[0].strip(' "') for cell in cells]
     return [_OTHER_NAMES.get(name, name) for name in plain]
 
@@ -77,7 +77,7 @@ def _pulse(cells: Sequence[str]) -> Pulse:
 
 
 def _duration_s(cell: str) -> float:
-    """Seconds, or hours:minutes:seconds."""
+    """Parse a duration [s], given in seconds or as hours:minutes:seconds."""
     total = 0.0
     for part in cell.split(":"):
         total = 60.0 * total + finite(part)

@@ -1,6 +1,6 @@
-"""Read a pulse log of any system; the content shows the format.
+"""Read a pulse log of any system; its content shows the format.
 
-Three layouts share 20 columns, headings are missing or wrong, and files get renamed, so neither
+Three layouts share 20 columns, headings are missing or wrong, and files get renamed. So neither
 name nor option decides. TagTracker's variants with 20 columns are distinguished by what fits
 every row: a quaternion of length 1 in all rows is no accident.
 """
@@ -56,7 +56,7 @@ _REMEDY = (
 
 
 def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
-    """Read the pulses of a flight directory or a log; raises as `read_pulse_log`."""
+    """Read the pulses of a flight directory or a log; raises errors as `read_pulse_log`."""
     return read_pulse_log(path).pulse_poses
 
 
@@ -88,7 +88,7 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Find the flights and logs at a path, at any depth; raises `FormatError` without any."""
+    """Find all flights and logs at and below a path; raises `FormatError` if there are none."""
     place = Path(path)
     if not place.is_dir() or _holds_a_log(place):
         return (place,)
@@ -99,7 +99,7 @@ def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
 
 
 def _none_in(directory: Path) -> FormatError:
-    """Error for a folder without pulses, which names recordings of samples in it."""
+    """Error for a folder without pulses, which names the recordings of samples in it."""
     samples = next(iter(sorted(directory.glob("*.sigmf-meta"))), None)
     tags = next((one for one in (directory / "tags.toml",) if one.is_file()), "TAGS")
     return FormatError(
@@ -122,9 +122,9 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """Whether a file of a folder is a pulse log that was received.
+    """True if a file in a folder is a pulse log of received pulses.
 
-    This excludes empty files, and the list of transmitted pulses that a simulation writes.
+    Empty files are excluded, and the list of transmitted pulses that a simulation writes.
     """
     if path.name == "truth.csv":
         return False
@@ -140,7 +140,7 @@ def _holds_a_log(directory: Path) -> bool:
 
 
 def recognised(path: str | os.PathLike[str]) -> LogKind:
-    """Find a file's format by its first line; raises `FormatError` if it is unknown."""
+    """Find a file's format by its first line; raises `FormatError` if unknown."""
     lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")
     cells = cells_of(first)
@@ -176,7 +176,7 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
 
 
 def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
-    """Whether it is the tag list of a folder of flights and recordings."""
+    """True if a file is the tag list of a folder of flights and recordings."""
     heading = [cell.lower() for cell in cells[:2]]
     return Path(path).name.lower() == "taginfo.txt" or (
         heading[0].strip("# ") == "id" and heading[1:] == ["freq_hz"]
@@ -184,14 +184,14 @@ def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
 
 
 def _is_tagtracker(lines: Sequence[str]) -> bool:
-    """Whether a spreadsheet saved TagTracker's rows, with semicolons or tabs."""
+    """True if a file has TagTracker's rows, with a spreadsheet's semicolons or tabs."""
     rows = (cells_of(line) for line in with_commas(lines[:_FIRST_LINES]) if line.strip())
     first = next(rows, [])
     return len(first) > 3 and (is_heading(first) or row_kind(first[0]) in _TRACKERS)
 
 
 def _is_jsonl(lines: Sequence[str]) -> bool:
-    """Whether one of the first lines with content is a record of a pulse, whole or cut off."""
+    """True if one of the first lines with content is a pulse in JSON, complete or cut off."""
     some = [line.strip() for line in lines if line.strip()][:_FIRST_LINES]
     return any(map(_is_record, some))
 
@@ -216,7 +216,7 @@ def _is_thesis(line: str) -> bool:
 
 
 def _original(path: Path) -> tuple[str, ...]:
-    """Warnings for a pulse_pose_log.txt: ours has nine decimals in each frequency."""
+    """Warnings for the original's pulse_pose_log.txt; ours has nine decimals in frequencies."""
     rows = [cells for line in read_lines(path) if len(cells := cells_of(line)) == COLUMNS]
     if all(len(cells[1].partition(".")[2]) == _DECIMALS_OF_OURS for cells in rows):
         return ()
@@ -235,7 +235,7 @@ def _directory(directory: Path) -> PulseLog:
 
 
 def _merged(logs: Iterable[PulseLog]) -> PulseLog:
-    """One log of several, in order of time; each warning once, each pulse once."""
+    """Join several logs in order of time; each warning and each pulse appears once."""
     everything = list(logs)
     if len(everything) == 1:
         return everything[0]

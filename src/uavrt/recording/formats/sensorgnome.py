@@ -1,15 +1,14 @@
-"""Files of automated telemetry: pulses as a SensorGnome writes them, and find_tags' detections.
+"""Read pulse files of a SensorGnome, and detections of find_tags.
 
-A pulse file has a line for each record, its kind in the first cell::
+A pulse file has a line for each record, whose kind is in the first cell::
 
     p1,1366227448.192,4.056,-44.4,-50.55      port; time, kHz from the tuned frequency, dB, dB
     S,1366227421.0,1,-m,166.376,0,            port, parameter, value: -m or frequency is MHz
     G,1366227448.0,44.3405,-66.1185,21.7      time, latitude, longitude, altitude
 
-Other lines are passed over. Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq``
-is in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` gives in MHz.
-
-Neither knows a heading, so the poses have none, and bearings cannot follow from them.
+Other lines are ignored. Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq`` is
+in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` gives in MHz.
+Neither kind has headings, so the poses have none, and bearings are impossible.
 """
 
 import math
@@ -38,14 +37,14 @@ from uavrt.recording.formats.ucsd import tag_numbers
 from uavrt.units import hz_from_mhz, ns_from_s
 
 SAME_TAG_HZ = 2_000.0
-"""Largest difference of one tag's frequencies, where no code identifies it [Hz]."""
+"""Largest difference between one tag's frequencies, unless a code identifies it [Hz]."""
 DETECTION_NAMES = {"ts", "id", "sig"}
 _PORT = re.compile(r"p[A-Za-z]?(\d+)")
 _PULSE_NS = ns_from_s(0.0025)
 _TUNED = ("-m", "frequency", "freq")
 _NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
 _LONGEST_NS = ns_from_s(60.0)
-"""Age above which a place is not used [ns]; a SensorGnome notes one every five minutes."""
+"""Age above which a position is not used [ns]; a SensorGnome records one every five minutes."""
 _REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
 NO_HEADINGS = (
     "This log has no headings: positions follow from strength alone, as with a monopole. "
@@ -57,11 +56,11 @@ NUMBERED = (
 )
 
 Place = tuple[int, float, float, float]
-"""Time [ns], latitude, longitude [deg], altitude above mean sea level [m]."""
+"""Time [ns], latitude and longitude [deg], altitude above mean sea level [m]."""
 
 
 def is_pulse_file(lines: Sequence[str]) -> bool:
-    """Whether the first lines with content are those of a SensorGnome."""
+    """True if the first lines with content are those of a SensorGnome's pulse file."""
     some = [cells_of(line) for line in lines[:200]]
     known = [cells for cells in some if cells and _kind(cells[0])]
     content = [cells for cells in some if cells]
@@ -75,12 +74,12 @@ def _kind(cell: str) -> str | None:
 
 
 def is_detections(cells: Sequence[str]) -> bool:
-    """Whether a heading is that of detections."""
+    """True if a heading is that of find_tags' detections."""
     return {cell.strip('" ').lower() for cell in cells} >= DETECTION_NAMES
 
 
 def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse file, count damaged lines; raises `FormatError` if most are damaged."""
+    """Read a pulse file and count damaged lines; raises `FormatError` if most are damaged."""
     tuned_hz: dict[str, float] = {}
     pulses: list[Pulse] = []
     places: list[Place] = []
@@ -163,7 +162,7 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float
 ) -> Pose | None:
-    """Pose without a heading between two places of the log, or at one that is near in time."""
+    """Pose without a heading, interpolated between positions or copied from a near one."""
     after = bisect_left(times_ns, time_ns)
     near = [
         place
@@ -190,7 +189,7 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read detections, a burst a row, tags by ``id``; raises `FormatError` with the line."""
+    """Read detections, one burst per row; raises `FormatError` with a wrong row's number."""
     names: list[str] | None = None
     found: list[PulsePose] = []
     lines = read_lines(path)

@@ -66,29 +66,30 @@ HEADER = (
     "antenna_offset"
 )
 PLACEHOLDER_DB = -9999.0
+"""Value that the original writes for an unknown SNR [dB]."""
 STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
-"""Statuses by their number; 3, integrated, is ours."""
-"""Written where there is no SNR."""
+"""Detection statuses by their number; 3, integrated, is uavrt's own."""
 _NORM_TOLERANCE = 2e-3
-"""Six decimals keep a quaternion's length to 1e-6; the original computed it in single."""
+"""Largest deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but the
+original computed in single precision."""
 _MARKS = {"10": "start", "11": "stop"}
 _REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """Meaning of the cells of rows 7; the offset may follow the attitude."""
+    """Order of the cells in rows of kind 7; the offset may follow the attitude."""
 
     noise: bool
     quaternion: bool
 
     @property
     def least_columns(self) -> int:
-        """Columns up to the attitude's last."""
+        """Number of columns up to the end of the attitude."""
         return 15 + self.noise + (4 if self.quaternion else 3)
 
     def fits(self, cells: Sequence[str]) -> bool | None:
-        """Whether a row can be of this layout; None where its attitude is unknown."""
+        """True if a row can have this layout; None if its attitude is unknown."""
         try:
             states = [finite(cell) for cell in cells[10 + self.noise : 12 + self.noise]]
             attitude = self.attitude(cells)
@@ -103,24 +104,24 @@ class _Layout:
         return not self.quaternion or abs(length - 1.0) < _NORM_TOLERANCE
 
     def attitude(self, cells: Sequence[str]) -> list[float]:
-        """Quaternion or angles as they stand; NaN for unknown ones."""
+        """Quaternion, or roll, pitch and yaw, as written; NaN for unknown values."""
         return [number_or_nan(cell) for cell in cells[15 + self.noise : self.least_columns]]
 
     def offset_deg(self, cells: Sequence[str]) -> float:
-        """Antenna's offset: the one number behind the attitude, 0 where there is none.
+        """Offset of the antenna [deg], in the cell after the attitude; 0 if missing.
 
-        Raises `ValueError`: the row ends before, or more is said than an offset.
+        Raises `ValueError` if the row ends before, or more numbers follow.
         """
         if len(cells) < self.least_columns:
-            raise ValueError(f"{len(cells)} columns where the others have more")
+            raise ValueError(f"{len(cells)} columns, fewer than in other rows")
         said = [cell for cell in cells[self.least_columns :] if not _is_padding(cell)]
         if len(said) > 1:
-            raise ValueError(f"{len(cells)} columns where the others have fewer")
+            raise ValueError(f"{len(cells)} columns, more than in other rows")
         return finite(said[0]) if said else 0.0
 
 
 def _is_padding(cell: str) -> bool:
-    """Whether a cell behind the last that means something is only there to fill the row."""
+    """True if a cell after the last value only fills the row: empty, NaN or zero."""
     if not cell or cell.lower() == "nan":
         return True
     try:
@@ -136,7 +137,7 @@ _LAYOUTS = [
 
 
 def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse CSV of TagTracker; raises `FormatError`, with the line of a wrong row."""
+    """Read a pulse CSV of TagTracker; raises `FormatError` with a wrong row's number."""
     lines = with_commas(read_lines(path))
     rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1)]
     rows = [(number, cells) for number, cells in rows if cells and not is_heading(cells)]
@@ -170,9 +171,9 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
-    """Write a pulse CSV as TagTracker does: rows 7 with 20 columns, one heading.
+    """Write a pulse CSV as TagTracker does: rows of kind 7 with 20 columns, one heading.
 
-    Pulses without a pose are left out: the format has no word for "unknown", and zero is a
+    Pulses without a pose are left out: the format has no value for "unknown", and zero is a
     place in the Atlantic.
     """
     stream.write(HEADER + "\n")
@@ -203,22 +204,21 @@ def _line(pulse: Pulse, pose: Pose) -> str:
 
 
 def _zero_for_nan(value: float) -> float:
-    """Replace NaN by the original's value for an unknown frequency, noise or height."""
+    """Replace NaN by 0, which the original writes for an unknown frequency, noise or height."""
     return 0.0 if math.isnan(value) else value
 
 
 def _six(value: float) -> str:
-    """Six decimals; the original's own placeholder for unknown values."""
     return f"{PLACEHOLDER_DB if math.isnan(value) else value:.6f}"
 
 
 def is_heading(cells: Sequence[str]) -> bool:
-    """Whether a row names the columns, with ``#`` before it or without."""
+    """True if a row has the column names, with or without ``#`` before them."""
     return cells[0][:1] == "#" or ("tag_id" in cells[1:] and not cells[0].isdigit())
 
 
 def row_kind(cell: str) -> str:
-    """A row's command number as the original wrote it, or a table's ``7.000000``."""
+    """Command number of a row, as the original writes it or as a table's ``7.000000``."""
     try:
         number = float(cell)
     except ValueError:
@@ -232,7 +232,6 @@ def _cells(line: str) -> list[str]:
 
 
 def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Layout | None:
-    """Find the layout that fits each row 7 of a file."""
     if not rows:
         return None
     whole_rows = rows if len(rows) == 1 else rows[:-1]  # the last may be cut off
@@ -253,7 +252,7 @@ def _listed(counts: Sequence[int]) -> str:
 
 def _mark(cells: Sequence[str], before_pulse: int) -> RotationMark:
     if not all(_is_padding(cell) for cell in cells[4:]):
-        raise ValueError(f"{len(cells)} columns where a rotation's mark has 4")
+        raise ValueError(f"{len(cells)} columns instead of a rotation mark's 4")
     return RotationMark(
         kind="start" if _MARKS[cells[0]] == "start" else "stop",
         latitude_deg=latitude(cells[1]),
@@ -288,7 +287,7 @@ def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
 
 def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
     if len(cells) < 23 or not all(_is_padding(cell) for cell in cells[23:]):
-        raise ValueError(f"{len(cells)} columns where such a row has 23")
+        raise ValueError(f"{len(cells)} columns instead of 23")
     if whole(cells[12]) == 3:
         return None
     start_ns = seconds_ns(cells[6])
@@ -305,7 +304,7 @@ def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
 
 
 def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -> Pulse:
-    """Pulse of a tag's number and frequency, with its detection and confirmation states."""
+    """Make a pulse from a tag's number and frequency, and the row's status numbers."""
     confirmed = whole(states[1]) != 0
     frequency_hz = number_or_nan(tag[1]) or math.nan
     pulse = heard_pulse(whole(tag[0]), frequency_hz, start_ns, start_ns, _snr(snr))
@@ -315,7 +314,7 @@ def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -
 def _pose(
     cells: Sequence[str], time_ns: int, vehicle: Quaternion | None, offset_deg: float
 ) -> Pose | None:
-    """Antenna's pose from latitude, longitude and height; zeros are "no telemetry yet"."""
+    """Antenna's pose from latitude, longitude and height; None for zeros: no telemetry yet."""
     place = place_or_none(cells[0], cells[1])
     if place is None or place == (0.0, 0.0) or vehicle is None:
         return None
@@ -337,7 +336,7 @@ def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion | None:
 
 
 def _snr(cell: str) -> float:
-    """SNR [dB]: minus infinity is power equal to the noise's; the placeholder is unknown."""
+    """SNR [dB]; minus infinity is a power equal to the noise's, the placeholder is unknown."""
     value = float(cell)
     return math.nan if value in (PLACEHOLDER_DB, math.inf) else value
 

@@ -1,4 +1,4 @@
-"""Lines, numbers and times of text files; faults are refused with their line."""
+"""Parse lines, numbers and times of text files; errors contain the line number."""
 
 import math
 import os
@@ -11,22 +11,22 @@ from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.foreign import TEXT_LOG, most_unpacked, pieces_of, read_file, unpack
 from uavrt.on_earth import latitude_on_earth, longitude_on_earth, place_on_earth
-from uavrt.recording.damaged_lines import words_of
+from uavrt.recording.damaged_lines import reason_of
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 T = TypeVar("T")
 MAX_TIME_NS = 2**62
-"""Latest time accepted, in 2116 [ns]; well inside SQLite's integers."""
+"""Latest accepted time [ns], in 2116; well within SQLite's integers."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
-"""A number that fills its cell, with a comma for its point."""
+"""Pattern of a number that fills its cell, with a decimal comma."""
 _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
     """Read the lines of a text file without their ends, byte order mark and NULs.
 
-    Files packed with gzip, as of SensorGnomes, are unpacked. Raises `FormatError` if it is
-    unreadable, no text, or hundreds of megabytes.
+    Files packed with gzip, such as SensorGnome's, are unpacked. Raises `FormatError` if the
+    file is unreadable, no text, or hundreds of megabytes.
     """
     name = os.fspath(path)
     try:
@@ -56,13 +56,13 @@ def _line_count(content: bytes) -> int:
 def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
-    """Make the error for one line; the fault's own remedy goes before `remedy`."""
-    reason, known = words_of(why)
+    """Make the error for one line; the fault's own advice precedes `remedy`."""
+    reason, known = reason_of(why)
     return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
 
 def cells_of(line: str, separator: str = ",") -> list[str]:
-    """Cells of a line without the blanks around them and without empty ones at its end."""
+    """Split a line into cells, without surrounding blanks and empty cells at the end."""
     cells = [cell.strip() for cell in line.split(separator)]
     while cells and not cells[-1]:
         cells.pop()
@@ -74,7 +74,7 @@ def _parted(line: str) -> list[str]:
 
 
 def lower_names(heading: Sequence[str]) -> list[str]:
-    """Names of columns without regard to capitals."""
+    """Column names in lower case."""
     return [name.lower() for name in heading]
 
 
@@ -87,12 +87,12 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading, their cells in the order of `columns`.
+    """Parse the rows of a table with a heading; each row has its cells in the order of
+    `columns`.
 
-    A last row that cannot be parsed was cut off while it was written, and is left out.
-
-    `cells`: splits a line. `names`: columns of a heading. Raises `FormatError` if the file is
-    unreadable, with the line of a wrong row.
+    A last row that cannot be parsed was cut off while being written, and is left out. `cells`
+    splits a line, and `names` reads the heading's column names. Raises `FormatError` if the
+    file is unreadable, with a wrong row's number.
     """
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
@@ -115,7 +115,7 @@ def parsed_rows(
 
 
 def separator_of(lines: Sequence[str]) -> str:
-    """Separator of a text file's cells: a comma, or a spreadsheet's semicolon or tab."""
+    """Character between a text file's cells: a comma, or a spreadsheet's semicolon or tab."""
     some = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
     first = some[0] if some else ""
     commas = first.count(",")
@@ -125,9 +125,9 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Rewrite lines with commas between cells, and points in decimals.
+    """Convert lines to commas between cells, and points in decimals.
 
-    Spreadsheets of many countries write semicolons or tabs, and a comma in numbers.
+    Spreadsheets of many countries write semicolons or tabs, and decimal commas.
     """
     separator = separator_of(lines)
     if separator == ",":
@@ -136,7 +136,7 @@ def with_commas(lines: Sequence[str]) -> list[str]:
 
 
 def finite(cell: str) -> float:
-    """Read a number that must be known; raises `ValueError`."""
+    """Parse a finite number; raises `ValueError`."""
     value = float(cell)
     if not math.isfinite(value):
         raise ValueError(f"{cell} is not a finite number")
@@ -144,13 +144,13 @@ def finite(cell: str) -> float:
 
 
 def number_or_nan(cell: str) -> float:
-    """Read a number; an empty cell, ``nan`` and infinities are NaN; raises `ValueError`."""
+    """Parse a number; an empty cell, ``nan`` and infinities are NaN. Raises `ValueError`."""
     value = float(cell) if cell else math.nan
     return value if math.isfinite(value) else math.nan
 
 
 def whole(cell: str) -> int:
-    """Read a whole number that may be written ``3.0``; raises `ValueError`."""
+    """Parse a whole number, which may be written ``3.0``; raises `ValueError`."""
     value = finite(cell)
     if value != int(value):
         raise ValueError(f"{cell} is not a whole number")
@@ -158,24 +158,25 @@ def whole(cell: str) -> int:
 
 
 def latitude(cell: str) -> float:
-    """Read a latitude [deg]; raises `ValueError` off the globe."""
+    """Parse a latitude [deg]; raises `ValueError` beyond ±90°."""
     return latitude_on_earth(finite(cell))
 
 
 def longitude(cell: str) -> float:
-    """Read a longitude [deg]; raises `ValueError` beyond two turns."""
+    """Parse a longitude [deg]; raises `ValueError` beyond two turns."""
     return longitude_on_earth(finite(cell))
 
 
 def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float] | None:
-    """Read a place [deg]; None where a cell is empty or not a number, else as `latitude`."""
+    """Parse a position [deg]; None if a cell is empty or not a number. Raises `ValueError`."""
     return place_on_earth(number_or_nan(latitude_cell), number_or_nan(longitude_cell))
 
 
 def seconds_ns(cell: str) -> int:
-    """Seconds since 1970 to nanoseconds, all written decimals kept; raises `ValueError`.
+    """Convert seconds since 1970, as text, to nanoseconds without rounding; raises
+    `ValueError`.
 
-    A float of today's seconds resolves 240 ns; the digits after the point are read as digits.
+    A float of today's seconds resolves only 240 ns, so decimals are read as digits.
     """
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():
@@ -189,7 +190,7 @@ def seconds_ns(cell: str) -> int:
 
 
 def any_time_ns(cell: str) -> int:
-    """Read a time as ISO 8601, or as s, ms, µs or ns since 1970; raises `ValueError`."""
+    """Parse a time in ISO 8601, or in s, ms, µs or ns since 1970; raises `ValueError`."""
     try:
         value = finite(cell)
     except ValueError:
@@ -209,7 +210,7 @@ _SCALES = ((1e11, NANOSECONDS_PER_SECOND), (1e14, 1_000_000), (1e17, 1_000))
 
 
 def seconds_text(time_ns: int) -> str:
-    """Seconds since 1970 with six decimals, as the original's tools write."""
+    """Format seconds since 1970 with six decimals, as the original's tools do."""
     seconds, rest = divmod(time_ns, NANOSECONDS_PER_SECOND)
     micro = round(rest / 1000)
     if micro == 1_000_000:

@@ -1,13 +1,13 @@
-"""Ping and estimate CSV of UCSD's Radio Telemetry Tracker.
+"""Read ping and estimate CSV files of UCSD's Radio Telemetry Tracker.
 
 A heading, then one row for each ping or estimate::
 
     Run, Timestamp, Frequency, Amplitude, Easting, Northing, Altitude, Heading, EPSG Code
     Run, Timestamp, Frequency, Easting, Northing, EPSG Code
 
-Timestamps are seconds since 1970, or ISO 8601. The amplitude is a level in decibel over an
-unknown reference: its differences mean what those of an SNR mean. A target is its frequency;
-it is given the tags' numbers 1, 2 … in the order of the frequencies.
+Timestamps are seconds since 1970, or ISO 8601. The amplitude is a level in decibels over an
+unknown reference, so only its differences have a meaning, that of SNR differences. A target is
+identified by its frequency; targets are numbered 1, 2 … in order of frequency.
 """
 
 import math
@@ -27,13 +27,13 @@ PING_COLUMNS = (
 )
 ESTIMATE_COLUMNS = ("run", "timestamp", "frequency", "easting", "northing", "epsg code")
 SAME_TARGET_HZ = 500.0
-"""Largest difference of one target's frequencies [Hz]; crystals drift by less."""
+"""Largest difference between one target's frequencies [Hz]; crystals drift by less."""
 _REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, Easting, …"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetEstimate:
-    """That system's estimate of a target's position."""
+    """Position of a target as estimated by UCSD's tracker."""
 
     frequency_hz: float
     time_ns: int
@@ -42,7 +42,7 @@ class TargetEstimate:
 
 
 def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a ping CSV; raises `FormatError`, with the line of a wrong row."""
+    """Read a ping CSV; raises `FormatError` with a wrong row's number."""
     pings = parsed_rows(path, PING_COLUMNS, _ping, _REMEDY)
     tags = tag_numbers([frequency for frequency, _, _, _ in pings])
     found = tuple(
@@ -57,12 +57,12 @@ def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, ...]:
-    """Read an estimate CSV; raises `FormatError`, with the line of a wrong row."""
+    """Read an estimate CSV; raises `FormatError` with a wrong row's number."""
     return tuple(parsed_rows(path, ESTIMATE_COLUMNS, _estimate, _REMEDY))
 
 
 def tag_numbers(frequencies_hz: Sequence[float], same_hz: float = SAME_TARGET_HZ) -> list[int]:
-    """Number tags by frequency from 1; a step of more than `same_hz` begins another."""
+    """Number tags by frequency from 1; a step of more than `same_hz` begins another tag."""
     numbers = [0] * len(frequencies_hz)
     number, last = 0, -math.inf
     for index in sorted(range(len(numbers)), key=lambda i: frequencies_hz[i]):

@@ -11,6 +11,7 @@ from pathlib import Path
 from uavrt.card import NEW_CARD, card_of
 from uavrt.config.settings import RecordingSettings
 from uavrt.log import get_logger
+from uavrt.messages import StatusText
 from uavrt.recording.flight_order import flights_in_order, flown_name, note_flight, with_copies
 from uavrt.recording.layout import FlightLayout
 
@@ -34,6 +35,8 @@ class DiskGuard:
         """Number of kinds of memory-card faults reported in this flight."""
         self.free_mb: float | None = None
         """Free disk space [MB]; None before the first measurement or if it failed."""
+        self.faults: tuple[StatusText, ...] = ()
+        """Faults found by the last check, whether reported before or not."""
 
     def flying(self, flight: Path | None) -> None:
         """Set the flight being written, which is never removed; None if there is none."""
@@ -60,14 +63,17 @@ class DiskGuard:
             what = "samples of " if samples else ""
             texts.append((4, f"Disk nearly full: removed {what}{removed.name}"))
             self._note()
-        if self.free_mb is None or not self._is_short(self.free_mb):
-            self._warned = False
-        elif not self._warned:
-            self._warned = True
-            texts.append(
-                (4, f"Disk nearly full: {self.free_mb:.0f} MB free. Detection goes on")
-            )
-        return texts + self._check_card()
+        nearly_full = f"Disk nearly full: below {self._limit_mb:.0f} MB free. Detection goes on"
+        space = [(4, nearly_full)] if self._is_short(self.free_mb) else []
+        kinds, card = self._card_fault()
+        if not self._warned:
+            texts += space
+        self._warned = bool(space)
+        if kinds > self._card_faults:
+            texts += card
+        self._card_faults = kinds
+        self.faults = tuple(StatusText(severity=s, text=text) for s, text in space + card)
+        return texts
 
     def _note(self) -> None:
         if self._to_note is None:
@@ -81,13 +87,12 @@ class DiskGuard:
         else:
             self._to_note = None
 
-    def _check_card(self) -> list[tuple[int, str]]:
+    def _card_fault(self) -> tuple[int, list[tuple[int, str]]]:
+        """Number of kinds of card faults, and the text that names them."""
         card = card_of(self._directory)
         faults = card.faults() if card is not None else []
-        known, self._card_faults = self._card_faults, len(faults)
-        if len(faults) <= known:
-            return []
-        return [(3, f"Memory card: {', '.join(faults)}. {NEW_CARD}")]
+        text = f"Memory card: {', '.join(faults)}. {NEW_CARD}"
+        return len(faults), [(3, text)] if faults else []
 
     def _is_short(self, free_mb: float | None) -> bool:
         return free_mb is not None and free_mb < self._limit_mb

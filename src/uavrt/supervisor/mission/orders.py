@@ -85,7 +85,7 @@ class Mission:
 
     def delete_saved_state(self) -> None:
         """Delete the saved state, after a clean end."""
-        self._store.forget()
+        self._store.remove()
 
     def _save(self) -> None:
         flights = self.flights

@@ -1,1 +1,1 @@
-"""Published and simple planners, for comparison."""
+"""Published and simple planners, with which ours is compared."""

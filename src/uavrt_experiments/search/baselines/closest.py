@@ -1,4 +1,4 @@
-"""Fly to the nearest tag that is not found yet."""
+"""Planner that flies to the nearest tag that is not found yet."""
 
 import numpy as np
 
@@ -8,7 +8,9 @@ from uavrt.planning.situation import Decision, Situation
 
 
 class Closest:
-    """Fly to the nearest mean of those still wanted (TrackerBots' simplest baseline)."""
+    """Fly to the nearest mean position of the tags not yet found (TrackerBots' simplest
+    baseline).
+    """
 
     def decide(self, situation: Situation) -> Decision:
         """See `Planner`."""

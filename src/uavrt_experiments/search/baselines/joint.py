@@ -1,4 +1,4 @@
-"""ConservationBots: move and listen, or move and turn, for the largest gain on the nearest tag.
+"""ConservationBots' planner: move, or move and turn, for the largest gain on the nearest tag.
 
 Measurements are those of the mean hypothesis without noise (predicted ideal measurements).
 """
@@ -17,10 +17,10 @@ _Floats = NDArray[np.float64]
 
 
 class ConservationBots:
-    """Eight headings; each moves for a whole cycle, or for a third and then turns.
+    """Choose among eight headings; each moves for a whole cycle, or for a third and then turns.
 
-    `cycle_s`: of a joint action: 10 s and 20 s of turning.
-    `measurements`: drawn for each reward.
+    `cycle_s`: duration of a joint action [s]: 10 s, and 20 s of turning.
+    `measurements`: number drawn for each reward.
     """
 
     def __init__(self, *, cycle_s: float = 30.0, measurements: int = 20) -> None:
@@ -81,7 +81,9 @@ class ConservationBots:
         )
 
     def _rollout(self, situation: Situation, east_m: _Floats, north_m: _Floats) -> Legs:
-        """Pulses of each action: along the long paths, and turning at the short ones' ends."""
+        """Pulses of each action: along the long paths, and during the turns at the ends of the
+        short ones.
+        """
         long = pulses_along(situation, east_m[:8], north_m[:8], self._cycle_s)
         samples = long.time_s.shape[1]
         turns = [

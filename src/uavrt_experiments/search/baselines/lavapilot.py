@@ -1,4 +1,4 @@
-"""LAVAPilot: straight to the best-known tag, or past the circles around animals."""
+"""LAVAPilot's planner: straight to the best-known tag, or past the circles around animals."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from uavrt.planning.situation import Candidate, Decision, Situation
 
 
 class LavaPilot:
-    """The tag with the smallest cloud first; of three paths the one that disturbs least.
+    """Fly to the tag with the smallest cloud first, on the path of three that disturbs least.
 
-    `circle_m`: target radius where no distance to keep is given.
+    `circle_m`: radius around the target if no distance to keep is given [m].
     """
 
     def __init__(self, circle_m: float = 0.0) -> None:

@@ -1,4 +1,4 @@
-"""The baselines by name; drones may fly them, too, by the entry points of `uavrt.planners`."""
+"""The baselines by name; drones can also fly them, by the entry points of `uavrt.planners`."""
 
 from collections.abc import Callable
 
@@ -22,5 +22,5 @@ BASELINES: dict[str, Callable[[], Planner]] = {
 
 
 def any_planner(name: str) -> Planner:
-    """New planner of that name: a baseline, ours, or one of another package."""
+    """Make a planner by name: a baseline, ours, or one of another package."""
     return BASELINES[name]() if name in BASELINES else planner_named(name)

@@ -14,17 +14,18 @@ _Floats = NDArray[np.float64]
 
 
 class Renyi:
-    """TrackerBots: the most Rényi information at the ends of the steps ahead.
+    """TrackerBots' planner: the most Rényi information at the ends of the next steps.
 
-    An action is a turn and then a step straight on. Of the headings that it can fly those four
-    are weighed whose antenna gain towards the tags is greatest; for each, measurements at the
-    ends of its steps are drawn and their divergences averaged. A step begun is flown by half
-    at least: else a drone that turns for longer than a cycle would turn to and fro for ever.
+    An action is a turn and then a step straight on. Of the allowed headings, the four with the
+    greatest antenna gain towards the tags are evaluated. For each, measurements at the ends of
+    its steps are drawn and their divergences averaged. At least half of a step is flown before
+    the next decision; otherwise a drone that turns for longer than a cycle would turn back and
+    forth forever.
 
     `alpha`: order of the divergence.
-    `actions`: headings.
-    `kept`: of them, those with the greatest gain.
-    `steps`: how many ahead it looks; each is as long as a cycle flies.
+    `actions`: number of headings.
+    `kept`: number of headings with the greatest gain that are evaluated.
+    `steps`: number of steps ahead; each is as long as a cycle of flight.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class Renyi:
         return bool(left > 0.5 * step_m and ahead.allowed[0])
 
     def _ends(self, situation: Situation, east_m: _Floats, north_m: _Floats) -> Legs:
-        """The drone at the end of each step straight on."""
+        """State of the drone at the end of each step straight on."""
         state, vehicle = situation.state, situation.vehicle
         east = state.east_m + self._steps * (east_m - state.east_m)
         north = state.north_m + self._steps * (north_m - state.north_m)
@@ -103,12 +104,12 @@ class Renyi:
 
 
 class Shannon:
-    """Cliff: the grid point next door with the greatest expected fall of entropy.
+    """Cliff's planner: the neighbouring grid point with the greatest expected fall of entropy.
 
-    Where the drone can hover it turns at each point, as Cliff's did for each bearing.
+    If the drone can hover it turns at each point, as Cliff's did for each bearing.
 
-    `spacing_m`: between grid points; None: as far as a cycle flies.
-    `rotation_s`: of each turn; 0: single pulses on the way instead.
+    `spacing_m`: distance between grid points [m]; None: the distance flown in a cycle.
+    `rotation_s`: duration of each turn [s]; 0: single pulses along the path instead.
     """
 
     def __init__(self, *, spacing_m: float | None = None, rotation_s: float = 0.0) -> None:

@@ -16,7 +16,7 @@ _Floats = NDArray[np.float64]
 def pulses_along(
     situation: Situation, east_m: _Floats, north_m: _Floats, span_s: float
 ) -> Legs:
-    """Ways at the times of the pulses in a span."""
+    """Paths sampled at the times of the pulses in a span."""
     time = np.arange(1, max(1, round(span_s / situation.pulse_s)) + 1) * situation.pulse_s
     times = np.broadcast_to(time, (len(east_m), len(time)))
     return situation.vehicle.along(situation.state, east_m, north_m, situation.wind, times)
@@ -32,13 +32,13 @@ def renyi_nats(
     measurements: int = 50,
     hypotheses: int = 500,
 ) -> _Floats:
-    """(tags, legs) expected Rényi divergence of the posterior from the prior (TrackerBots).
+    """Expected Rényi divergence of the posterior from the prior [nats], shape (tags, legs).
 
-    R = log(Σ w^α w'^(1-α)) / (α - 1), the mean over measurements drawn from the hypotheses; in
+    R = log(Σ w^α w'^(1-α)) / (α - 1), the mean over measurements drawn from the hypotheses. In
     the limit of α = 1 it is Shannon's information.
 
     `legs`: a pulse at each sample.
-    `measurements`: drawn for each tag and way.
+    `measurements`: number drawn for each tag and path.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
     for number, belief in enumerate(beliefs):

@@ -1,4 +1,4 @@
-"""Planners without a belief: lines over the area, and turns at points of a grid."""
+"""Planners without an estimate: lines over the area, and turns at points of a grid."""
 
 from collections.abc import Callable, Iterator
 from itertools import cycle
@@ -14,9 +14,9 @@ _NEAR_M = 1.0
 
 
 class Lawnmower:
-    """Parallel lines over the area, to and fro, again and again.
+    """Fly parallel lines over the area, back and forth, repeatedly.
 
-    `spacing_m`: between lines; None: a tenth of the root of the area.
+    `spacing_m`: distance between lines [m]; None: a tenth of the square root of the area.
     """
 
     def __init__(self, spacing_m: float | None = None) -> None:
@@ -38,7 +38,7 @@ class Lawnmower:
         )
 
     def _next(self, situation: Situation) -> tuple[float, float]:
-        """The present corner, or the next allowed one when it is reached."""
+        """Present corner, or the next allowed one once it is reached."""
         state = situation.state
         assert self._corners is not None
         for _ in range(1000):
@@ -57,10 +57,10 @@ class Lawnmower:
 
 
 class RotationPoints:
-    """A turn in place at each point of a grid, as pilots fly rotations today.
+    """Turn in place at each point of a grid, as pilots fly rotations today.
 
-    `spacing_m`: between points; None: a third of the root of the area.
-    `duration_s`: of a turn.
+    `spacing_m`: distance between points [m]; None: a third of the square root of the area.
+    `duration_s`: duration of a turn [s].
     """
 
     def __init__(self, spacing_m: float | None = None, duration_s: float = 20.0) -> None:
@@ -94,7 +94,7 @@ class RotationPoints:
 def _grid(
     box: object, contains: Callable[..., np.ndarray], spacing_m: float
 ) -> list[tuple[float, float]]:
-    """Points of a grid within an outline, to and fro."""
+    """Points of a grid within an outline, in rows flown back and forth."""
     from uavrt.localization.position.bayes_fix import Area
 
     assert isinstance(box, Area)

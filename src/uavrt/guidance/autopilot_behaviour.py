@@ -1,8 +1,8 @@
 """Differences between the autopilots, in one table.
 
-As flown on PX4 v1.17 and ArduCopter 4.7. What both have in common is in
-`uavrt.guidance.authority`: to fly to a position is DO_REPOSITION by COMMAND_INT in frame
-GLOBAL_INT with altitude above mean sea level.
+As flown on PX4 v1.17 and ArduCopter 4.7. `uavrt.guidance.authority` has what is common to both:
+a flight to a position is DO_REPOSITION by COMMAND_INT in frame GLOBAL_INT with altitude above
+mean sea level.
 """
 
 from collections.abc import Mapping
@@ -16,60 +16,60 @@ AutopilotName = Literal["px4", "ardupilot"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Manners:
-    """Behaviour of one autopilot."""
+class Behaviour:
+    """Modes, messages and tolerances of one kind of autopilot."""
 
     name: AutopilotName
     own_mode: int
-    """Custom mode that DO_REPOSITION sets and that flies our commands."""
+    """Custom mode that DO_REPOSITION sets, and in which commands are flown."""
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     mode_by: Literal["CURRENT_MODE", "HEARTBEAT"]
-    """Message that reports the mode more often than each second."""
+    """Message that reports the mode more often than once a second."""
     mode_rate_hz: float
-    """Rate requested for it; PX4 sends CURRENT_MODE at 2 Hz whatever is requested."""
+    """Rate requested for the mode's message [Hz]; PX4 ignores it for CURRENT_MODE."""
     yaw_in_reposition: bool
-    """True: DO_REPOSITION sets the heading, and turns are made in steps; else CONDITION_YAW."""
+    """True: DO_REPOSITION sets the heading, and turns are steps; else CONDITION_YAW."""
     follows_course: bool
-    """True: the heading follows the course over ground; else the bearing of the target."""
+    """True: the heading follows the course over ground; else the target's bearing."""
 
     takeoff_mode: int
-    """Mode in which it climbs from the ground; followed by our mode, or the same."""
+    """Mode in which it climbs from the ground; then `own_mode` follows, if different."""
 
     mission_modes: frozenset[int]
     """Modes in which the vehicle flies its mission, or returns along it."""
     home_in_mission: bool
-    """True if item 0 of its mission is home."""
+    """True if item 0 of the vehicle's mission is home."""
 
     target_m: float
-    """Largest distance of the reported target from the commanded one. PX4 keeps the command's
-    exact numbers; a pause where the drone is must differ from them."""
+    """Largest distance of the reported target from the commanded one [m]. PX4 keeps the exact
+    numbers of a command; a pause at the drone's position must differ from them."""
 
     settles_m: float
-    """Greatest distance from the target at which a drone comes to rest by itself [m]; one that
+    """Largest distance from the target at which a drone comes to rest by itself [m]; one that
     rests farther away was stopped. ArduCopter: 0.6 m in 203 recorded legs of SITL without wind,
     0.66 m in the simulator's gusts. PX4 approaches too slowly over the last metres for it."""
 
     target_lost_s: float
-    """Time without a reported target after which an order ends. ArduCopter reports none while
-    another station flies it by velocities."""
+    """Time without a reported target after which an order ends [s]. ArduCopter reports none
+    while another station flies it by velocities."""
 
     @property
     def own_mode_first(self) -> bool:
-        """True if a take-off is commanded in our own mode, which must be set first."""
+        """True if a take-off is commanded in `own_mode`, which must be set first."""
         return self.takeoff_mode == self.own_mode
 
     def mode_name(self, mode: int) -> str:
-        """The mode as pilots call it."""
+        """Name of a mode as pilots use it."""
         return self.mode_names.get(mode, f"mode {mode}")
 
 
 def _px4(main: int, sub: int = 0) -> int:
-    """Custom mode of PX4: main mode in the third byte, submode in the fourth."""
+    """Custom mode number of PX4: main mode in the third byte, submode in the fourth."""
     return main << 16 | sub << 24
 
 
-PX4 = Manners(
+PX4 = Behaviour(
     name="px4",
     own_mode=_px4(4, 3),
     return_modes=frozenset({_px4(4, 5)}),
@@ -99,7 +99,7 @@ PX4 = Manners(
     settles_m=3.0,
     target_lost_s=3.0,
 )
-ARDUPILOT = Manners(
+ARDUPILOT = Behaviour(
     name="ardupilot",
     own_mode=4,
     return_modes=frozenset({6, 21}),
@@ -129,17 +129,17 @@ ARDUPILOT = Manners(
     settles_m=0.9,
     target_lost_s=1.0,
 )
-MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(
+BEHAVIOURS: Mapping[AutopilotName, Behaviour] = MappingProxyType(
     {"px4": PX4, "ardupilot": ARDUPILOT}
 )
 
 
-def manners_of(name: str | None) -> Manners:
-    """Get the behaviour of an autopilot; raises `CommandRefused` for an unknown one."""
-    for known, manners in MANNERS.items():
+def behaviour_of(name: str | None) -> Behaviour:
+    """Behaviour of an autopilot; raises `CommandRefused` for an unknown one."""
+    for known, behaviour in BEHAVIOURS.items():
         if known == name:
-            return manners
+            return behaviour
     raise CommandRefused(
-        "the autopilot is not known" if name is None else f"autopilot {name} is not known",
+        "autopilot unknown" if name is None else f"autopilot {name} is not known",
         remedy="Motion needs a multirotor with PX4 or ArduPilot; fly by hand",
     )

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
-from uavrt.guidance.way_text import way_in
+from uavrt.guidance.path_text import path_in
 
 WAY = ((46.5, 8.0), (46.51, 8.002), (46.52, 8.0))
 LINE = [[east, north] for north, east in WAY]
@@ -45,29 +45,29 @@ SURVEY = {"TransectStyleComplexItem": {"VisualTransectPoints": [list(one) for on
     ],
 )
 def test_a_way_is_read_from_each_program(text: str) -> None:
-    assert way_in(text, "a file") == WAY
+    assert path_in(text, "a file") == WAY
 
 
 def test_an_area_alone_is_no_way() -> None:
     ring = [*LINE, LINE[0]]
-    assert way_in(json.dumps({"type": "Polygon", "coordinates": [ring]}), "a file") == ()
+    assert path_in(json.dumps({"type": "Polygon", "coordinates": [ring]}), "a file") == ()
 
 
 @given(st.text(max_size=200))
 def test_no_text_ends_in_another_error(text: str) -> None:
     with contextlib.suppress(FormatError):
-        assert way_in(text, "a file") != WAY
+        assert path_in(text, "a file") != WAY
 
 
 def test_what_is_of_another_kind_is_told_in_words() -> None:
     """'list' object has no attribute 'get', it said."""
     with pytest.raises(FormatError, match="neither GeoJSON nor a plan"):
-        way_in("[1]", "a file")
+        path_in("[1]", "a file")
     with pytest.raises(FormatError, match="something in it has no 'type'"):
-        way_in("{}", "a file")
+        path_in("{}", "a file")
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", plan(waypoint(99.0, 8.0), waypoint(1, 1))])
 def test_what_holds_no_places_is_named(text: str) -> None:
     with pytest.raises(FormatError, match="a file gives no way"):
-        way_in(text, "a file")
+        path_in(text, "a file")

@@ -1,11 +1,11 @@
-"""Write the autopilot's command for a motion that the pilot requests. Pure."""
+"""Convert requested motions to the autopilot's commands. Pure."""
 
 from dataclasses import dataclass
 from math import isfinite, nan, radians
 from typing import Literal
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.manners import Manners
+from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.observed import HomeSeen, between_m
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_360
@@ -13,7 +13,7 @@ from uavrt.units import wrap_degrees_360
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleCommand:
-    """COMMAND_INT to the autopilot."""
+    """A COMMAND_INT to the autopilot."""
 
     name: Literal[
         "DO_REPOSITION", "CONDITION_YAW", "NAV_RETURN_TO_LAUNCH", "DO_SET_MODE", "NAV_TAKEOFF"
@@ -31,19 +31,19 @@ class VehicleCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandWriter:
-    """Writes commands for one autopilot, within its limits."""
+    """Converts requested motions for one autopilot, within its limits."""
 
-    manners: Manners
+    behaviour: Behaviour
     lowest_m: float = 20.0
     highest_m: float = 120.0
-    """Range of commanded heights above home."""
+    """Highest commanded height above home [m]."""
     farthest_m: float = 1000.0
-    """Greatest commanded distance from home."""
+    """Largest commanded distance from home [m]."""
 
     def command(
         self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
     ) -> VehicleCommand:
-        """Write the command of a request, with heights above the altitude `datum_m`.
+        """Command of a requested motion, with heights above the altitude `datum_m`.
 
         Raises `CommandRefused`: it exceeds the limits, or the autopilot has no such command.
         """
@@ -51,7 +51,7 @@ class CommandWriter:
             case FlyThere():
                 return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)
             case TurnInPlace():
-                if first or self.manners.yaw_in_reposition:
+                if first or self.behaviour.yaw_in_reposition:
                     raise CommandRefused("this autopilot does not support this kind of turn")
                 if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
                     raise CommandRefused(
@@ -67,12 +67,12 @@ class CommandWriter:
             case GoHome():
                 return VehicleCommand(name="NAV_RETURN_TO_LAUNCH")
             case TakeMode():
-                if not (first and self.manners.own_mode_first):
+                if not (first and self.behaviour.own_mode_first):
                     raise CommandRefused(
                         "this autopilot needs no mode change before a take-off"
                     )
                 return VehicleCommand(
-                    name="DO_SET_MODE", param1=1.0, param2=float(self.manners.own_mode)
+                    name="DO_SET_MODE", param1=1.0, param2=float(self.behaviour.own_mode)
                 )
             case TakeOff():
                 return self._take_off(wish, first, wish.altitude_amsl_m - datum_m)
@@ -90,7 +90,7 @@ class CommandWriter:
                 f"the target is farther than {self.farthest_m:.0f} m from home"
             )
         yaw = nan
-        if wish.yaw_deg is not None and self.manners.yaw_in_reposition:
+        if wish.yaw_deg is not None and self.behaviour.yaw_in_reposition:
             yaw = radians(wrap_degrees_360(wish.yaw_deg))
         return VehicleCommand(
             name="DO_REPOSITION",
@@ -103,13 +103,15 @@ class CommandWriter:
         )
 
     def _take_off(self, wish: TakeOff, first: bool, above_m: float) -> VehicleCommand:
-        """PX4 takes an altitude above mean sea level, ArduPilot a height above home."""
-        if first == self.manners.own_mode_first:
+        """Command of a take-off: PX4 takes an altitude, ArduPilot a height above home."""
+        if first == self.behaviour.own_mode_first:
             raise CommandRefused("the autopilot is not in its take-off mode")
         self._check_height(above_m)
         if not abs(above_m - wish.height_m) <= 1.0:
-            raise CommandRefused(f"{wish} is two heights")
-        if self.manners.own_mode_first:
+            raise CommandRefused(
+                f"the take-off has two heights: {above_m:.0f} m and {wish.height_m:.0f} m"
+            )
+        if self.behaviour.own_mode_first:
             return VehicleCommand(name="NAV_TAKEOFF", z_m=wish.height_m)
         return VehicleCommand(
             name="NAV_TAKEOFF",

@@ -9,7 +9,7 @@ from flown import Flown
 from searched import Animal, Searched
 
 from uavrt.errors import PlanError
-from uavrt.guidance.lessons import Lessons, energy_of
+from uavrt.guidance.energy_learning import EnergyLearning, energy_of
 from uavrt.guidance.orders import Limits, VehicleNow
 from uavrt.guidance.plans import must_return, way_home_wh
 from uavrt.planning.vehicle import Wind
@@ -41,12 +41,12 @@ LIMITS = Limits(battery_wh=120.0, fence_m=500.0)
 
 def lessons_of(
     power_w: float, *, battery_wh: float = 120.0, hover_w: float | None = None, s: int = 240
-) -> Lessons:
+) -> EnergyLearning:
     """Readings in whole percents, ten a second, of a drone that takes a power."""
-    lessons = Lessons(hover_w, battery_wh)
+    lessons = EnergyLearning(hover_w, battery_wh)
     for tenths in range(10 * s):
         used = 100.0 * power_w * 0.1 * tenths / 3600.0 / battery_wh
-        lessons.taught(replace(NOW, time_s=0.1 * tenths, battery_percent=round(95.0 - used)))
+        lessons.learn(replace(NOW, time_s=0.1 * tenths, battery_percent=round(95.0 - used)))
     return lessons
 
 
@@ -69,9 +69,9 @@ def test_before_the_first_lesson_an_untold_drone_may_take_thrice_the_power() -> 
 
 def test_nothing_is_learnt_while_no_order_is_flown() -> None:
     """The drone may stand on the ground."""
-    lessons = Lessons(None, 120.0)
+    lessons = EnergyLearning(None, 120.0)
     for second in range(600):
-        lessons.taught(
+        lessons.learn(
             replace(NOW, time_s=second, battery_percent=95.0 - second // 60, began=False)
         )
     assert lessons.learnt == 0
@@ -79,22 +79,22 @@ def test_nothing_is_learnt_while_no_order_is_flown() -> None:
 
 
 def test_a_pause_and_another_battery_are_no_lesson() -> None:
-    lessons = Lessons(None, 120.0)
+    lessons = EnergyLearning(None, 120.0)
     readings = [(0, 60.0), (30, 59.0), (60, 58.0), (90, 99.0), (120, 98.0), (150, 97.0)]
     for second, percent in readings:
-        lessons.taught(replace(NOW, time_s=second, battery_percent=percent))
+        lessons.learn(replace(NOW, time_s=second, battery_percent=percent))
     assert lessons.learnt == 0
-    lessons.taught(replace(NOW, time_s=160.0, began=False))
-    lessons.taught(replace(NOW, time_s=1000.0, battery_percent=90.0))
-    lessons.taught(replace(NOW, time_s=1010.0, battery_percent=60.0))
+    lessons.learn(replace(NOW, time_s=160.0, began=False))
+    lessons.learn(replace(NOW, time_s=1000.0, battery_percent=90.0))
+    lessons.learn(replace(NOW, time_s=1010.0, battery_percent=60.0))
     assert lessons.learnt == 0  # what was used while nobody looked taught nothing
 
 
 def test_without_a_size_or_readings_of_the_battery_nothing_is_learnt() -> None:
     assert lessons_of(900.0, battery_wh=1e9).learnt == 0
-    lessons = Lessons(None, None)
+    lessons = EnergyLearning(None, None)
     for second in range(600):
-        lessons.taught(replace(NOW, time_s=second, battery_percent=95.0 - second // 6))
+        lessons.learn(replace(NOW, time_s=second, battery_percent=95.0 - second // 6))
     assert lessons.learnt == 0
 
 

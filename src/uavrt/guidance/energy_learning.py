@@ -8,9 +8,9 @@ from uavrt.planning.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """Prior estimate of the power.
+    """Prior estimate of the power of flight.
 
-    `hover_w`: hover power by the settings; None: unknown.
+    `hover_w`: hover power in the settings [W]; None: unknown.
     """
     if hover_w is None:
         return EnergyModel(scale_sigma=SEARCH_RULES.unknown_sigma)
@@ -22,25 +22,25 @@ def energy_of(hover_w: float | None) -> EnergyModel:
     )
 
 
-class Lessons:
-    """Power estimate of one drone, updated stretch by stretch over all its orders.
+class EnergyLearning:
+    """Power estimate of one drone, updated over all its orders.
 
-    `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery; None: nothing is
-    learnt.
+    `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery [Wh]; None: nothing
+    is learnt.
     """
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)
         self.learnt = 0
-        """Number of updates so far."""
+        """Number of updates of the estimate so far."""
         self._battery_wh = battery_wh
         self._before_s: float | None = None
         self._percent: float | None = None
         self._begun_percent: float | None = None
         self._predicted_wh = 0.0
 
-    def taught(self, now: VehicleNow) -> VehicleNow:
-        """Add the present reading; return the state with the learnt power.
+    def learn(self, now: VehicleNow) -> VehicleNow:
+        """Add the present battery reading; return the state with the learnt power.
 
         Updates only while an order is flown: then the drone is in the air.
         """

@@ -1,14 +1,14 @@
 """Detect a pilot at the remote control: sticks and all other channels. Pure.
 
-A moved stick means that a pilot flies. So does any switch: flipping PX4's mode switch to Hold
-while we fly in Hold changes neither mode nor target.
+A moved stick means that a pilot flies. So does any switch: setting PX4's mode switch to Hold
+during a command in Hold changes neither mode nor target.
 """
 
 from uavrt.guidance.observed import SticksSeen
 from uavrt.guidance.safety import SAFETY
 
 
-class HandWatch:
+class RcWatch:
     """Detects a stick or switch that has moved.
 
     A switch counts after two messages, or 0.1 s without a contrary one, since one message may
@@ -22,11 +22,11 @@ class HandWatch:
 
     @property
     def unsure(self) -> bool:
-        """True if a switch has been seen moved in one message only."""
+        """True if a switch has moved in one message only."""
         return bool(self._off_since_s)
 
     def see(self, seen: SticksSeen) -> str | None:
-        """Return what has certainly moved, given this report."""
+        """Return which stick or switch has certainly moved, given this report."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]
         self._off_since_s = {
@@ -57,7 +57,7 @@ class HandWatch:
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Describe a moved switch, and the remedy if the channel is not a switch."""
+    """Text on a moved switch, with the remedy if the channel is no switch."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

@@ -1,4 +1,4 @@
-"""Remember what was read of flights, and read it again only where their files have changed."""
+"""Cache what was read of flights until their files change."""
 
 from collections.abc import Callable, Mapping
 from typing import Generic, TypeVar
@@ -8,11 +8,10 @@ from uavrt.recording.layout import Stamp, stamp_of
 T = TypeVar("T")
 
 
-class Stamped(Generic[T]):
-    """What was read of flights, with the state of their files then.
+class FlightCache(Generic[T]):
+    """Values read from flights, each with the state of the flight's files at that time.
 
-    `read`: reads the flight in a directory.
-    `kept`: what was read in an earlier run, by directory.
+    `read` reads the flight in a directory. `kept` has values of an earlier run, by directory.
     """
 
     def __init__(
@@ -22,7 +21,7 @@ class Stamped(Generic[T]):
         self.kept = dict(kept or {})
 
     def get(self, directory: str) -> T:
-        """Get what was read of a flight; raises what `read` raises."""
+        """Value of a flight, read only if its files changed; raises what `read` raises."""
         stamp = stamp_of(directory)
         found = self.kept.get(directory)
         if found is None or found[0] != stamp:

@@ -20,19 +20,19 @@ from uavrt.units import wrap_degrees_360
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Antenna:
-    """Pose of the antenna."""
+    """Position and heading of the antenna at one time."""
 
     time_s: float
     east_m: float
     north_m: float
     height_m: float
-    """Above home."""
+    """Height of the antenna above home [m]."""
     yaw_deg: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A pulse of a tag, or a miss where one was due."""
+    """A detected pulse of a tag, or a missed one."""
 
     tag_id: int
     time_s: float
@@ -40,20 +40,20 @@ class Evidence:
 
 
 @dataclass(slots=True)
-class _Ear:
+class _TagSearch:
     """Search state of one tag."""
 
     slot_s: float
-    """Pulse interval including its uncertainty."""
+    """Pulse interval including its uncertainty [s]."""
     late_s: float
     gap_s: float
-    """Longest gap between two reports of one search."""
+    """Longest time between two reports of an uninterrupted search [s]."""
     threshold_db: float
     """Threshold for a missed pulse that cannot be detected later [dB]."""
     least_db: float
     """Threshold for a missed pulse that a later group may still include [dB]."""
     from_s: float | None = None
-    """Time since which the search has no gap; None: not searched."""
+    """Time since which the search has no gap [s]; None: not searched."""
     to_s: float = 0.0
     next_s: float = 0.0
     """Start of the first pulse slot not evaluated yet [s]."""
@@ -66,18 +66,18 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
     """ENR at which half of the groups of K equal pulses, or of K coded bursts, are found [dB].
 
     Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags with exact and usual
-    intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. The function
-    itself would need scipy.stats, twice the guide's memory. One coded burst of four pulses
-    takes 9.7 dB per pulse, three 6.0, ten 2.7.
+    intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. That function
+    would need scipy.stats, twice the guide's memory. One coded burst of four pulses takes 9.7
+    dB per pulse, three 6.0, ten 2.7.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 
 
-class Ears:
-    """Turns pulses, reports and positions into evidence.
+class PulseEvidence:
+    """Converts pulses, search reports and positions to evidence.
 
-    `k`: pulses in a group; 0: as each tag says. `codes`: number of listed coded tags, sought or
-    not: with many, reports are less frequent.
+    `k`: pulses in a group; 0: as each tag says. `codes`: number of listed coded tags, searched
+    or not; with many, reports are less frequent.
     """
 
     def __init__(
@@ -90,19 +90,21 @@ class Ears:
         codes: int = 0,
     ) -> None:
         self._plane, self._tag_height_m = plane, tag_height_m
-        self._ears = {
-            tag.tag_id: _coded_ear(tag, codes) if tag.coded else _ear(tag, k or tag.k)
+        self._searches = {
+            tag.tag_id: _coded_search(tag, codes)
+            if tag.coded
+            else _pulse_search(tag, k or tag.k)
             for tag in tags
         }
         self._places: deque[Antenna] = deque()
         self._keys: dict[tuple[int, int], None] = {}
         self.refused = 0
-        """Pulses without information: no pose, doubtful, ghost, or repeated."""
+        """Number of pulses without information: no pose, doubtful, ghost or repeated."""
 
     def counts(self, tag_id: int) -> tuple[int, int]:
-        """Pulses detected and missed."""
-        ear = self._ears[tag_id]
-        return ear.pulses, ear.missed
+        """Numbers of detected and missed pulses of a tag."""
+        search = self._searches[tag_id]
+        return search.pulses, search.missed
 
     def place(self, place: Antenna) -> None:
         """Add the antenna's present pose."""
@@ -111,12 +113,12 @@ class Ears:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
-        """Add a pulse received at that time; None if it gives no evidence."""
+        """Add a pulse received at `time_s`; None if it gives no evidence."""
         pulse, pose = pulse_pose.pulse, pulse_pose.pose
-        ear = self._ears.get(pulse.tag_id)
-        if ear is None or pulse.detection_status == "subthreshold":
+        search = self._searches.get(pulse.tag_id)
+        if search is None or pulse.detection_status == "subthreshold":
             return None  # too weak to be heard: its time counts as a miss
-        ear.heard_s.append(time_s)  # whatever else is known of it
+        search.heard_s.append(time_s)  # whatever else is known of it
         doubtful = pulse.also_possible_tag_ids or pulse.ghost_of_tag_id is not None
         if pose is None or doubtful or pulse.key in self._keys:
             self.refused += 1
@@ -124,7 +126,7 @@ class Ears:
         self._keys[pulse.key] = None
         if len(self._keys) > SEARCH_RULES.most_keys:
             del self._keys[next(iter(self._keys))]
-        ear.pulses += 1
+        search.pulses += 1
         east, north = self._plane.to_local(pose.latitude_deg, pose.longitude_deg)
         to_north, to_east, _ = rotated(pose.quaternion_wxyz, (1.0, 0.0, 0.0))
         place = Antenna(
@@ -134,34 +136,34 @@ class Ears:
             height_m=pose.altitude_relative_m,
             yaw_deg=wrap_degrees_360(degrees(atan2(to_east, to_north))),
         )
-        return self._evidence(pulse.tag_id, place, pulse.snr_db, ear)
+        return self._evidence(pulse.tag_id, place, pulse.snr_db, search)
 
     def searched(self, report: SearchReport, time_s: float) -> None:
-        """Record a detector's search progress for one tag."""
-        ear = self._ears.get(report.tag_id)
-        if ear is None:
+        """Record a report that a detector searches for a tag."""
+        search = self._searches.get(report.tag_id)
+        if search is None:
             return
-        if ear.from_s is None or time_s - ear.to_s > ear.gap_s:
-            ear.from_s = time_s
-            ear.next_s = max(ear.next_s, time_s)
-        ear.to_s = max(ear.to_s, time_s)
+        if search.from_s is None or time_s - search.to_s > search.gap_s:
+            search.from_s = time_s
+            search.next_s = max(search.next_s, time_s)
+        search.to_s = max(search.to_s, time_s)
 
     def missed(self) -> list[Evidence]:
-        """Missed pulses that are certain by now."""
+        """Pulses that certainly were missed, by now."""
         found = []
-        for tag_id, ear in self._ears.items():
-            if ear.from_s is None:
+        for tag_id, search in self._searches.items():
+            if search.from_s is None:
                 continue
-            while ear.next_s + ear.slot_s + ear.late_s <= ear.to_s:
-                begin, ear.next_s = ear.next_s, ear.next_s + ear.slot_s
+            while search.next_s + search.slot_s + search.late_s <= search.to_s:
+                begin, search.next_s = search.next_s, search.next_s + search.slot_s
                 # They may come out of turn: a group's weak ones come later.
-                ear.heard_s = [one for one in ear.heard_s if one >= begin]
-                if any(one < ear.next_s for one in ear.heard_s):
+                search.heard_s = [one for one in search.heard_s if one >= begin]
+                if any(one < search.next_s for one in search.heard_s):
                     continue
-                place = self._place_at(begin + 0.5 * ear.slot_s)
+                place = self._place_at(begin + 0.5 * search.slot_s)
                 if place is not None:
-                    ear.missed += 1
-                    found.append(self._evidence(tag_id, place, None, ear))
+                    search.missed += 1
+                    found.append(self._evidence(tag_id, place, None, search))
         return found
 
     def _place_at(self, time_s: float) -> Antenna | None:
@@ -169,9 +171,9 @@ class Ears:
         return near if near is not None and abs(near.time_s - time_s) < 1.0 else None
 
     def _evidence(
-        self, tag_id: int, place: Antenna, snr_db: float | None, ear: _Ear
+        self, tag_id: int, place: Antenna, snr_db: float | None, search: _TagSearch
     ) -> Evidence:
-        weak = snr_db is not None and snr_db < ear.threshold_db
+        weak = snr_db is not None and snr_db < search.threshold_db
         return Evidence(
             tag_id=tag_id,
             time_s=place.time_s,
@@ -180,16 +182,16 @@ class Ears:
                 north_m=place.north_m,
                 height_m=max(1.0, place.height_m - self._tag_height_m),
                 snr_db=snr_db,
-                threshold_db=ear.least_db if weak else ear.threshold_db,
+                threshold_db=search.least_db if weak else search.threshold_db,
                 yaw_deg=place.yaw_deg,
             ),
         )
 
 
-def _ear(tag: Tag, k: int) -> _Ear:
+def _pulse_search(tag: Tag, k: int) -> _TagSearch:
     interval = max(tag.pulse_intervals_s)
     threshold = threshold_db(k)
-    return _Ear(
+    return _TagSearch(
         slot_s=interval + tag.interval_uncertainty_s + 2.0 * tag.interval_jitter_s,
         late_s=(k + SEARCH_RULES.late_intervals) * interval + SEARCH_RULES.late_s,
         gap_s=SEARCH_RULES.report_gap_s,
@@ -198,14 +200,14 @@ def _ear(tag: Tag, k: int) -> _Ear:
     )
 
 
-def _coded_ear(tag: Tag, codes: int) -> _Ear:
-    """State of a coded tag: a burst below its own threshold may still be found later.
+def _coded_search(tag: Tag, codes: int) -> _TagSearch:
+    """Search state of a coded tag: a burst below its own threshold may still be found later.
 
-    A strong burst is reported within a second or two; one that only ten together show, up to
-    eighteen intervals late, when the drone is far away.
+    A strong burst is reported within a second or two; one found only together with nine others,
+    up to eighteen intervals late, when the drone is far away.
     """
     (interval,) = tag.pulse_intervals_s
-    return _Ear(
+    return _TagSearch(
         slot_s=interval + tag.interval_uncertainty_s,
         late_s=interval + SEARCH_RULES.late_s,
         gap_s=SEARCH_RULES.report_gap_s + report_every_s(codes) - report_every_s(1),

@@ -17,8 +17,8 @@ _MOST_LINE_PLACES = 20_000
 _REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 
-def way_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the path in the text of a file; empty if it holds none.
+def path_in(text: str, name: str) -> tuple[Place, ...]:
+    """Read the path in the text of a file; empty if there is none.
 
     Raises `FormatError`: it is none of the three formats, or its positions are invalid.
     """

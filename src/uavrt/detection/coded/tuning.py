@@ -1,0 +1,234 @@
+"""Constants of the detection of coded tags: one frozen record for each step.
+
+Energies are in units of the mean energy of noise in a cell. Measurements:
+docs/explanation/coded-tags.md.
+"""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellTuning:
+    """How the energies of a channel are computed and kept."""
+
+    row_spacing: float = 0.3125
+    """Spacing of the frequencies, in units of the inverse pulse width: 125 Hz for 2.5 ms, which
+    loses 0.3 dB half-way."""
+    columns_per_pulse: float = 9.0
+    """Number of columns per pulse width."""
+    noise_pieces: int = 25
+    """Number of pieces of samples whose medians give the noise: 10 s."""
+    least_rise: float = 0.85
+    """Least noise as a share of the present noise, so that a rise does not look like bursts."""
+    kept_s: float = 130.0
+    """Duration of the cells from which several bursts are summed [s]."""
+    step_s: float = 0.4
+    """Duration of the samples gathered before the search continues [s]."""
+    # Cells that are hidden from sums of several bursts.
+    tall: float = 25.0
+    """Energy above which a cell is not of a tag that only several bursts show."""
+    echoing: float = 200.0
+    """Energy above which a cell leaves an echo of the filters."""
+    echo_widths: int = 5
+    """Duration of such an echo [pulse widths]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SumTuning:
+    """How cells are summed at the gaps of the codes, and over several bursts."""
+
+    stretches: tuple[float, ...] = (0.0, -0.5, 0.5, -1.0, 1.0)
+    """Stretches of all gaps that are tried, as shares of their common tolerance."""
+    apart_columns: int = 4
+    """Range in which a seed is the largest sum of its row and code [columns]."""
+    most_cell: float = 10.0
+    """Largest cell that counts in a sum of many bursts [noise energies]: three times that of a
+    tag found only there."""
+    # Mean cell of a seed. Three of four sums of bursts at the limit contain one so large; noise
+    # has few.
+    seed_of_many: float = 3.5
+    seed_of_three: float = 4.3
+    columns_per_step: float = 2.0
+    """Shift of the last burst from one tried interval to the next [columns]."""
+    few_bursts: int = 3
+    """Number of bursts of the shorter sum."""
+    examined_share: float = 0.88
+    """Share of the least sum from which a sum is refined."""
+    clear_lead: float = 20.0
+    """Least lead of a sum over that of another code with the same pulses [noise energies]."""
+    box_columns: int = 2048
+    """Range within which waiting seeds are grouped [columns]."""
+    same_columns: int = 10
+    """Largest distance between equal pulses of two codes [columns]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefineTuning:
+    """How nearly sufficient sums of bursts are refined on the samples."""
+
+    turns_hz: tuple[float, ...] = (-42.0, 0.0, 42.0)
+    """Offsets tried from the frequency of the row [Hz]: a third of the rows' spacing."""
+    stretches: tuple[float, ...] = (-0.25, 0.0, 0.25)
+    """Stretches tried in addition to the seed's, as shares of the tolerance."""
+    shifts: tuple[float, ...] = (-1.0, -0.5, 0.0, 0.5, 1.0)
+    """Shifts tried of all bursts together [columns]."""
+    drifts: tuple[float, ...] = (-1.0, 0.0, 1.0)
+    """Shifts tried of the last burst against the first [columns]."""
+    near_columns: int = 3
+    """Largest shift of a pulse [columns]; it must not reach a hidden signal."""
+    hidden_energy: float = 0.25 * math.pi
+    """Energy assumed of a hidden pulse [noise energies]: that of noise of mean amplitude."""
+    margin_columns: int = 6
+    """Number of columns on each side of a pulse whose samples are read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitTuning:
+    """How the required sums follow from the allowed false identifications."""
+
+    false_per_hour: float = 1e-4
+    """False identifications allowed from noise, per code [1/h]."""
+    # Shares of the false alarms; the rest is for the longest sums.
+    share_of_one: float = 0.4
+    share_of_three: float = 0.2
+    per_cell: float = 60.0
+    """Independent sums for each pulse width and its inverse: cells overlap, gaps stretch."""
+    per_interval: float = 1.0
+    """Independent burst intervals per pulse width of the last burst's uncertainty."""
+    per_refinement: float = 14.0
+    """Independent sums in a refinement."""
+    expected_false: float = 1e-6
+    """Chance of noise in a cell where a burst of an identified tag is expected."""
+    expected_log: float = 6.0
+    """Log odds of an identified tag's burst at its expected time over any other time."""
+    least_energy: float = 0.25
+    """Least mean energy of a reported burst's pulses over the noise [noise energies]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LikelihoodTuning:
+    """Assumptions of the evidence that pulses are a listed code's."""
+
+    fading: float = 0.12
+    """Standard deviation of the amplitude within a burst, relative, without the noise's."""
+    coincidence: float = 0.05
+    """Chance that a pulse of another code's burst lies at a place: 3 ms of a gap of 57 ms."""
+    least_hit: float = 1e-3
+    """Least chance that a pulse of any sender lies at a place."""
+    hiding_amplitude: float = 0.5
+    """Least amplitude of a signal that hides a pulse, relative to the pulse."""
+    place_s: float = 1e-3
+    """Largest deviation of a pulse from its place [s]."""
+    sums_tried: float = 20.0
+    """Number of independent sums of several bursts, of which the best is used."""
+    strengths_log: float = 5.0
+    """Log of the ratio of the largest to the smallest possible amplitude of a pulse."""
+    alignments: float = 16.0
+    """Number of alignments of a pulse of a burst of four with one of four places."""
+    least_log: float = 4.0
+    """Least log-likelihood ratio of the listed code against unlisted ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeTuning:
+    """What a sum's pulses must look like to be a burst."""
+
+    pool_columns: int = 1
+    """Range around the place of a pulse in which its cell is the largest [columns]."""
+    leak_amplitude: float = 0.35
+    """Largest amplitude that may be leakage, relative to the strongest at any frequency."""
+    loud_energy: float = 20.0
+    """Least energy for which leakage is considered [noise energies]."""
+    rounded: float = 1.0 - 1e-6
+    """Share of the least sum at which seeds are dropped early, so that rounding does not."""
+    least_amplitude: float = 0.33
+    """Least amplitude of a pulse relative to another of the same burst."""
+    hit_amplitude: float = 0.5
+    """Least amplitude at which another signal hides a pulse, relative to the usual one."""
+    higher_amplitude: float = 2.3
+    """Excess that noise may give a cell near a pulse [noise amplitudes]."""
+    beside_amplitude: float = 0.6
+    """Largest amplitude at the nearer or farther end of a pulse, relative to it, without
+    noise."""
+    end_widths: tuple[float, float] = (1.2, 3.2)
+    """Distances at which a pulse must have ended, at one of the two [pulse widths]."""
+    aside_s: float = 0.75e-3
+    """Largest deviation of a strong pulse from its place, relative to the burst's others [s]:
+    half of the gaps' tolerance. At 20 dB the flanks of a code's pulses matched one whose gaps
+    differ by 4.5 ms in total."""
+    aside_noise_s: float = 3e-3
+    """Deviation in addition to `aside_s` at an amplitude of one [s], in inverse proportion to
+    the amplitude."""
+    flank_amplitude: float = 0.8
+    """Largest amplitude of a flank relative to its pulse; more is a pulse itself."""
+    guard_s: float = 0.5e-3
+    """Duration of the filters' ringing beyond a pulse width [s]."""
+    clear_log: float = 10.0
+    """Log-likelihood by which a code must exceed all that share pulses with it."""
+    most_swaps: int = 3
+    """Most replacements of codes that explain pulses by others that explain more."""
+    sure_pulses: int = 2
+    """Least number of undisturbed pulses of a burst that is reported without identification."""
+    sure_energy: float = 12.0
+    """Least energy of each of these pulses [noise energies]."""
+    nowhere: int = -(2**40)
+    """Column that stands for no pulse."""
+    saturated_energy: float = 12.0
+    """Energy at which stored cells no longer show the maximum of a pulse [noise energies]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentityTuning:
+    """How bursts in step identify a tag, and predict its next burst."""
+
+    steps: int = 8
+    """Number of intervals, before and after, over which bursts are compared."""
+    missed_log: float = 1.0
+    """Log-likelihood lost by an interval for a missing burst; most bursts are detected."""
+    clear_log: float = 3.0
+    """Log-likelihood by which one interval must fit better than the others."""
+    timing_s: float = 1e-3
+    """Error of the measured start of a burst [s]."""
+    wait_intervals: float = 2.2
+    """Wait of an ambiguous burst for later ones [intervals]."""
+    doubt_log: float = math.log(100.0)
+    """Evidence that a reported burst may lack; it is then not confirmed."""
+    rows: int = 1
+    """Largest difference between bursts of one tag [rows]."""
+    most_missed: int = 8
+    """Most bursts that may be missed before a tag must be identified again."""
+    own_error: float = 5e-6
+    """Relative error of a measured interval: a crystal's drift with temperature."""
+    same_burst_s: float = 0.02
+    """Largest difference between the start times of one burst [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForeignTuning:
+    """How bursts that no listed code explains are counted."""
+
+    least_per_hour: float = 0.02
+    """Rate of foreign bursts assumed before any is observed on a channel [1/h]."""
+    memory_s: float = 300.0
+    """Time over which foreign bursts are averaged [s]."""
+    start_s: float = 10.0
+    """Time added to the time since the start [s], so that one early burst is no high rate."""
+    weakest_energy: float = 10.0
+    """Least energy of a foreign pulse with two others [noise energies]."""
+    sure_energy: float = 14.0
+    """Least energy of a single foreign pulse [noise energies]."""
+    beside_share: float = 0.25
+    """Least energy of a foreign pulse that contradicts a burst, relative to its mean."""
+    rows: int = 2
+    """Largest difference between pulses of one sender [rows]."""
+
+
+CELLS = CellTuning()
+SUMS = SumTuning()
+REFINE = RefineTuning()
+LIMITS = LimitTuning()
+LIKELIHOOD = LikelihoodTuning()
+SHAPE = ShapeTuning()
+IDENTITY = IdentityTuning()
+FOREIGN = ForeignTuning()

@@ -1,0 +1,285 @@
+"""Constants of the search for groups of pulses: one frozen record for each step.
+
+Tables by K are calibrated, and false alarms measured: docs/explanation/detection.md. Powers of
+cells are in units of the noise power.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GridTuning:
+    """How the spectrogram of a narrow band is computed."""
+
+    blas_product: int = 200_000
+    """Largest matrix product that stays on one thread in OpenBLAS (its limit is 262 144). Two
+    threads that wake for 50 us of work cost 50 times as much."""
+    least_window: int = 24
+    """Least length of a pulse after decimation [samples]; with less, the hop is too coarse."""
+    stopband_db: float = 55.0
+    """Attenuation of aliases by the band's filter [dB]."""
+    kernel_window: int = 254
+    """Longest window of the compiled kernel [samples]."""
+    tags_at_once: int = 4
+    """Number of tags transformed together: their arrays fit a cache of 1 MB."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseTuning:
+    """How the noise of each row of the grid is estimated."""
+
+    excluded_ratio: float = 4.0
+    """Power above which cells are excluded: 1.8 % of noise, all of a pulse [noise powers]."""
+    step_gain: float = 1.31
+    """Factor on a step of the fixed-point iteration: inverse of one minus its slope."""
+    long_s: float = 20.0
+    """Time constant of the steady estimate [s]."""
+    short_s: float = 1.0
+    """Time constant of the average that shows a rise of the noise [s]."""
+    rise_ratio: float = 2.2
+    """Ratio of recent to steady noise above which the recent one is used; 3 % of pulses give
+    1.3."""
+    settle_s: float = 2.0
+    """Time between two comparisons of a row with its neighbours [s]."""
+    young_s: float = 8.0
+    """Duration at the start in which the rows are averaged over `young_reach` [s]."""
+    young_reach: int = 24
+    """Number of rows averaged on each side at the start: an error of 5 % doubles the false
+    alarms."""
+    reach: int = 8
+    """Number of rows on each side, two bins, whose median is the broadband noise."""
+    flat_ratio: float = 1.2
+    """Spread of the medians over their error up to which a spectrum counts as flat. A tilt of
+    0.4 dB over the band may be missed, no more than the error of the medians."""
+    steep_errors: float = 4.0
+    """Difference of the medians on both sides of a row that marks an edge [standard errors].
+    If all rows lie on a line there is none: the median is right there."""
+    least_steep: float = 0.15
+    """Least relative difference of these medians at an edge: 0.7 dB."""
+    edge_flat_ratio: float = 1.5
+    """Spread of the rows on one side over the error of a row up to which that side is flat."""
+    hum_sigmas: float = 0.5
+    """Excess over the median at which a row's own noise is used between lines of hum [standard
+    deviations]: 3 to 5 % more noise than the median, which gave 3.4 times the false groups."""
+    usual_threshold: float = 25.0
+    """Typical threshold of a group, for the effect of uncertain noise on false alarms [noise
+    powers]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelTuning:
+    """How sudden changes of the noise are followed, in slots of half a pulse."""
+
+    most_power: float = 4.0
+    """Largest power of a cell that counts for a level [noise powers]."""
+    past_slots: int = 80
+    """Number of past slots that are used."""
+    stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
+    """Numbers of slots over which a level is averaged; a step is located to within the
+    shortest."""
+    most_splits: int = 4
+    """Most divisions of the bands into groups of different levels."""
+    split_log: float = 6.5
+    """Least log-likelihood ratio at which two groups of bands have different levels."""
+    differ_sigmas: float = 2.2
+    """Least difference between the means of different levels [standard deviations]."""
+    slot_variance: float = 1.5
+    """Variance of a slot in one bin over its squared mean; windows overlap by half."""
+    doubt_sigmas: float = 3.0
+    """Deviation of all bands together at which a level is no longer steady [standard
+    deviations]."""
+    band_doubt_sigmas: float = 3.6
+    """Deviation of single bands at which a level is no longer steady [standard deviations]."""
+    piece_slots: int = 11
+    """Number of slots in the shortest piece that is compared with the level."""
+    pulse_ratio: float = 1.7
+    """Ratio of a slot to the slots on both sides at which it is a strong pulse, not noise."""
+    pulse_sigmas: float = 2.6
+    """Height of three slots above their neighbours that marks a weak pulse [standard
+    deviations]."""
+    beside_slots: tuple[int, int] = (4, 8)
+    """Nearest and farthest neighbours of a pulse, which takes three or four slots [slots]."""
+    median_slots: int = 11
+    """Number of slots whose median limits the cells of a band."""
+    newest_slots: int = 10
+    """Number of newest slots in which the level is raised to the surest recent mean."""
+    most_margin: float = 0.3
+    """Largest share by which the search raises an uncertain level."""
+    same_share: float = 0.12
+    """Relative difference below which two levels count as the same."""
+    most_averaged: int = 40
+    """Most calls over which an unchanged level is averaged."""
+    learnt_slots: int = 40
+    """Number of slots with a level of one that are assumed before the first."""
+    steady_ratio: float = 0.5
+    """Least ratio of the lowest to the highest level at which the limit of a cell holds."""
+    least_level: float = 1e-9
+    """Least level, since a receiver may be silent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupTuning:
+    """How cells are summed to groups, and candidates chosen."""
+
+    cell_limit: float = 14.0
+    """Largest contribution of a cell to a sum of several [noise powers]: half of the threshold
+    at K = 3. It keeps one impulse from carrying a group, and costs nothing: it lowers the false
+    alarms of noise as much (measured: docs/explanation/detection.md)."""
+    piece_s: float = 0.46
+    """Longest piece of columns searched at once [s]; a detector's pieces are of 0.44 s."""
+    measured_columns: int = 4
+    """Number of columns, half a pulse width, that must follow the last pulse of a group. A
+    strong pulse begins with a flank at the limit, which is 3 dB below its top."""
+    score_digits: int = 4
+    """Number of decimal places of a score that count. Strong groups share one score because
+    cells are limited before the sum; rounding must not choose between them."""
+    anchors_at_once: int = 96
+    """Number of anchors tested by one call of NumPy."""
+    candidates_at_once: int = 24
+    """Most candidates measured at once: the strongest. A neighbour 10 dB above the tag fills
+    eight with its flanks; 36 pulses were once missed next to it."""
+    long_from_k: int = 9
+    """Number of pulses of a group from which every cell is tried, not only strong ones."""
+    long_candidates_at_once: int = 8
+    """Most candidates of long groups measured at once: each takes up to 10 ms, and a tag of
+    50 dB makes many."""
+    same_bins: float = 1.5
+    """Distance of two frequencies below which a known pulse explains any other [bins]."""
+    leak_share: float = 0.2
+    """Least leakage of a known pulse that explains a candidate, as a share of its strength."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThresholdTuning:
+    """How thresholds are computed for white noise."""
+
+    least_power: float = 13.0
+    """Least power of a burst [noise powers]; noise reaches it each six seconds in a channel of
+    3.75 kHz."""
+    tail_step: float = 0.01
+    """Resolution of the distribution of a sum [noise powers]."""
+    original_rate_hz: float = 3750.0
+    """Sample rate of the original detector, whose decisions define false-alarm rates [Hz]."""
+    nine_of_ten: float = 1.2816
+    """Quantile 0.9 of the normal distribution [standard deviations]."""
+    least_begun: float = 0.25
+    """Least share of an interval in which a group can begin; it is larger up to K = 40."""
+    first_share: float = 0.8
+    """Share of the groups that can begin within the first decision: calibrated. Groups near its
+    ends extend beyond the samples."""
+    noise_error: float = 0.033
+    """Relative error of the noise after 2.5 s, with which the tables were calibrated."""
+    ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
+    """Numbers of pulses K of the tables below."""
+    hypotheses: tuple[float, ...] = (19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0)
+    """Effective hypotheses per independent cell and interval, by K."""
+    interval_powers: tuple[float, ...] = (1.0, 1.40, 1.40, 1.42, 1.36, 1.57, 1.60, 1.60)
+    """Exponent of the number of intervals, by K."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NullTuning:
+    """How the groups that the present noise makes are counted, and raise the threshold."""
+
+    counted_share: float = 0.93
+    """Share of the threshold at which groups are counted. They are then frequent enough to
+    count within ten seconds, and close to those that reach the threshold. At 0.85, varying
+    sparks made 1.5 times the nominal false groups, because their tail falls slowly."""
+    # Range of the intervals tried, relative to the tag's; two of the shortest exceed the tag's.
+    shortest_share: float = 0.58
+    longest_share: float = 0.86
+    lattices: int = 12
+    """Number of intervals at which groups are counted."""
+    gain: float = 0.08
+    """Rise of the threshold by each group [noise powers]."""
+    # While coloured noise is new a group adds `eager_gain` over the groups awaited since it
+    # began plus `eager_groups`: the steps of stochastic approximation. 1.6, the mean excess of
+    # a group in such noise, would be faster, but cost a tag of 14 dB beside a carrier one pulse
+    # in a hundred.
+    eager_gain: float = 0.7
+    """Rise of the threshold by the first group in new coloured noise [noise powers]."""
+    eager_groups: float = 3.0
+    """Number of groups after which this rise is halved."""
+    by_chance: float = 0.4
+    """Rise that white noise reaches by chance [noise powers]; only an excess counts."""
+    most_share: float = 0.85
+    """Highest threshold as a share of the largest sum, K cells at their limit. Strong pulses of
+    other transmitters are counted, too, and must not hide a strong tag."""
+    tolerated_ratio: float = 1.6
+    """Ratio of counted groups to those of white noise up to which the threshold stays."""
+    tolerated_coloured_ratio: float = 1.2
+    """The largest tolerated ratio in coloured noise, where an excess is hardly chance."""
+    ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
+    """Numbers of pulses K of `white_ratios`."""
+    white_ratios: tuple[float, ...] = (0.51, 0.68, 1.03, 1.09)
+    """Measured ratio of counted groups in white noise to the computed tail, by K."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvidenceTuning:
+    """How candidates near the threshold are tested by their likelihood."""
+
+    power_limit: float = 16.0
+    """Largest power that counts for one pulse [noise powers]; it keeps one impulse from
+    carrying a group."""
+    table_step: float = 0.02
+    """Step of the table of likelihood ratios by power [noise powers]."""
+    steps_per_pulse: int = 25
+    """Number of starts tried per pulse width; power falls by a twelfth from one to the next."""
+    row_bins: float = 0.125
+    """Step of the frequencies tried around the candidate's row [bins]."""
+    frequencies: int = 5
+    """Number of frequencies tried."""
+    jitter_share: float = 0.4
+    """Standard deviation of the jitter of a pulse as a share of its bound."""
+    gate: float = 0.9
+    """Least score of a candidate that is tested, as a share of the threshold."""
+    sure_score: float = 1.2
+    """Score from which no test is needed: two cells at their limit and a third above noise."""
+    tested_k: int = 3
+    """Number of pulses of the groups that are tested."""
+    factor_log: float = -3.7
+    """Log of the number of noise groups at a bound of one per lattice, calibrated at K = 3."""
+    slope: float = 1.2
+    """Exponent of the inverse bound in the tail of noise, calibrated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasureTuning:
+    """How single pulses are measured in the samples."""
+
+    track_band_hz: float = 20.0
+    """Largest distance of a followed pulse from its track [Hz]."""
+    newton_steps: int = 3
+    """Most steps of Newton's method for a frequency."""
+    burst_sigmas: float = 9.0
+    """Excess energy of a quarter of a window that marks an impulse [standard deviations of
+    noise]."""
+    burst_share: float = 0.65
+    """Least share of the energy of a window in the quarter that marks an impulse."""
+    wide_sigmas: float = 6.0
+    """Excess energy at which the spectrum of a window is checked [standard deviations of
+    noise]."""
+    narrow_share: float = 0.35
+    """Least share of the energy of a window in its strongest row if it is a pulse; noise bursts
+    have 0.1 to 0.3."""
+    around_widths: float = 4.0
+    """Time before and after a pulse whose median power is the noise around it [pulse widths];
+    bursts of a pulse or two do not change it."""
+    break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
+    """Places in a pulse at which its phase may break, as shares of its width."""
+    break_gain: float = 3.5
+    """Power that noise gains by a free break of the phase [noise powers]; subtracted to keep
+    the false alarms."""
+    losing_s: float = 0.3
+    """Distance of lost samples within which the phase of a pulse may break [s]."""
+
+
+GRID = GridTuning()
+NOISE = NoiseTuning()
+LEVEL = LevelTuning()
+GROUPS = GroupTuning()
+THRESHOLDS = ThresholdTuning()
+NULL = NullTuning()
+EVIDENCE = EvidenceTuning()
+MEASURE = MeasureTuning()

@@ -1,0 +1,321 @@
+"""Constants of judging groups and following tags: one frozen record for each step.
+
+Powers of pulses are in units of the noise power, odds are natural logarithms. Measurements:
+docs/explanation/detection.md.
+"""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandTuning:
+    """How the columns of a band are searched, and its noise learnt."""
+
+    noise_batches: int = 3
+    """Number of batches collected before the noise is updated: a call costs more than its
+    data."""
+    least_noise_s: float = 0.35
+    """Least duration from which the noise is estimated [s]."""
+    least_clean: float = 0.2
+    """Least share of columns without impulses from which alone the noise is estimated. With
+    denser impulses nearly all columns contain some, and are about equal."""
+    delay_s: float = 0.07
+    """Delay of the newest columns behind the samples [s]: a window and a filter."""
+    kept_s: float = 4.0
+    """Time beyond the span of a group for which noise levels are kept [s], for measurements."""
+    young_s: float = 2.5
+    """Duration at the start in which each batch estimates the noise from all columns [s]."""
+    many_lines_margin: float = 1.025
+    """Factor on a threshold while many carriers are removed: their residuals vary over the
+    channel, which gave 1.6 times the nominal false groups."""
+    most_tracks: int = 12
+    """Most tracks of one detector; the least certain one is dropped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgeTuning:
+    """How a candidate's pulses are told from other signals."""
+
+    uniformity: float = 0.3
+    """Least power of a pulse of a short group, as a share of the strongest."""
+    few_pulses: int = 3
+    """Number of pulses of a group up to which a weak one counts as missing."""
+    strong_power: float = 30.0
+    """Power from which a pulse may be the flank of a stronger one nearby [noise powers]."""
+    off_row_hz: float = 8.0
+    """Distance of a measured frequency from the searched one that ends the refinement [Hz]."""
+    flank_ratio: float = 2.0
+    """Largest power half a pulse earlier or later, or 35 Hz away, over the power of the pulse;
+    more belongs to another tag."""
+    lobe_ratio: float = 3.0
+    """Least power of a stronger signal of which a pulse is a side lobe, over the pulse's."""
+    weak_power: float = 4.0
+    """Power of a pulse below which its surroundings are no evidence [noise powers]: noise
+    reaches twice as much in most windows."""
+    loud_power: float = 8.0
+    """Power above which a pulse is tested for being an impulse [noise powers]."""
+    most_flanks: float = 6.0
+    """Largest excess on the flanks of a group's pulses [noise powers]. Noise reaches it in one
+    window of 300 000, pulses of a tag with another interval often."""
+    pulses_per_foreign: int = 4
+    """Least number of pulses of a group for each that may be another sender's."""
+    flank_bins: float = 1.9
+    """Distance within which the maximum of a strong pulse is searched [bins]: cells at their
+    limit hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low. Beyond it
+    is a side lobe."""
+    crossing_widths: float = 0.5
+    """Difference of intervals beyond the bound that is tried [pulse widths]. Of pulses with a
+    larger one, two meet a lattice."""
+    crossing_lead: float = 10.0
+    """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
+    loses more than it gains by noise 0.375 ms beyond."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundTuning:
+    """How far a group or track may be from what its tag declares."""
+
+    clock_error: float = 3.0e-4
+    """Relative error of the sample clock, in addition to the tag's uncertainty."""
+    edge_bins: float = 0.5
+    """Distance beyond the band at which a pulse is accepted [bins]: half the width of a
+    pulse's spectrum."""
+    timing_sigmas: float = 2.5
+    """Tolerance for the timing noise of a pulse [standard deviations]."""
+    line_sigmas: float = 3.0
+    """Tolerance for the interval of a line through many pulses [standard deviations]."""
+    known_share: float = 0.5
+    """Largest error of a long group's interval at its confirmation, as a share of its bound."""
+    same_transmitter_hz: float = 40.0
+    """Distance below which two tracks are of the same transmitter [Hz]."""
+    same_group_hz: float = 100.0
+    """Largest difference between untracked groups of one tag [Hz]; the original's bound."""
+    active_intervals: float = 5.0
+    """Time since the last pulse for which a track is active [intervals]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BurstTuning:
+    """How bursts of other transmitters are counted."""
+
+    noise_sigmas: float = 3.0
+    """Excess over noise at which bursts are counted [standard deviations]."""
+    memory_s: float = 30.0
+    """Time for which a burst is kept [s]; radio calls last some seconds."""
+    most_kept: int = 3000
+    """Most bursts that are kept, enough for their rate."""
+    most_pending: int = 6000
+    """Most strong cells kept between two updates."""
+    windows_s: tuple[float, float, float] = (4.0, 10.0, 30.0)
+    """Durations of which the highest rate counts [s], so that a recent start counts, too."""
+    pooled_s: float = 2.0
+    """Weight of the rate of the whole band, as time at the track's own frequencies [s]."""
+    similar_db: float = 8.0
+    """Largest difference in strength of bursts that may be taken for a pulse [dB]."""
+    near_rows: float = 2.6
+    """Largest distance of a burst that may be taken for a track's pulse [rows]: 30 Hz."""
+    pair_s: float = 0.012
+    """Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
+    least_phases: int = 3
+    """Least number of phases of the interval with such pairs; fewer are another tag's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChanceTuning:
+    """Assumptions of the odds that a track is a tag and no chance series of bursts."""
+
+    received_share: float = 0.75
+    """Share of the places of a tag with a detected pulse: one in four is faded."""
+    period_s: float = 200.0
+    """Decision period of a track [s]."""
+    confirmed_falsely: float = 1e-3
+    """Tracks of bursts that may be confirmed per decision period."""
+    frequency_hz: float = 7.0
+    """Scatter of a tag's pulses around its track, for pulses of 14 dB with drift [Hz]."""
+    power_db: float = 7.0
+    """Scatter of a tag's power around its last pulses as the antenna turns [dB]."""
+    hidden_widths: float = 3.0
+    """Distance within which a stronger burst hides a pulse [pulse widths]."""
+    quiet_per_s: float = 1e-4
+    """Assumed rate of bursts at a frequency where none were received [1/s], and ten times that
+    in a band: two pulses on a lattice outweigh it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowTuning:
+    """How a track is confirmed, followed and ended."""
+
+    confirm_false: float = 0.0005
+    """Chance that noise confirms a tentative track, per test; 0.2 to 0.6 % of noise groups."""
+    confirm_long_false: float = 0.002
+    """Chance that noise confirms a track of more than `most_alone` pulses, per test."""
+    more_tests: int = 2
+    """Number of tests beyond K: at 9 dB three places confirm one track in two, five three in
+    four."""
+    follow_false: float = 0.01
+    """Chance that noise is accepted as a pulse of a confirmed track, per K intervals."""
+    most_tests: int = 40
+    """Most tests of a track that stands out from noise and may be a series of bursts."""
+    odds_lost: float = 4.0
+    """Fall of the log odds from their maximum at which it ends: three empty places."""
+    most_missed: int = 10
+    """Most consecutive missed pulses of a track."""
+    first_trust: float = 3.0
+    """Log odds of a track just confirmed: three places without a pulse end it."""
+    most_trust: float = 15.0
+    """Largest log odds of a track: ten places without a pulse end it, as `most_missed`."""
+    trust_lost: float = 1.4
+    """Largest loss of log odds by a place without a pulse: one pulse in four is faded."""
+    trust_won: float = 4.0
+    """Largest gain of log odds by a pulse."""
+    joint_trust: float = 6.0
+    """Log odds from which a weak pulse is accepted by its sum with others. The peaks that began
+    a track of noise are the largest of many: with their help a third of all noise places
+    passed."""
+    sure_trust: float = 10.0
+    """Log odds above which the pulses of a track are certainly no bursts."""
+    most_alone: int = 8
+    """Most pulses of a group of which a single one is evidence; for longer groups, sums."""
+    # Log-likelihood ratio of a pulse of 9 dB to noise by a cell's power: the line along
+    # log I0(2 sqrt(8 P)) - 8 from P = 4 to 14, within 0.6.
+    power_slope: float = 0.93
+    power_start: float = -1.9
+    more_cells: float = 5.0
+    """Factor on the number of cells for the largest noise in a window, where every sample and
+    frequency is examined, with interpolation. Measured on maxima of noise."""
+    weakest_power: float = 3.0
+    """Power below which a pulse is mostly noise and is not reported [noise powers]."""
+    weakest_share: float = 0.35
+    """Least power of a pulse as a share of the strongest in its group. It rejects two strong
+    pulses with noise as a third."""
+    joint_ratio: float = 2.0
+    """Largest power of other pulses that supports a weak one, over its own."""
+    joint_share: float = 0.2
+    """Least power of a weak pulse as a share of the strongest of its group."""
+    # Log odds at every second place and at the others that mean twice the interval, with noise
+    # between the pulses.
+    empty_half: float = -2.5
+    full_half: float = 4.0
+    half_kept: float = 0.85
+    """Share of these log odds that is kept with each new pulse."""
+    half_false: float = 0.01
+    """Factor on the allowed number of false pulses at places where the tag does not send."""
+    sure_power: float = 12.0
+    """Power at which three pulses, an interval apart, are confirmed at once [noise powers]."""
+    interval_walk: float = 1.5e-4
+    """Standard deviation of the interval's change from pulse to pulse, relative."""
+    phase_walk_s: float = 0.3e-3
+    """Standard deviation of the phase's change from pulse to pulse [s]."""
+    most_drift_hz: float = 15.0
+    """Largest change of frequency from pulse to pulse [Hz]; a warming crystal changes by some
+    hertz."""
+    steady_gain: float = 0.1
+    """Gain of the slow average of the frequency, which scatters a quarter as much as pulses."""
+    past_pulses: int = 24
+    """Number of past pulse times kept: three times the six slots of another track, and more."""
+    whole_power: float = 20.0
+    """Power below which the middle samples of a pulse may be missing [noise powers]."""
+    broken_weight: float = 0.25
+    """Weight of a measured frequency while samples are being lost: a phase break shifts it by
+    up to 20 Hz, which once made pulses count as bursts."""
+    hiding_ratio: float = 2.0
+    """Power of another track's pulse over a track's own at which it is subtracted."""
+    hiding_bins: float = 0.8
+    """Distance in frequency below which another track may have the same pulses [bins]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateTuning:
+    """How a tag's change between its two rates is recognized."""
+
+    decisive_log: float = 8.0
+    """Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
+    patience_intervals: float = 2.5
+    """Longest wait of a pulse for its rate [longer intervals]; then it is only `detected`."""
+    uncertainty_share: float = 0.25
+    """Uncertainty of the interval at the other rate, as a share of the tag's."""
+    most_starts: int = 8
+    """Number of past pulses at which a change of rate is considered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GhostTuning:
+    """How copies of a tag that the receiver makes are recognized."""
+
+    stronger_ratio: float = 10.0**0.8
+    """Least power of an original over its ghost's. An image is 25 to 40 dB down. The third
+    harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its products.
+    Of a product of two signals, each is stronger by this ratio."""
+    least_pulses: int = 3
+    """Least number of pulses of a ghost."""
+    mistaken_share: float = 1e-3
+    """Largest share of real tags mistaken for ghosts, among those whose pulses coincide with
+    another's."""
+    edge_ratio: float = 100.0
+    """Least power of a pulse over that of its edges far from its frequency."""
+    edge_noise: float = 2.5
+    """Amplitude that the largest noise adds to an edge in a search [noise amplitudes]."""
+    edge_widths: float = 0.75
+    """Largest distance of an edge from the start of its pulse [pulse widths]."""
+    edge_share: float = 0.6
+    """Least share of a train's pulses that are edges of another's if it consists of them."""
+    rounding_ns: int = 1000
+    """Bound on the rounding of present times as floating-point numbers [ns]."""
+    coincident_share: float = 0.9
+    """Share of a ghost's pulses that are received together with their original's."""
+    drift_steps: int = 32
+    """Number of differences between two intervals over which a chance is averaged."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SenderTuning:
+    """How trains of pulses are assigned to tags."""
+
+    ruled_out_log: float = math.log(20.0)
+    """Log-likelihood ratio at which another tag is ruled out."""
+    interval_drift: float = 2e-3
+    """Relative change of a tag's interval within a flight. The crystals and oscillators of tags
+    keep to 1e-4 and 1e-3 over the temperatures of a day."""
+    interval_sigmas: float = 2.5
+    """Tolerance of a measured interval beyond a tag's bound [standard deviations]."""
+    bound_sigmas: float = 3.0
+    """Declared bound of an error [standard deviations of the error]."""
+    most_miss: float = 30.0
+    """Largest squared deviation of a frequency that counts [variances]: tags may be off as far
+    as the search reaches."""
+    stay_log: float = 1.0
+    """Log-likelihood ratio at which a train moves from its tag to another."""
+    any_tag_log: float = 50.0
+    """Value of assigning any tag: more than all that distinguishes tags."""
+    relearn_ns: float = 60e9
+    """Time for which a tag must be received with another interval to replace the learnt one
+    [ns]."""
+    most_trains: int = 6
+    """Most trains of one band that are assigned: the last received."""
+    kept_ns: int = 40_000_000_000
+    """Time for which pulses of confirmed trains are kept [ns]: longer than bursts are."""
+    small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
+    """Ratios of two intervals at which common pulses fit both tags."""
+    likely_odds: float = -6.0
+    """Log odds below which an unconfirmed track counts as bursts. Groups are reported from
+    about there on."""
+    same_train_share: float = 2.0 / 3.0
+    """Least share of common pulses in two tracks of one train; less is a collision."""
+    foreign_share: float = 2.0 / 3.0
+    """Share of pulses that belong to other trains from which a train is dropped."""
+    foreign_pulses: int = 3
+    """Least number of pulses of a train that is dropped; fewer may coincide by accident."""
+    same_interval_ratio: float = 1.2
+    """Ratio below which two intervals are the same, measured with different accuracy."""
+
+
+BAND = BandTuning()
+JUDGE = JudgeTuning()
+BOUNDS = BoundTuning()
+BURSTS = BurstTuning()
+CHANCE = ChanceTuning()
+FOLLOW = FollowTuning()
+RATES = RateTuning()
+GHOSTS = GhostTuning()
+SENDERS = SenderTuning()
