@@ -1,12 +1,12 @@
 #!/bin/sh
-# Make a wheel of the DDS binding, with the library in it: dds-wheel.sh DIRECTORY
-# Only fetch the library's source, for a build where there is no apt: dds-wheel.sh --source FILE
+# Make a wheel of the DDS binding, with its library: dds-wheel.sh DIRECTORY
+# Only fetch the library's source, to build without apt: dds-wheel.sh --source FILE
 #
-# For the gateway to ROS 2 where PyPI has no such wheel: 64-bit ARM under Linux. Builds release
-# 0.10.5 of Cyclone DDS (EPL 2.0 or BSD) from the source that Debian keeps, and the binding of that
-# release, for this machine's processor and PYTHON: a minute on a PC, and 45 MB to
-# download, all of it checked against hashes. Needs gcc, libc6-dev and python3-dev; installs
-# nothing. A wheel that is in DIRECTORY already stays. DDS_SOURCE names the source elsewhere.
+# The gateway to ROS 2 needs this wheel on 64-bit ARM under Linux, for which PyPI has none. Builds
+# release 0.10.5 of Cyclone DDS (EPL 2.0 or BSD) from the source that Debian keeps, and the binding
+# of that release, for this machine's processor and PYTHON. It takes a minute on a PC and downloads
+# 45 MB, all checked against hashes. Needs gcc, libc6-dev and python3-dev; installs nothing. An
+# existing wheel in DIRECTORY is kept. DDS_SOURCE names another place of the source.
 set -eu
 
 if [ "${1:-}" = --source ]; then only=$2 out=; else only= out=${1:?dds-wheel.sh DIRECTORY}; fi
@@ -16,7 +16,7 @@ release=0.10.5
 # Where this computer's own packages are from.
 mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Origin: Debian' 2>/dev/null | grep -v security | head -n 1) || :
 from=${DDS_SOURCE:-${mirror:+${mirror}pool/main/c/cyclonedds/cyclonedds_$release.orig.tar.gz}}
-[ -n "$from" ] || { echo "dds-wheel.sh: apt knows no Debian mirror: run apt-get update, or set DDS_SOURCE" >&2; exit 1; }
+[ -n "$from" ] || { echo "dds-wheel.sh: no Debian mirror in the apt sources: run apt-get update, or set DDS_SOURCE" >&2; exit 1; }
 sum=84e3fc6af1dda2f128cda62efc56f8ef87f02a9db1414a63f52e387935837734
 fetch() { # FILE
     "$python" -c 'import sys, urllib.request as r; r.urlretrieve(*sys.argv[1:])' "$from" "$1"

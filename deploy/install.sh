@@ -1,17 +1,17 @@
 #!/bin/sh
-# From a bare Debian 12, Ubuntu 24.04 or Raspberry Pi OS 12 (or newer, 64-bit) to a started
-# service. Run it as often as you like: what is there already stays.
+# Install uavrt and start its service on Debian 12, Ubuntu 24.04 or Raspberry Pi OS 12 (or newer,
+# 64-bit). Run it as often as you like: it changes only what is out of date.
 #
 #   sudo deploy/install.sh [options]
 #
 #   --radio NAME     airspy (default), airspyhf, rtlsdr, hackrf or none
-#   --user NAME      who the service runs as (default uavrt, made for it)
+#   --user NAME      user of the service (default uavrt, created if missing)
 #   --directory DIR  settings and flights (default /var/lib/uavrt)
 #   --prefix DIR     the program (default /opt/uavrt)
-#   --ros2           also the gateway to ROS 2
-#   --page           also what serves the ground station's page from the drone
-#   --update-key FILE  public key (PEM) of who makes updates for `uavrt update`
-#   --root DIR       install below DIR: no system packages, no groups, nothing is started
+#   --ros2           also install the gateway to ROS 2
+#   --page           also install the libraries to serve the ground station's page from the drone
+#   --update-key FILE  public key (PEM) that signs updates for `uavrt update`
+#   --root DIR       install below DIR: no system packages, no groups; nothing is started
 set -eu
 
 say() { printf '%s\n' "uavrt: $*"; }
@@ -23,7 +23,7 @@ while [ $# -gt 0 ]; do
     case $1 in
         --ros2) locks="$locks drone-ros2.txt"; shift; continue ;;
         --page) locks="$locks drone-page.txt"; shift; continue ;;
-        -h | --help) sed -n '2,16s/^# \{0,1\}//p' "$0"; exit 0 ;;
+        -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0"; exit 0 ;;
     esac
     [ $# -ge 2 ] || fail "$1 needs a value, or is unknown (--help)"
     case $1 in
@@ -134,7 +134,7 @@ case $leads in
     */venv/bin/uavrt) ln -sf "$link/bin/uavrt" "$command" ;; # of another --prefix
     *)
         if [ -e "$command" ] || [ -n "$leads" ]; then
-            say "$command is not ours, and stays: call $link/bin/uavrt"
+            say "$command belongs to another program and is kept: call $link/bin/uavrt"
         else
             mkdir -p "$root/usr/local/bin"
             ln -s "$link/bin/uavrt" "$command"
@@ -184,5 +184,5 @@ fi
 "$link/bin/uavrt" service install --user "$user" --directory "$directory" \
     --root "${root:-/}"
 
-say "done. What is missing yet:"
+say "done. Still missing:"
 (cd "$root$directory" && as_user "$link/bin/uavrt" doctor) || true

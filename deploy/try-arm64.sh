@@ -1,14 +1,15 @@
 #!/bin/sh
-# Is uavrt the same on 64-bit ARM? `deploy/try-arm64.sh [DIRECTORY]`, or `make try-arm64`
+# Compare uavrt on 64-bit ARM with this machine: `deploy/try-arm64.sh [DIRECTORY]`, or
+# `make try-arm64`
 #
-# Makes a Debian root for 64-bit ARM, runs it by an emulator (enter.sh: no root rights needed,
-# nothing of this machine is touched), installs uavrt there with deploy/install.sh as on a
+# Makes a Debian root for 64-bit ARM, runs it in an emulator (enter.sh: needs no root rights,
+# changes nothing on this machine), installs uavrt there with deploy/install.sh as on a
 # Raspberry Pi, and compares it with this machine (arm64/checks.py): doctor, pulses of a
 # recording, the page, messages over ROS 2, the processes killed and restarted in a flight. Needs
-# the package servers of Debian and PyPI and the uavrt of this source (`make setup`); takes ten to
-# twenty minutes, mostly in the emulator, besides the DDS library, which it compiles, and 3 GB.
-# With DIRECTORY everything is kept there, and the next run
-# begins with what is there; otherwise it is removed at the end.
+# the package servers of Debian and PyPI, the uavrt of this source (`make setup`) and 3 GB. Takes
+# ten to twenty minutes, mostly in the emulator, plus the time to compile the DDS library.
+# With DIRECTORY everything is kept there, and the next run continues from it; otherwise it is
+# removed at the end.
 set -eu
 
 source=$(cd "$(dirname "$0")/.." && pwd)

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Install into a fresh Debian of its own, twice: `sudo deploy/try-install.sh [install.sh's options]`.
-# Needs debootstrap, root and the package servers; takes about five minutes. Nothing outside of
-# one temporary directory is changed, and that is removed at the end.
+# Install into a fresh Debian, twice: `sudo deploy/try-install.sh [install.sh's options]`.
+# Needs debootstrap, root and the package servers; takes about five minutes. It changes only one
+# temporary directory, which is removed at the end.
 set -eu
 
 source=$(cd "$(dirname "$0")/.." && pwd)

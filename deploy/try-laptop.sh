@@ -1,8 +1,8 @@
 #!/bin/sh
-# Does the ground station install on a bare laptop? `deploy/try-laptop.sh`
+# Test that the ground station installs on a bare laptop: `deploy/try-laptop.sh`
 #
 # Builds wheel and sdist of this source, then installs them for a new home directory by pipx and
-# by uv, with a path that has Python alone: no Node, no compiler. Each must serve the page and
+# by uv, with only Python in the path: no Node, no compiler. Each must serve the page and
 # write a starter. Needs PyPI and the environment of this source (`make setup`); three minutes.
 set -eu
 
@@ -65,4 +65,4 @@ wheel=$(echo "$work"/dist/*.whl) sdist=$(echo "$work"/dist/*.tar.gz)
 try_it pipx "$work/tools/bin/pipx" install "$wheel[ground,analysis]"
 try_it uv "$work/tools/bin/uv" tool install --python "$work/bin/python3" "$wheel[ground,analysis]"
 try_it sdist "$work/tools/bin/pipx" install "$sdist[ground]"
-say "all well"
+say "all tests passed"

@@ -1,10 +1,10 @@
 #!/bin/sh
-# Is the confined service still able to fly? `sudo deploy/try-unit.sh`
+# Test that the confined service can run a flight: `sudo deploy/try-unit.sh`
 #
-# Boots a systemd of its own over a copy-on-write view of this system (own-systemd.sh), installs
-# uavrt there with deploy/install.sh as its own user, gives it a radio that is a program and an
-# autopilot at a serial port, detects for half a minute, and shows what the service reports.
-# Needs root and the package servers; what it writes is removed at the end.
+# Boots a separate systemd over a copy-on-write view of this system (own-systemd.sh), and installs
+# uavrt there with deploy/install.sh as its own user. A program replaces the radio, a serial port
+# the autopilot. It detects for half a minute, and shows the service's reports.
+# Needs root and the package servers; all files that it writes are removed at the end.
 set -eu
 
 . "$(dirname "$0")/own-systemd.sh"
@@ -50,6 +50,6 @@ main=$(inside systemctl show uavrt -p MainPID --value)
 inside grep -E 'NoNewPrivs|CapEff|Seccomp:' "/proc/$main/status"
 inside systemd-analyze security uavrt --no-pager | tail -1
 for line in 'detector-1 *detecting' 'receiver *receiving' 'connection *waiting for autopilot'; do
-    grep -q "$line" "$work/seen" || { echo "not so: $line"; inside journalctl -u uavrt -n 20; exit 1; }
+    grep -q "$line" "$work/seen" || { echo "missing: $line"; inside journalctl -u uavrt -n 20; exit 1; }
 done
-echo "the confined service flies"
+echo "the confined service runs a flight"

@@ -1,12 +1,12 @@
 #!/bin/sh
-# Does `uavrt update` take a good version and take back a bad one? `sudo deploy/try-update.sh`
+# Test that `uavrt update` keeps a good version and reverts a bad one: `sudo deploy/try-update.sh`
 #
-# Boots a systemd of its own over a copy-on-write view of this system (own-systemd.sh), installs
-# uavrt there with deploy/install.sh, and updates it from signed files, with the times that count
-# in the field: while the vehicle is armed, by a broken file, to a good version, to an older one,
-# to one that never gives a pose, and to one whose service dies as it starts, with a power cut
-# while that is on trial. A flight of before must stay as it is, to the byte. Needs root, PyPI
-# and the uavrt of this source (`make setup`); takes ten minutes. What it writes is removed.
+# Boots a separate systemd over a copy-on-write view of this system (own-systemd.sh), installs
+# uavrt there with deploy/install.sh, and updates it from signed files, with the time limits of
+# the field: while the vehicle is armed, from a broken file, to a good version, to an older one,
+# to one that never gives a pose, and to one whose service fails at its start, with a power cut
+# during that trial. An earlier flight must not change by a byte. Needs root, PyPI and the uavrt
+# of this source (`make setup`); takes ten minutes. All files that it writes are removed.
 set -eu
 
 . "$(dirname "$0")/own-systemd.sh"
@@ -79,13 +79,13 @@ update() { # FILE...: as the manual says; STATUS, what it SAID, and whether all 
         "$(basename "$1")" 2>&1) || status=$?
     printf '%s\n' "$said" | sed 's/^/  | /'
     say "status $status after $(($(date +%s) - began)) s, venv -> $(version)"
-    [ "$(kept)" = "$before" ] || { say "NOT SO: the flight of before is not as it was"; exit 1; }
+    [ "$(kept)" = "$before" ] || { say "FAILED: the earlier flight has changed"; exit 1; }
 }
 version() { basename "$(inside readlink /opt/uavrt/venv)"; }
 must() { # STATUS VERSION TEXT: what has to have come of it
     case "$status $(version) $said" in
         "$1 $2"*"$3"*) say "ok: $3" ;;
-        *) say "NOT SO: wanted $1, $2, '$3'"; inside journalctl -n 60 --no-pager; exit 1 ;;
+        *) say "FAILED: expected $1, $2, '$3'"; inside journalctl -n 60 --no-pager; exit 1 ;;
     esac
 }
 ready() { # the service is there, of this version, and tells that it hears the autopilot
@@ -137,5 +137,5 @@ printf '%s\n' "$said" | sed 's/^/  | /'
 say "ended by itself $(($(date +%s) - began)) s after the start, venv -> $(version)"
 must 0 "$good-" "back to $good"
 ready
-[ "$(kept)" = "$before" ] || { say "NOT SO: the flight of before is not as it was"; exit 1; }
-say "a good version stays, bad ones go, the flight of before is as it was"
+[ "$(kept)" = "$before" ] || { say "FAILED: the earlier flight has changed"; exit 1; }
+say "a good version stays, bad ones are removed, the earlier flight is unchanged"

@@ -1,17 +1,17 @@
 #!/bin/sh
 # Run a command in the emulated root: enter.sh DIRECTORY COMMAND...
-# Does this kernel allow it at all? enter.sh --allowed, which ends with 3 and the reason if not
+# Check if this kernel allows it: enter.sh --allowed, which ends with 3 and the reason if not
 #
-# In a user, mount and process namespace of its own: the emulator is registered in a binfmt_misc
-# of that namespace (Linux 6.7 or newer), and nothing of this machine is touched; everything ends
-# with the command. The network is this machine's, and whom it trusts, for that time alone: nothing
-# of it stays in the root.
+# The command runs in a separate user, mount and process namespace. The emulator is registered in
+# a binfmt_misc of that namespace (Linux 6.7 or newer), nothing on this machine is changed, and
+# everything ends with the command. Network and trusted certificates are this machine's during the
+# command; nothing of them stays in the root.
 set -eu
 
 if [ "${1:-}" = --allowed ]; then
     said=$(unshare --user --map-root-user --mount \
         mount -t binfmt_misc binfmt_misc /proc/sys/fs/binfmt_misc 2>&1) && exit 0
-    echo "enter.sh: this kernel lets no user register an emulator (Linux 6.7 or newer does, with user namespaces): $said" >&2
+    echo "enter.sh: this kernel does not let users register an emulator (Linux 6.7 or newer does, with user namespaces): $said" >&2
     exit 3
 fi
 if [ "${1:-}" != --inside ]; then

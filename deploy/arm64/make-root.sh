@@ -1,12 +1,12 @@
 #!/bin/sh
 # A Debian root for 64-bit ARM below DIRECTORY/root, and an emulator for it: make-root.sh DIRECTORY
 #
-# The packages are fetched by this machine's apt into lists of their own, their signatures checked
-# with this machine's Debian keys, and unpacked. Their scripts are not run, which debootstrap's
-# second stage would do slowly in the emulator; what uavrt needs of them is done here. Needs no
-# root. What is there already stays, unless other packages are wanted now. LIST names another list
-# than packages.txt, PACKAGES more of them, COMPONENTS where they are from (main).
-# make-root.sh --emulator DIRECTORY: the emulator alone.
+# This machine's apt fetches the packages with separate lists, checks their signatures
+# with this machine's Debian keys, and unpacks them. Their scripts are not run, because that is
+# slow in the emulator (debootstrap's second stage); the parts that uavrt needs are done here.
+# Needs no root rights. An existing root is kept, unless other packages are requested now. LIST
+# names another list than packages.txt, PACKAGES adds packages, COMPONENTS their origin (main).
+# make-root.sh --emulator DIRECTORY makes only the emulator.
 set -eu
 
 fail() { printf '%s\n' "make-root.sh: $*" >&2; exit 1; }

@@ -1,12 +1,12 @@
 #!/bin/sh
-# Are detection and its kernels the same on 64-bit ARM? short.sh DIRECTORY
+# Compare detection and its kernels on 64-bit ARM with this machine: short.sh DIRECTORY
 #
-# The short form of try-arm64.sh, a minute of it, for every run of the tests: a root with nothing
-# but Python, libraries as wheels, a wheel of this source with kernels that a cross compiler makes
-# here (Debian's, unpacked below DIRECTORY, where the machine has none), and one recording, whose
-# pulses must be those of this machine. Ends with 77 only where the kernel lets no user register an
-# emulator. What is in DIRECTORY is used again, so that the network is needed once, and when a lock
-# has changed.
+# The short form of try-arm64.sh, a minute long, for every run of the tests. It uses a root with
+# only Python, libraries as wheels, a wheel of this source with cross-compiled kernels (by Debian's
+# compiler, unpacked below DIRECTORY if the machine has none), and one recording. The pulses must be
+# those of this machine. Ends with 77 only if the kernel does not let users register an emulator.
+# DIRECTORY is used again, so that the network is needed only once, and after a lock has
+# changed.
 set -eu
 
 work=${1:?short.sh DIRECTORY}

@@ -1,24 +1,24 @@
 #!/bin/sh
-# Make an image for a drone's computer with 64-bit ARM, from nothing or from a root that is there.
+# Make an image for a drone's computer with 64-bit ARM, from a new Debian or an existing root.
 #
 #   deploy/image/build.sh [options] IMAGE
 #
-#   --directory DIR    where it works (default IMAGE.work, 3 GB); what is done there is kept, and a
-#                      run that was stopped goes on with the first step that is not done
-#   --anew             do all steps again
+#   --directory DIR    working directory (default IMAGE.work, 3 GB); finished steps are kept there,
+#                      and a stopped run continues with the first missing step
+#   --anew             repeat all steps
 #   --name NAME        hostname and access point (default: each computer names itself uavrt-XXXX)
-#   --update-key FILE  public key (PEM) of who makes updates for `uavrt update`
-#   --ros2             also the gateway to ROS 2
-#   --from ROOT        a Debian 12 or Raspberry Pi OS 12 for 64-bit ARM, as a directory or tar, in
-#                      place of a new Debian; it is copied, and all files of the image are root's
-#   --wifi             also the firmware of common Wi-Fi chips (Debian's non-free-firmware), without
-#                      which most have no access point
-#   --packages "A B"   also these packages of Debian
+#   --update-key FILE  public key (PEM) that signs updates for `uavrt update`
+#   --ros2             also install the gateway to ROS 2
+#   --from ROOT        use a Debian 12 or Raspberry Pi OS 12 for 64-bit ARM (a directory or a tar)
+#                      instead of a new Debian; it is copied, and root owns all files of the image
+#   --wifi             also install the firmware of common Wi-Fi chips (Debian's
+#                      non-free-firmware); most have no access point without it
+#   --packages "A B"   also install these packages of Debian
 #
 # Needs no root rights, but Linux 6.7 or newer (for the emulator), the package servers, and
-# git, fdisk, e2fsprogs, dosfstools, mtools and uavrt's own environment (make setup). INITRD_MODULES
-# and KERNEL_OPTIONS: as finish-root.sh and pack.sh have them. The image is for computers that start
-# by UEFI: docs/how-to/make-an-image.md says what a Raspberry Pi needs besides.
+# git, fdisk, e2fsprogs, dosfstools, mtools and uavrt's own environment (make setup).
+# INITRD_MODULES and KERNEL_OPTIONS are explained in finish-root.sh and pack.sh. The image is for
+# computers with UEFI; docs/how-to/make-an-image.md says what else a Raspberry Pi needs.
 set -eu
 
 say() { printf '%s\n' "build.sh: $*"; }

@@ -1,15 +1,15 @@
 #!/bin/sh
-# Remove what differs from one build to the next: clean-root.sh ROOT [DIRECTORY...]
+# Remove everything that differs from one build to the next: clean-root.sh ROOT [DIRECTORY...]
 #
-# pack.sh does so with its copy: keys, trust and traces of the computer that built it, caches and
-# logs, and what depends on the hour. Bytecode that goes by times is removed below DIRECTORY, too.
-# What a user of an existing root has put into a home directory goes into the image, but for keys
-# and histories.
+# pack.sh does this with its copy. It removes keys, certificates and traces of the computer that
+# built it, caches, logs, and files that depend on the time. Bytecode with time stamps is removed
+# below DIRECTORY, too. Files in home directories of an existing root go into the image, except
+# keys and histories.
 set -eu
 
 root=$(cd "${1:?clean-root.sh ROOT [DIRECTORY...]}" && pwd)
-[ -d "$root/etc" ] || { echo "clean-root.sh: $root is no root: it has no /etc" >&2; exit 1; }
-[ "$root" != / ] || { echo "clean-root.sh: this computer's own root stays: give a copy" >&2; exit 1; }
+[ -d "$root/etc" ] || { echo "clean-root.sh: $root has no /etc: give the directory of a root file system" >&2; exit 1; }
+[ "$root" != / ] || { echo "clean-root.sh: refusing to change this computer's own root: give a copy" >&2; exit 1; }
 shift
 export LC_ALL=C
 empty() { # PLACE...: the directory stays, for something may be mounted there

@@ -12,9 +12,9 @@ set -eu
 root=${1:?configure-root.sh ROOT [NAME]}
 name=${2:-uavrt}
 case $name in
-    *[!a-z0-9-]* | -* | *- | '') echo "configure-root.sh: $name is no hostname: a-z, 0-9 and -" >&2; exit 1 ;;
+    *[!a-z0-9-]* | -* | *- | '') echo "configure-root.sh: hostname $name is invalid: use a-z, 0-9 and -" >&2; exit 1 ;;
 esac
-[ -d "$root/etc" ] || { echo "configure-root.sh: $root is no root: it has no /etc" >&2; exit 1; }
+[ -d "$root/etc" ] || { echo "configure-root.sh: $root has no /etc: give the directory of a root file system" >&2; exit 1; }
 write() { # FILE [MODE]: what is on stdin, in place of a file that may be read-only, or a link
     mkdir -p "$(dirname "$root$1")"
     rm -f "$root$1"

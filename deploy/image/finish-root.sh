@@ -1,12 +1,12 @@
 #!/bin/sh
-# Do what the packages' own scripts would have done for booting: finish-root.sh DIRECTORY
+# Do for booting what the packages' own scripts would do: finish-root.sh DIRECTORY
 #
-# After deploy/arm64/make-root.sh and install-uavrt.sh, before configure-root.sh; in the emulator:
-# users and groups, files that begin as a template, the list of kernel modules, the initrd, which
-# services start, and uavrt's service as its own user. Run it as often as you like.
+# Runs after deploy/arm64/make-root.sh and install-uavrt.sh, before configure-root.sh, in the
+# emulator: users and groups, files made from templates, the list of kernel modules, the initrd,
+# the choice of services, and uavrt's service as its own user. Run it as often as you like.
 #
-# The initrd gets most drivers, for a board is not known before it is there; with
-# INITRD_MODULES="virtio_pci virtio_blk ext4" those alone (quick; for the emulator).
+# The initrd gets most drivers, because the board is not known yet; with
+# INITRD_MODULES="virtio_pci virtio_blk ext4" only those (quick; for the emulator).
 set -eu
 
 if [ "${1:?finish-root.sh DIRECTORY}" != --inside ]; then

@@ -101,7 +101,7 @@ export function motionPanel(made: FlightMap): HTMLElement {
       h(
         "label",
         { id: "move-pattern-row" },
-        t("common.how"),
+        t("motion.pattern"),
         h(
           "select",
           { id: "move-pattern", onchange: () => void replan() },
@@ -185,7 +185,7 @@ function drawShape(): void {
     rotate: t("motion.hint_turn"),
     goto: goal ? t("motion.goal", { latitude: fixed(goal[0], 6), longitude: fixed(goal[1], 6) }) : t("motion.hint_goto"),
     survey: area.length < 3 ? t("motion.hint_survey", { corners: area.length }) : t(keepOut.length ? "motion.corners_excluded" : "motion.corners", facts),
-    search: area.length ? t(keepOut.length ? "motion.within_corners_excluded" : "motion.within_corners", facts) : t("motion.hint_search"),
+    search: area.length ? t(keepOut.length ? "motion.corners_excluded" : "motion.corners", facts) : t("motion.hint_search"),
     hold: t("motion.hint_hold"),
     return: t("motion.hint_return"),
     takeoff: t("motion.hint_take_off"),

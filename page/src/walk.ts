@@ -1,4 +1,4 @@
-/** Where to go: the position of the chosen tag, large, in the form that the people use. */
+/** Position of the chosen tag, in large digits and the coordinate format that the user chose. */
 
 import { get } from "./api";
 import { by, h, say } from "./dom";
@@ -36,9 +36,10 @@ export function walkBox(): HTMLElement {
   );
   return h(
     "div",
-    { id: "walk", class: "walk", hidden: true, role: "region", "aria-label": t("walk.title") },
+    { id: "walk", class: "walk folded", hidden: true, role: "region", "aria-label": t("walk.title") },
     h("div", { class: "walk-head" }, h("span", { id: "walk-title" }), h("span", { id: "walk-sure" })),
     h("div", { id: "walk-place", class: "walk-place" }),
+    h("button", { id: "walk-unfold", class: "walk-unfold", "aria-expanded": "false", "aria-label": t("walk.details"), onclick: unfold }, verbatim("▾")),
     h("div", { id: "walk-way", class: "walk-way" }),
     h("ul", { id: "walk-remarks", class: "walk-remarks", tabindex: "0", "aria-label": t("walk.remarks") }),
     h(
@@ -49,6 +50,12 @@ export function walkBox(): HTMLElement {
       h("button", { id: "walk-copy", class: "format", onclick: copyPlace }, t("walk.copy")),
     ),
   );
+}
+
+/** On a phone the card is one line above the map, until it is pressed. */
+function unfold(): void {
+  const folded = by("walk").classList.toggle("folded");
+  by("walk-unfold").setAttribute("aria-expanded", String(!folded));
 }
 
 export function drawWalk(): void {

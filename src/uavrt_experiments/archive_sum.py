@@ -72,7 +72,9 @@ def measured(results: str) -> Measured:
     rows = re.findall(r"^\| ([^|]+?) \| [\d.]+ × \| ([\d.]+) s .*\| (\d+) MB \|", table, re.M)
     what = re.search(r"(\d+) recordings of (\d+) s at (\d+) MS/s, 16 bit, (\d+) tags", table)
     if machine is None or what is None or not rows:
-        raise SystemExit("results.md does not say it: run python -m benchmarks archive")
+        raise SystemExit(
+            "benchmarks/results.md has no archive figures: run python -m benchmarks archive"
+        )
     files, length_s, rate, tags = map(int, what.groups())
     return Measured(
         machine=machine[1],

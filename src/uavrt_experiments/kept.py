@@ -34,7 +34,7 @@ class KeptOutcomes:
             self.close()
             raise RecordingError(
                 f"cannot keep outcomes in {path}: {error.strerror}",
-                remedy="Choose another place for the outcomes",
+                remedy="Give another place with --kept or --output",
             ) from error
         except UsageError:
             self.close()
@@ -92,12 +92,12 @@ class KeptOutcomes:
         except (ValueError, KeyError, TypeError) as error:
             raise FormatError(
                 f"{path} does not hold outcomes of an experiment",
-                remedy="Choose another place for the outcomes",
+                remedy="Give another place with --kept or --output",
             ) from error
         if made != made_with:
             raise UsageError(
                 f"the outcomes in {path} were made with {made}, and this is {made_with}",
-                remedy="Choose another place for the outcomes",
+                remedy="Give another place with --kept or --output",
             )
         self._file.truncate(sum(len(line) + 1 for line in lines))
         if not lines:

@@ -159,7 +159,7 @@ class Attacker:
         self._drone = FrameWriter(*DRONE)
         self._batches = 0
         self.sent = 0
-        write = ground._ways._shared.write
+        write = ground._links._shared.write
 
         def overheard(message: Message, number: int) -> None:
             write(message, number)
@@ -167,7 +167,7 @@ class Attacker:
                 self._overheard.append(message.payload[: message.payload_length])
                 del self._overheard[:-200]
 
-        ground._ways._shared.write = overheard
+        ground._links._shared.write = overheard
 
     def __enter__(self) -> "Attacker":
         self._to_drone = [socket.socket(type=socket.SOCK_DGRAM) for _ in range(PORTS)]

@@ -752,7 +752,7 @@ def read_secret(path: Path) -> object:
 
 def start_ground(path: Path) -> object:
     """Start a ground station in whose directory one file is another."""
-    from uavrt.ground.store.beside_drone import flight_under_way
+    from uavrt.ground.store.drone_directory import flight_under_way
     from uavrt.ground.store.event_log import EventLog
     from uavrt.ground.store.flights import FlightLibrary
     from uavrt.ground.store.settings import GroundStore
@@ -860,8 +860,8 @@ def read_whole_flight(path: Path) -> None:
 
 
 def read_verdicts(path: Path) -> object:
-    from uavrt.ground.web.hindsight import integrated_record
-    from uavrt.ground.web.integrating import fold_pictures
+    from uavrt.ground.web.flight_maps import integrated_record
+    from uavrt.ground.web.integration_jobs import fold_pictures
 
     place = path.parent / "flight/integrated"
     place.mkdir(parents=True)

@@ -127,7 +127,7 @@ def _animal(rng: np.random.Generator, radius: float) -> Animal:
 def _watched(search: Searched, seed: int, wind: float) -> Mission:
     """Watch it while it is ours, then until it has landed."""
     vehicle = search.flown.vehicle
-    voids = search.seeker_of(search.order()).area.voids
+    voids = search.seeker_of(search.order()).area.excluded
     search.begin()
     search.nearest_m = math.inf
     farthest, heights, way = 0.0, [vehicle.body.shown_height_m], [vehicle.body.place_m]

@@ -10,7 +10,7 @@ import numpy as np
 from flown import STEP_S
 from searched import Animal, Searched
 
-from uavrt.ground.link.given_ways import GivenWays
+from uavrt.ground.link.path_assignments import PathAssignments
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.seeker import Choice
 from uavrt.guidance.shared_search import SharedSearch
@@ -143,7 +143,7 @@ class Together:
             )
             for number, start in enumerate(self.starts_m)
         ]
-        self.ways = GivenWays()
+        self.ways = PathAssignments()
         self.station_up = True
         self.silent: set[int] = set()
         """Drones whose radio is dead."""

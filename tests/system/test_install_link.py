@@ -29,4 +29,4 @@ def test_a_command_of_the_same_name_that_somebody_else_made_stays(toy: ToyInstal
     done = toy.install()
     assert done.returncode == 0
     assert command.read_text() == "#!/bin/sh\n"
-    assert "usr/local/bin/uavrt is not ours, and stays" in done.stdout
+    assert "usr/local/bin/uavrt belongs to another program and is kept" in done.stdout

@@ -14,10 +14,10 @@ from uavrt.localization.flight_estimates import (
     HeardInTurn,
     ReadAs,
     TagBearing,
-    antenna_as_shown,
     bearings_of,
+    corrected_antenna,
     heard_in_turns,
-    teaching,
+    learning_turns,
 )
 from uavrt.localization.heard import Heard
 from uavrt.localization.results import BearingMethod
@@ -184,7 +184,7 @@ def past_turns(
     past = [path for path in others if path.name not in names]
     found: list[list[HeardInTurn]] = []
     for path in reversed(past[-MOST_PAST_FLIGHTS:]):
-        if sum(map(len, map(teaching, found))) >= ENOUGH_TURNS:
+        if sum(map(len, map(learning_turns, found))) >= ENOUGH_TURNS:
             break
         try:
             other = read_flight(path)
@@ -207,7 +207,7 @@ def _set_up(flight: Flight) -> tuple[Hashable, ...]:
 
 def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
     """Sentence on how many turns and flights a pattern was learnt from; None for one flight."""
-    turns = teaching(heard for flight in flights for heard in flight)
+    turns = learning_turns(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:
         return None
@@ -236,4 +236,4 @@ def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) ->
             f"{len(turns)} turns past a tag are too few to learn a pattern",
             remedy=f"Turn in place {FLIGHT.least_turns} times or more, or hear more tags",
         )
-    return antenna_as_shown(turns, antenna)
+    return corrected_antenna(turns, antenna)

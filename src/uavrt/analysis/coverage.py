@@ -16,7 +16,7 @@ from uavrt.guidance.path_text import path_in
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.messages import Tag
 from uavrt.planning.area import Polygon, survey_lines
-from uavrt.planning.coverage import Coverage, ListeningWay, coverage_of, listening_way
+from uavrt.planning.coverage import AntennaPath, Coverage, coverage_of, planned_antenna_path
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.planning.whole_flight import MODEL
 from uavrt.tangent_plane import TangentPlane, plane_around
@@ -196,7 +196,7 @@ def plan_coverage(
 ) -> Coverage:
     """Compute detection probability along a planned path; raises `UsageError` if too long."""
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
-    way = listening_way(
+    way = planned_antenna_path(
         corners_m,
         height_m=height_m,
         speed_m_s=speed_m_s,
@@ -227,7 +227,7 @@ def has_boresight(pattern: AntennaPattern | None) -> bool:
 
 def covered_by(
     area: MapArea,
-    way: ListeningWay,
+    way: AntennaPath,
     tag: Tag,
     budget: LinkBudget,
     pattern: AntennaPattern | None,

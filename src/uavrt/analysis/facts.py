@@ -1,14 +1,7 @@
 """Facts that people add to a flight report: who flew which aircraft, under which permit.
 
-A file ``report.toml`` in the flight's directory, or else in the folder around it, so that one
-serves all flights of a season::
-
-    operator = "A. Ranger"
-    aircraft = "HolyBro X500, N12345"
-    permit = "FWC-2026-118"
-    species = "Lynx lynx"
-    time_zone = "Europe/Zurich"                     # times are given in it besides UTC
-    altitude_datum = "LN02"                         # what altitudes above sea level refer to
+They are in ``report.toml`` in the flight's directory, or else in the folder around it, so that
+one file serves all flights of a season. docs/how-to/report-and-export.md has an example.
 """
 
 import json

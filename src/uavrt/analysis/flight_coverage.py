@@ -13,9 +13,9 @@ from uavrt.analysis.listening import Stretch, missing_in_words, within
 from uavrt.errors import RecordingError
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.headings import Headings
-from uavrt.localization.heard import PoseColumns, apart_in_words
+from uavrt.localization.heard import PoseColumns, height_warning
 from uavrt.messages import Tag
-from uavrt.planning.coverage import Coverage, ListeningWay
+from uavrt.planning.coverage import AntennaPath, Coverage
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.recording.flight_reader import Flight
 from uavrt.recording.integrated import SearchedFor
@@ -91,7 +91,7 @@ def flown_path(
     tag: Tag,
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
-) -> tuple[ListeningWay, tuple[str, ...]]:
+) -> tuple[AntennaPath, tuple[str, ...]]:
     """Positions and heights above ground at which a flight could receive a tag, one for each
     pulse interval.
 
@@ -115,7 +115,7 @@ def flown_path(
     after = np.clip(np.searchsorted(known, time_ns), 1, len(known) - 1)
     nearest = after - (time_ns - known[after - 1] <= known[after] - time_ns)
     return (
-        ListeningWay(
+        AntennaPath(
             time_s=(time_ns - begin) / NANOSECONDS_PER_SECOND,
             east_m=east,
             north_m=north,
@@ -138,7 +138,7 @@ def _above_ground(
     height = start_m + over_start_m - ground(east, north)
     if area.hills:
         said_m = first.altitude_amsl_m - first.altitude_relative_m
-        limitations += apart_in_words(start_m, said_m)
+        limitations += height_warning(start_m, said_m)
     below = float(np.mean(height < 0.0))
     if below > 0.02:
         limitations.append(

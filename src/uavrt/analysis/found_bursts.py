@@ -113,9 +113,11 @@ def _named(
         of_any_s = np.unique(np.concatenate([of_tag[fit.tag.tag_id] for fit in fits]))
         of_any_s = of_any_s[of_any_s != start_s]
         tags = [fit.tag for fit in fits]
-        heard_s = float(starts_s.min()), float(starts_s.max())
+        searched_s = float(starts_s.min()), float(starts_s.max())
         places = likeliest(
-            *(start_s, tags, [of_any_s] * len(tags)), heard_s=heard_s, timing_s=GAP_TOLERANCE_S
+            *(start_s, tags, [of_any_s] * len(tags)),
+            searched_s=searched_s,
+            timing_s=GAP_TOLERANCE_S,
         )
         best = places[0]
         _, gains, _ = in_step(

@@ -29,12 +29,12 @@ from uavrt.localization.flight_estimates import (
     ReadAs,
     TagBearing,
     TagPosition,
-    found_of,
+    at_one_place,
     place,
-    stands,
     survey,
+    with_strengths,
 )
-from uavrt.localization.heard import Heard, OverGround
+from uavrt.localization.heard import FlightGround, Heard
 from uavrt.localization.position.estimate import ADDED_METHODS
 from uavrt.localization.results import Bearing, Position, PositionMethod
 from uavrt.messages import PulsePose
@@ -231,13 +231,13 @@ def _positions_of_logs(
     if how.elevation is not None and logs:
         over = _together(logs).over(how.elevation)
         if over is not None and len(logs) > 1:
-            over = over.noting(
+            over = over.with_limitations(
                 "heights of several flights are counted from the first one's take-off: the "
                 "flights must have begun at one place"
             )
     whips = [one for one in logs if (how.antenna or one.heard.antenna) == MONOPOLE]
     turned = [one for one in logs if one not in whips]
-    standing = [one for one in whips if (turned or noted) and stands(one.heard)]
+    standing = [one for one in whips if (turned or noted) and at_one_place(one.heard)]
     whips = [one for one in whips if one not in standing]
     if whips and (turned or noted):
         warn(
@@ -262,7 +262,7 @@ def _positions_of_logs(
 
 
 def _together(logs: Sequence[_Log]) -> Heard:
-    return reduce(Heard.and_those, [one.heard for one in logs])
+    return reduce(Heard.merged_with, [one.heard for one in logs])
 
 
 def _positions_of_turns(
@@ -270,7 +270,7 @@ def _positions_of_turns(
     standing: Sequence[_Log],
     noted: Sequence[TagBearing],
     how: ReadAs,
-    over: OverGround | None,
+    over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
     """Estimate positions from bearings and signal strengths; a tag without either gets the
@@ -290,7 +290,7 @@ def _positions_of_turns(
             if each.flight == number
         ]
         # Keys are tags already: their frequencies need not be compared.
-        together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
+        together.append(replace(with_strengths(one.heard, how, own), frequencies_hz={}))
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
     if copies := len(noted) - len(kept):

@@ -71,7 +71,7 @@ def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> Same
     """Find which numbers of several logs are one tag; `listed` has the tag list of each log."""
     heard = [one for number, log in enumerate(logs) for one in _heard(number, log)]
     groups = _listed_groups([one for one in heard if one.named])
-    warnings = _given_again(groups)
+    warnings = _reused_numbers(groups)
     numbers = {one.tag_id for one in groups} | {one.tag_id for tags in listed for one in tags}
     groups += _joined(groups, [one for one in heard if not one.named], numbers)
     keys: list[dict[int, int]] = [{} for _ in logs]
@@ -125,7 +125,7 @@ def _group(tag_id: int, heard: list[_Heard]) -> _Group:
     return _Group(tag_id=tag_id, frequency_hz=median_hz, heard=heard)
 
 
-def _given_again(groups: Sequence[_Group]) -> list[str]:
+def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
     """Warnings about numbers that are used for several tags."""
     found = []
     for tag_id in dict.fromkeys(one.tag_id for one in groups):

@@ -144,7 +144,7 @@ def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
     for flight in flights:
-        copy = max(flight, key=_taken_out)
+        copy = max(flight, key=_discharges)
         known = [one for one in before if (one is None) == (copy.vehicle is None)]
         same = [one for one in known if may_be_one_vehicle(one, copy.vehicle)]
         last = before.pop(same[-1]) if same else None
@@ -157,7 +157,7 @@ def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
     return put_in, used
 
 
-def _taken_out(copy: FlightOutline) -> tuple[int, int]:
+def _discharges(copy: FlightOutline) -> tuple[int, int]:
     """Drops of the charge [%] in one record's battery reports, and the number of reports."""
     falls = (max(0, one - other) for one, other in pairwise(copy.battery_percent))
     return sum(falls), len(copy.battery_percent)

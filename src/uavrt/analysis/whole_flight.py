@@ -23,7 +23,7 @@ from uavrt.integration.places import Places, distinct, places_around
 from uavrt.integration.train_place import PlaceBelief, place_belief
 from uavrt.integration.whole_flight import FoldedTrain, pulse_weights
 from uavrt.localization.antenna import AntennaPattern
-from uavrt.localization.heard import OverGround, PoseColumns
+from uavrt.localization.heard import FlightGround, PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.planning.whole_flight import MODEL
 from uavrt.radio.source import SampleSource
@@ -310,7 +310,7 @@ def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | Non
     """Terrain under a flight, relative to its take-off; None for level ground."""
     if elevation is None:
         return None
-    over = OverGround.of(elevation, PoseColumns.of(flight.poses))
+    over = FlightGround.of(elevation, PoseColumns.of(flight.poses))
     return None if over is None else over.hills
 
 

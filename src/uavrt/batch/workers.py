@@ -50,7 +50,7 @@ def run_tasks(
     """
     if workers <= 1:
         for number, task in enumerate(tasks):
-            result = guarded(task, should_stop, on_done)
+            result = run_here(task, should_stop, on_done)
             if result is None:
                 return
             yield number, result
@@ -214,7 +214,7 @@ def _work(task: Task[R]) -> R | None:
     return run_safely(task, lambda: False, count)
 
 
-def guarded(
+def run_here(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
     """Pack a task and run it in this process."""

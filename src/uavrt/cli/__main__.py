@@ -1,7 +1,7 @@
 """Entry point of ``uavrt`` and ``python -m uavrt.cli``.
 
-The command line takes most of a second to import. Nothing has to be shut down in that time, so
-Ctrl-C ends the program at once, without a traceback of the imports.
+The imports take most of a second. Nothing has to be shut down during that time, so Ctrl-C ends
+the program at once and without a traceback.
 """
 
 import signal
@@ -9,7 +9,7 @@ import sys
 
 
 def main() -> None:
-    """Run ``uavrt``."""
+    """Run the command line."""
     ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if ours:  # it may be ignored, as in a script's background
         signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -1,4 +1,4 @@
-"""Command line frame: subcommands by name, errors in plain words, exit codes."""
+"""Command line: subcommands by name, errors as plain sentences, exit codes."""
 
 import sys
 
@@ -39,15 +39,15 @@ COMMANDS = {
     "starter": "The ground station in the desktop's menu.",
     "update": "Install another version offline, with a way back.",
 }
-"""Summary of each command; the function of this name in the module of this name, imported when
-it is called."""
+"""Summary of each command. The command is the function of this name in the module of this name,
+which is imported when the command is called."""
 
 
 def make_app(*, summaries: bool = False) -> App:
     """Make the command line.
 
-    `summaries`: describe each command by its line above; else by its own text, for which its
-    module is imported.
+    `summaries`: describe each command by its text in `COMMANDS`; otherwise by its own
+    docstring, for which its module must be imported.
     """
     made = App(
         name="uavrt",
@@ -65,7 +65,7 @@ def make_app(*, summaries: bool = False) -> App:
 
 
 def _default(value: object) -> str | None:
-    """Write a default for the help; off and empty are left out."""
+    """Format a default for the help; switches that are off and empty values are left out."""
     if value is None or value is False or value in ("", ()):
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)

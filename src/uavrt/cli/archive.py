@@ -1,4 +1,4 @@
-"""``uavrt archive``: queries over all flights searched by a batch."""
+"""``uavrt archive``: query and export all flights of an archive made by ``uavrt batch``."""
 
 import json
 import sys
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 WIDE = 10_000
 _ROWS = 10_000
-"""Rows converted at a time: some hundredths of a second."""
+"""Number of rows converted at once; takes some hundredths of a second."""
 _PLACES = ("latitude_deg", "longitude_deg")
 
 archive = App(
@@ -39,9 +39,9 @@ def _ready(name: str, what: str) -> None:
     Parameters
     ----------
     directory
-        What uavrt batch wrote.
+        Directory that uavrt batch wrote.
     as_json
-        One object for each line.
+        Print one JSON object per line.
     """
     archive.command(command, name=name, help_epilogue=examples(f"archive {name}"))
 
@@ -59,20 +59,20 @@ def query(
     overwrite: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Ask in SQL, over the tables pulses and recordings.
+    """Query the archive in SQL, over the tables pulses and recordings.
 
     Parameters
     ----------
     directory
-        What uavrt batch wrote.
+        Directory that uavrt batch wrote.
     sql
         An SQL query, in DuckDB's dialect.
     output
-        Write the answer to a .parquet or .csv file instead of the terminal.
+        Write the result to a .parquet or .csv file instead of the terminal.
     overwrite
         Replace that file if it exists.
     as_json
-        One object for each line.
+        Print one JSON object per line.
     """
     if output is not None:
         if output.suffix not in (".parquet", ".csv"):
@@ -112,7 +112,7 @@ def export(
     Parameters
     ----------
     directory
-        What uavrt batch wrote.
+        Directory that uavrt batch wrote.
     output
         Directory for the files: a folder for each flight, and the GeoParquet files.
     formats
@@ -127,7 +127,7 @@ def export(
 
 
 def _flat(answer: "pa.Table") -> "pa.Table":
-    """Write lists as JSON text, and escape text that a spreadsheet takes as a formula."""
+    """Write lists as JSON text; escape text that a spreadsheet would take for a formula."""
     import pyarrow as pa
 
     from uavrt.recording.csv_line import no_formula
@@ -149,7 +149,7 @@ def _flat(answer: "pa.Table") -> "pa.Table":
 
 
 def _in_microseconds(answer: "pa.Table") -> "pa.Table":
-    """Cut times to microseconds, the limit of Python's times."""
+    """Round times down to microseconds, the resolution of Python's times."""
     import pyarrow as pa
 
     kinds = {field.name: field.type for field in answer.schema}
@@ -161,7 +161,7 @@ def _in_microseconds(answer: "pa.Table") -> "pa.Table":
 
 
 def _rows(answer: "pa.Table") -> Iterator[dict[str, Any]]:
-    """Read rows, some at a time: Ctrl-C waits until Arrow has made its list."""
+    """Read rows in blocks, because Ctrl-C only acts once Arrow has converted a block."""
     for batch in answer.to_batches(max_chunksize=_ROWS):
         yield from batch.to_pylist()
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
 _STOPPED = "stopped: the same command goes on from here"
 _END_S = 0.5
-"""Time to end in good order after Ctrl-C, and again until the process is ended."""
+"""Time to end cleanly after Ctrl-C; after twice this time the process is ended [s]."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
 
 
@@ -114,7 +114,7 @@ def batch(
     _print_skipped(found)
     if not found.recordings and not found.flights:
         raise UsageError(
-            "there is no recording and no flight",
+            "no recording or flight was found",
             remedy="Name files, or folders that hold recordings or flights",
         )
     print(
@@ -157,18 +157,18 @@ def batch(
         number = stopped()
     if summary is None:
         print(_STOPPED, file=sys.stderr)
-        _leave(128 + (number or signal.SIGINT))
+        _exit_now(128 + (number or signal.SIGINT))
     _report(summary, output)
     if number is not None:
-        _leave(128 + number)
+        _exit_now(128 + number)
     states = [row.state for row in summary.rows] + [row.state for row in summary.flights]
     unread = any(one.unreadable for one in found.passed_over)
     if summary.kept or unread or {"truncated", "failed"} & set(states):
         sys.exit(1)
 
 
-def _leave(status: int) -> NoReturn:
-    """End at once: threads of libraries (Dask's) may take seconds to end."""
+def _exit_now(status: int) -> NoReturn:
+    """End the process at once: threads of libraries such as Dask may take seconds to end."""
     sys.stderr.flush()
     os._exit(status)
 
@@ -203,7 +203,7 @@ def _print_damage(name: str, fault: str) -> None:
 
 
 def _print_skipped(found: "Found") -> None:
-    """Name each folder that cannot be read, and other files by their endings."""
+    """Print the folders that cannot be read, and the endings of other skipped files."""
     if found.kept_channels:
         files = counted(found.kept_channels, "file")
         print(f"{files} of kept channels passed over", file=sys.stderr)

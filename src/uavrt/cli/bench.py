@@ -1,4 +1,4 @@
-"""``uavrt doctor --flight``: checklist for a first flight, on the drone's own computer."""
+"""``uavrt doctor --flight``: checklist before a first flight, on the drone's own computer."""
 
 from pathlib import Path
 
@@ -16,33 +16,34 @@ from uavrt.recording.quiet_noise import read_usual_noise_db
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 LISTEN_NS = ns_from_s(30.0)
-"""Listening time: several intervals of any tag, and thirty noise reports."""
+"""Time for which the running system is observed [ns]; covers several intervals of any tag, and
+thirty noise reports."""
 ENOUGH_NS = ns_from_s(5.0)
-"""Listening time after which the check ends if all is in order."""
-HEARS_AUTOPILOT = ("ready", "waiting for ground station")
-"""States of the connection after it has received the autopilot and its time."""
+"""Time after which the observation ends if all is in order [ns]."""
+AUTOPILOT_RECEIVED = ("ready", "waiting for ground station")
+"""States of the connection process in which the autopilot and its time have been received."""
 
 
 def bench_findings(settings: Settings) -> list[Finding]:
-    """Listen to the running system, and check what it reports."""
+    """Observe the running system, and check its reports."""
     try:
         reader = StatusReader(status_socket_path(settings))
     except (UavrtError, OSError):
         remedy = "Start it: sudo systemctl start uavrt, or uavrt run"
         return [Finding(what="drone", ok=False, text="uavrt does not run here", remedy=remedy)]
-    ear, begun_ns = _Ear(settings), _now_ns()
+    watch, begun_ns = _SystemWatch(settings), _now_ns()
     try:
         while reader.is_open and (passed_ns := _now_ns() - begun_ns) < LISTEN_NS:
             for _, record in reader.read(0.5):
-                ear.take(record, _now_ns())
-            if passed_ns > ENOUGH_NS and ear.is_content():
+                watch.take(record, _now_ns())
+            if passed_ns > ENOUGH_NS and watch.is_complete():
                 break
     finally:
         reader.close()
-    return ear.findings()
+    return watch.findings()
 
 
-class _Ear:
+class _SystemWatch:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._bench = Bench()
@@ -60,13 +61,13 @@ class _Ear:
             case VehicleReport(seen=seen):
                 self._battery_percent = None if seen is None else seen.battery_percent
 
-    def is_content(self) -> bool:
-        """True if all is in order and something is searched."""
+    def is_complete(self) -> bool:
+        """True if all checks pass and at least one tag is searched for."""
         detects = self._status is not None and self._status.state is SystemState.DETECTING
         return detects and all(one.ok or one.open for one in self.findings())
 
     def findings(self) -> list[Finding]:
-        """Check the records so far; the battery only if a charge is given here."""
+        """Check the reports received so far; the battery only if its charge is reported."""
         status, pose_ns, now_ns = self._status, self._bench.pose_ns, _now_ns()
         processes = {} if status is None else {one.process: one for one in status.processes}
         link = processes.get("connection")
@@ -74,7 +75,7 @@ class _Ear:
             tags=() if status is None else status.tags,
             state=None if status is None else status.state,
             heard=status is not None,
-            time_known=link is not None and link.status in HEARS_AUTOPILOT,
+            time_known=link is not None and link.status in AUTOPILOT_RECEIVED,
             pose_age_s=None if pose_ns is None else (now_ns - pose_ns) / NANOSECONDS_PER_SECOND,
             battery_percent=self._battery_percent,
             usual_noise_db=self._usual_noise(status),
@@ -85,7 +86,7 @@ class _Ear:
         return [one for one in found if has_charge or one.what != "battery"]
 
     def _usual_noise(self, status: SystemStatus | None) -> float | None:
-        """Noise of past flights, read when the present flight is known."""
+        """Noise of past flights [dB]; read only once the present flight is known."""
         if status is not None and not self._compared:
             now = Path(status.flight_directory).name if status.flight_directory else None
             flights = flights_in_order(Path(self._settings.recording.directory))

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.coverage_records import Asked, MappedTag, chosen
+from uavrt.cli.coverage_records import CoverageOptions, MappedTag, chosen
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def coverage(
     )
     if output is not None:
         make_directory(output, "--output")
-    asked = Asked(
+    asked = CoverageOptions(
         source=source,
         elevation=elevation_of(dem, sea=sea),
         outline=area,
@@ -190,7 +190,7 @@ def _check_used(
     tags: Path | None,
     ids: tuple[int, ...],
 ) -> None:
-    """Reject options without effect; raises `ConfigError`."""
+    """Reject options that would have no effect; raises `ConfigError`."""
     if source.is_dir():
         refuse(of_plan, "is of a plan, and a flight has its own")
         refuse(of_one_tag, "is of a tag without a list, and a flight has its own tags")
@@ -206,7 +206,7 @@ def _check_used(
         refuse(of_one_tag, "is of a tag without a list, and --tags has its own")
     elif ids:
         raise ConfigError(
-            f"there is no list to choose --tag {ids[0]} from",
+            f"--tag {ids[0]} needs a list of tags",
             remedy="Name the tag file with --tags, or leave --tag out",
         )
 

@@ -5,15 +5,17 @@ from pathlib import Path
 from uavrt.analysis.coverage import inside, read_polygon
 from uavrt.analysis.coverage_files import write_maps
 from uavrt.analysis.silence import ListenedFlight
-from uavrt.cli.coverage_records import Asked, MappedTag, chosen, mean_inside
+from uavrt.cli.coverage_records import CoverageOptions, MappedTag, chosen, mean_inside
 from uavrt.cli.progress import progress_bar
 from uavrt.config.tag_files import read_tags
 from uavrt.planning.coverage import absence
 from uavrt.recording.flight_reader import read_flight
 
 
-def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> list[MappedTag]:
-    """Coverage maps of a flight, for each tag."""
+def maps_of_flight(
+    asked: CoverageOptions, tags: Path | None, ids: tuple[int, ...]
+) -> list[MappedTag]:
+    """Compute the coverage map of a flight for each tag."""
     flight = read_flight(asked.source)
     way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
     known = list(flight.info.tags if tags is None else read_tags(tags))

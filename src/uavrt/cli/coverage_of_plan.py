@@ -12,7 +12,7 @@ from uavrt.analysis.coverage import (
     read_polygon,
 )
 from uavrt.analysis.coverage_files import write_maps
-from uavrt.cli.coverage_records import Asked, MappedTag, mean_inside
+from uavrt.cli.coverage_records import CoverageOptions, MappedTag, mean_inside
 from uavrt.cli.progress import progress_bar
 from uavrt.localization.antenna import MONOPOLE, pattern_named
 from uavrt.messages import Tag
@@ -20,8 +20,8 @@ from uavrt.messages import Tag
 _CELL_M = 20.0
 
 
-def maps_of_plan(asked: Asked, tags: "list[Tag]") -> list[MappedTag]:
-    """Coverage maps of a plan, for each tag and height."""
+def maps_of_plan(asked: CoverageOptions, tags: "list[Tag]") -> list[MappedTag]:
+    """Compute the coverage map of a plan for each tag and height."""
     antenna = asked.antenna or MONOPOLE
     pattern = pattern_named(antenna)
     plane, corners = read_places(asked.source, asked.spacing_m)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """Command-line arguments."""
+class CoverageOptions:
+    """Command-line arguments of ``uavrt coverage``."""
 
     source: Path
     elevation: "Elevation | None"
@@ -36,28 +36,28 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MappedTag:
-    """The map of one tag at one height, and derived values."""
+    """Coverage map of one tag at one height, with derived values."""
 
     tag: "Tag"
     height_m: float | None
-    """None: the flight's own."""
+    """Flight height above ground [m]; None: heights of the actual flight."""
     coverage: "Coverage"
     best: bool = True
     in_area: float | None = None
-    """Mean probability in the outline."""
+    """Mean detection probability in the outline given by --area; None without one."""
     absence: "Absence | None" = None
     heard: int = 0
     antenna: str
     in_hindsight: bool = False
-    """True if judging the whole flight found the tag."""
+    """True if ``uavrt integrate`` found the tag in the whole flight."""
     silent: "SilentAround | None" = None
-    """Coverage around a flight; None where the tag was heard."""
+    """Coverage of an undetected tag; None for a plan, or if the tag was detected."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
 
 
 def chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Pick tags by their ids; raises `ConfigError` where one is unknown."""
+    """Select tags by their ids; raises `ConfigError` for an unknown id."""
     missing = sorted(set(ids) - {one.tag_id for one in known})
     if missing or not known:
         listed = ", ".join(str(one.tag_id) for one in known) or "none"
@@ -67,7 +67,7 @@ def chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 
 
 def mean_inside(one: "Coverage", cells: Any) -> float:
-    """Mean probability of cells whose ground is known."""
+    """Mean probability of the cells inside an outline whose ground height is known."""
     import numpy as np
 
     known = one.heard[cells & np.isfinite(one.heard)]

@@ -80,7 +80,7 @@ def demo(
     """
     if drones > 1 and picture is not None:
         raise UsageError(
-            "there is no picture of several drones", remedy="Leave out --drones, or --picture"
+            "--picture does not work with --drones", remedy="Leave one of them out"
         )
     if search:
         limit_s = duration or SEARCH_S
@@ -119,7 +119,7 @@ def demo(
 
 
 def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
-    """Let the drone search autonomously; exit with 1 unless it has found all."""
+    """Let the drone search by itself; exit with 1 unless it has found all animals."""
     out = sys.stderr if json_summary else sys.stdout
     summary = SearchDemo(
         scenario=world,
@@ -142,7 +142,7 @@ def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: 
 def _search_together(
     drones: int, world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool
 ) -> None:
-    """Let several drones search together; exit with 1 unless they have found all."""
+    """Let several drones search together; exit with 1 unless they have found all animals."""
     out = sys.stderr if json_summary else sys.stdout
     summary = TogetherDemo(
         drones=drones,

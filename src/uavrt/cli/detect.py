@@ -114,7 +114,7 @@ def detect(
         source = stack.enter_context(closing(open_source(recording, options)))
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
-        wanted = _inside(known, source)
+        wanted = _tags_in_band(known, source)
         listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
         if ros2 is not None:
             from uavrt.cli.listeners import RosPulses  # 4 MB
@@ -159,9 +159,9 @@ def detect(
                     frequency_window_hz=frequency_window,
                     operating_modes=known.operating_modes,
                     excluded_hz=known.excluded_hz,
-                    on_channel=_each(listeners, "channel"),
+                    on_channel=_call_each(listeners, "channel"),
                     on_band=on_band,
-                    on_reports=_each(listeners, "reports"),
+                    on_reports=_call_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
                     on_progress=shown,
                     summary=summary,
@@ -179,8 +179,8 @@ def detect(
         sys.exit(128 + number)
 
 
-def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
-    """Choose the tags within the band, and report those outside, which are not searched."""
+def _tags_in_band(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
+    """Select the tags within the received band, and print those outside it."""
     inside = known.within(source.sample_rate_hz, source.center_frequency_hz).tags
     for tag in known.tags:
         if tag not in inside:
@@ -198,7 +198,7 @@ def _name(beeps: Sequence[Beep]) -> None:
 
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
-    """Warn before the work that a tag list needs more than a core in real time."""
+    """Warn that a tag list needs more than one core in real time, before the work starts."""
     warn_of_near_codes(tags, settings.frequency_window_hz)
     cores = search_cost(tags, cpu_s, settings=settings)
     if cores <= 1.0:
@@ -234,7 +234,7 @@ def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
 
 
 def _searched(known: TagSource, frequency_window_hz: float) -> DetectionSettings:
-    """Search settings of a flight; no source has tags of several modes."""
+    """Detection settings with the window, and the operating mode that the tags' file states."""
     settings = DetectionSettings(frequency_window_hz=frequency_window_hz)
     for mode in known.operating_modes.values():
         settings = replace(settings, operating_mode=mode.value)
@@ -248,7 +248,7 @@ def _listeners(
     udp_pulses: str | None,
     frequency_window_hz: float,
 ) -> "list[Listener]":
-    """Make the receivers of results; faults in them show before the work."""
+    """Make the additional receivers of results; their faults appear before the work starts."""
     if plot is None and udp_pulses is None:
         return []
     from uavrt.cli.listeners import Plots, PulseDatagrams  # 4 MB
@@ -272,7 +272,7 @@ def _to_all(write: Write, listeners: "Sequence[Listener]") -> Write:
 
 @contextmanager
 def _finishing(listeners: "Sequence[Listener]", summary: DetectionSummary) -> Iterator[None]:
-    """Draw the results at the end, also after a fault in the samples; then report the fault."""
+    """Call `finish` of all receivers at the end, also after a fault in the samples."""
     try:
         yield
     except UavrtError:
@@ -288,8 +288,8 @@ def _finish(listeners: "Sequence[Listener]") -> None:
         listener.finish()
 
 
-def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
-    """Call a method on all listeners; None without listeners."""
+def _call_each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
+    """Function that calls a method on all receivers; None without receivers."""
     methods: list[Callable[[Any], None]] = [getattr(one, name) for one in listeners]
 
     def call_each(argument: Any) -> None:
@@ -300,12 +300,7 @@ def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] |
 
 
 def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
-    """Open a channel's port, standard input or a recording.
-
-    `options`: by `Stated.options`.
-    Raises `ConfigError`, `FormatError`, `RadioError`: it cannot be opened, or a value is
-    missing.
-    """
+    """Open a channel's port, standard input or a recording; `options`: `Stated.options`."""
     if is_udp_address(recording):
         of_channel = ("sample_rate_hz", "center_frequency_hz")
         return open_channel(recording, **{name: options[name] for name in of_channel})
@@ -321,10 +316,10 @@ def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
 
 @contextmanager
 def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
-    """Open the output at once, so that a wrong path is reported before the work."""
+    """Open the output at once, so that a wrong path is reported before the work starts."""
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
-            f"{name} would be a spreadsheet file",
+            f"{name} has the ending of a spreadsheet file, which uavrt does not write",
             remedy="Write .csv, which every spreadsheet opens",
         )
     with _naming_faults(name), ExitStack() as stack:
@@ -343,7 +338,7 @@ def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
 
 @contextmanager
 def _naming_faults(name: str) -> Iterator[None]:
-    """Report where writing failed; a closed pipe (``| head``) is the caller's normal end."""
+    """Report which output could not be written; a closed pipe (``| head``) is no error."""
     try:
         yield
     except BrokenPipeError:
@@ -369,10 +364,10 @@ def _cannot_write(name: str, error: OSError) -> RecordingError:
 def stop_on_signals(within_s: float | None = None) -> Iterator[Callable[[], int | None]]:
     """Catch Ctrl-C and SIGTERM, so that the pulses found so far are still written.
 
-    A second Ctrl-C ends at once.
+    A second Ctrl-C ends the program at once.
 
-    `within_s`: time after which unfinished work is interrupted by KeyboardInterrupt, and after
-    twice the time the program is ended: for work whose output is valid at any end.
+    `within_s`: time after which unfinished work is interrupted by KeyboardInterrupt [s]. After
+    twice this time the program is ended, so the output must be valid at any moment.
     """
     seen: list[int] = []
     timers: list[threading.Timer] = []
@@ -451,7 +446,7 @@ def _report(
 
 
 def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:
-    """Print possible losses of a live stream beyond those counted."""
+    """Sentence on samples that a live stream may have lost in addition to the counted ones."""
     why = getattr(source, "unseen_losses", None)
     if why is not None:
         return f"{why}: times count from the first sample, and losses do not show"

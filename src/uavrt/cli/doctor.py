@@ -55,18 +55,20 @@ def doctor(
     """
     settings = settings_from(config)
     if fix and not autopilot:
-        raise UsageError("--fix goes with --autopilot")
+        raise UsageError("--fix has no effect without --autopilot")
     if mavlink is not None:
         parse_address(mavlink)
     if port is not None and not autopilot:
-        raise UsageError("--port goes with --autopilot")
+        raise UsageError("--port has no effect without --autopilot")
     if flight and mavlink is not None:
         raise UsageError(
-            "--flight listens to the running system, not to a link of its own",
+            "--flight checks the running system over its own link, so --mavlink has no effect",
             remedy="Leave --mavlink out, or leave out --flight",
         )
     if flight and autopilot:
-        raise UsageError("--flight and --autopilot are two lists", remedy="Give either of them")
+        raise UsageError(
+            "--flight and --autopilot are different checklists", remedy="Give only one of them"
+        )
     configure_logging("doctor", level=logging.ERROR)  # the findings say it in words
     running = running_status(status_socket_path(settings))
     findings = (
@@ -97,7 +99,7 @@ def autopilot_findings(
     mavlink: str | None,
     fix: bool,
 ) -> Iterable[Finding]:
-    """Check the autopilot's parameters, unless the link is in use."""
+    """Check the autopilot's parameters, unless another program uses the link."""
     address = mavlink or settings.mavlink.address
     if not address:
         raise UsageError("no autopilot is configured", remedy="Give its link with --mavlink")

@@ -1,4 +1,4 @@
-"""The option ``--dem`` of commands that consider hills."""
+"""The option ``--dem`` of commands that take hills into account."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,15 +10,11 @@ if TYPE_CHECKING:
 
 
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
-    """Open elevation files; None where none are named.
-
-    Raises `ConfigError`: water is given, but no elevation file.
-    Raises `FormatError`: there are none, or one is cut off, damaged or unsupported.
-    """
+    """Open elevation files; None without any. Raises `ConfigError` or `FormatError`."""
     if dem is None and sea:
         raise ConfigError(
-            "--sea applies outside the files of --dem, and there are none",
-            remedy="Name them with --dem, or leave it out: without files the ground is level",
+            "--sea has no effect without elevation files",
+            remedy="Name elevation files with --dem, or leave --sea out",
         )
     if dem is None:
         return None

@@ -17,7 +17,7 @@ EXPERIMENTS = {
     "rotation": "Turn the antenna on the spot: why was it 50 degrees off (thesis §5.5)?",
     "search": "Compare planners that find animals on their own with the published tables.",
 }
-"""Experiments by module, which is imported when called; its own text then replaces the line."""
+"""Summary of each experiment, by the module that is imported when it is called."""
 
 experiment = App(name="experiment", help="Repeat an experiment, to check our claims.")
 _called = next((word for word in sys.argv[2:] if word in EXPERIMENTS), None)

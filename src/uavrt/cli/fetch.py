@@ -22,8 +22,8 @@ from uavrt.errors import ConfigError
 from uavrt.ground.fetch.drone_files import DroneFiles
 from uavrt.ground.fetch.flight_list import drone_flights
 from uavrt.ground.fetch.ftp_client import (
-    MOST_DEEP,
     MOST_ENTRIES,
+    MOST_NESTED,
     FileClient,
     RemoteEntry,
     fetch_file,
@@ -33,7 +33,7 @@ from uavrt.ground.fetch.sample_files import BAND, CHANNELS, is_samples, sample_p
 from uavrt.mavlink.signing import read_signing_key
 
 WIFI_BYTES_PER_S, RADIO_BYTES_PER_S = 500e3, 3e3
-"""Approximate file transfer rates of MAVLink FTP over Wi-Fi, and at 57600 baud."""
+"""Usual rates of a file transfer by MAVLink FTP, over Wi-Fi and at 57600 baud [bytes/s]."""
 SAMPLE_NAMES = {"channels of the tags (--samples)": CHANNELS, "other samples (--all)": BAND}
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 
@@ -118,7 +118,7 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """Files of a flight, the newest when none is named; small ones first."""
+    """List the files to fetch, small ones first; without a name, those of the newest flight."""
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
         names = await drone_flights(client)
@@ -135,7 +135,7 @@ async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> lis
     tree = await client.tree(str(path))
     if tree.left_out:
         print(
-            f"{tree.left_out} files or directories left out: more than {MOST_DEEP} deep, or "
+            f"{tree.left_out} files or directories left out: more than {MOST_NESTED} deep, or "
             f"after the first {MOST_ENTRIES}",
             file=sys.stderr,
         )

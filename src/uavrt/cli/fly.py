@@ -34,7 +34,7 @@ WORD = "fly"
 DRONE_WAIT_S = 10.0
 SESSION_WAIT_S = 5.0
 SPEED_M_S = 5.0
-"""Speed in a saved plan; QGroundControl can change it."""
+"""Flight speed written into a saved plan [m/s]; QGroundControl can change it."""
 Flag = Annotated[bool, Parameter(negative="")]
 Places = tuple[tuple[float, float], ...]
 
@@ -219,7 +219,7 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
 
 
 def _keep_out(area: Path | None, keep_out: Path | None) -> tuple[KeepOut, ...]:
-    """Areas marked "keep out" in the area's file, and all of the other file."""
+    """Areas marked "keep out" in the area's file, and all areas of the keep-out file."""
     marked = () if area is None else keep_out_in(_text_of(area), str(area))
     if keep_out is None:
         return marked
@@ -236,7 +236,7 @@ def _numbers(text: str | None) -> tuple[int, ...]:
 
 
 def _check_search(action: str, request: MotionRequest) -> None:
-    """Reject options of a search without one, and a search without exactly one area."""
+    """Reject options of a search for other motions, and a search without exactly one area."""
     if action != "search":
         if request.tags or request.radius_m is not None:
             raise ConfigError(
@@ -250,7 +250,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
 
 
 def _survey(request: MotionRequest | None, use: str) -> Order:
-    """Survey for a mission; other motions are rejected."""
+    """Plan a survey for a mission; other motions are rejected."""
     if request is None or request.action != "survey":
         raise ConfigError(
             f"only a survey is {use}", remedy="uavrt fly survey --area FILE --height 60"
@@ -357,7 +357,7 @@ def _text_of(path: Path) -> str:
 
 
 def forget_typed_ahead() -> None:
-    """Discard lines typed or pasted before the offer, so that they cannot confirm it."""
+    """Discard lines typed before the drone's proposal, so that they cannot confirm it."""
     with suppress(ImportError, OSError):
         import termios  # not on Windows
 
@@ -423,7 +423,7 @@ class _Terminal:
         if not sys.stdin.isatty():
             raise ConfigError(
                 "the order cannot be confirmed: no terminal",
-                remedy="Run it in a terminal, and type the word",
+                remedy='Run the command in a terminal, and type "fly" there',
             )
         prompt = (
             f'Type "{WORD}" within {SAFETY.offer_holds_s:.0f} s to confirm, '
@@ -436,10 +436,7 @@ class _Terminal:
             return False
 
     async def _follow(self, link: GroundLink, order_id: int) -> int:
-        """Show progress until the motion ends; 0 when it was flown to its end.
-
-        Reports about an earlier order may still arrive; they are ignored.
-        """
+        """Print the progress of this order until the motion ends; 0 if it was completed."""
         while True:
             state = asyncio.create_task(self._states.get())
             stopping = asyncio.create_task(self._stopping.wait())

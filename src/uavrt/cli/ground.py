@@ -29,11 +29,11 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 LOOPBACK = "127.0.0.1"
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 LAST_THREADS_S = 1.5
-"""Time to wait for working threads after all else has ended [s]."""
+"""Longest wait for worker threads after everything else has ended [s]."""
 PASSWORD = "UAVRT_GROUND_PASSWORD"
 ACCESS_POINT = "UAVRT_ACCESS_POINT"
-"""Environment variable with the text of this computer's Wi-Fi QR code, by which a phone
-joins."""
+"""Environment variable with the text of a QR code, by which a phone joins this computer's
+Wi-Fi."""
 
 Flag = Annotated[bool, Parameter(negative="")]
 
@@ -139,7 +139,7 @@ def ground(
         )
     if set_up is not None and not set_up.is_file():
         raise ConfigError(
-            f"there are no settings {set_up} to set up",
+            f"the settings file {set_up} to set up does not exist",
             remedy="Give the drone side's uavrt.toml; deploy/install.sh writes one",
         )
     keys = read_link_keys(command_key, signing_key, component_id, as_gcs=as_gcs)
@@ -210,11 +210,11 @@ def _run(make: Callable[[], Station], lines: TerminalLines) -> None:
     finally:
         ended.set()
         queries_ended.clear()  # for whoever goes on in this program
-        _let_out(lines)
+        _print_rest(lines)
 
 
-def _let_out(lines: TerminalLines) -> None:
-    """Print the last lines; end at once where the terminal accepts none."""
+def _print_rest(lines: TerminalLines) -> None:
+    """Print the last lines; end the program at once if the terminal accepts none."""
     if not lines.close():
         os._exit(0 if sys.exc_info()[0] is None else 1)
 
@@ -231,11 +231,13 @@ async def _serve(
     finally:
         # What still reads or computes in a thread, from a disk that hangs, is not waited for.
         queries_ended.set()
-        threading.Thread(target=_end_anyway, args=(code, ended, lines), daemon=True).start()
+        threading.Thread(
+            target=_exit_if_blocked, args=(code, ended, lines), daemon=True
+        ).start()
 
 
-def _end_anyway(code: int, ended: threading.Event, lines: TerminalLines) -> None:
-    """End the program if the event loop keeps waiting for its threads."""
+def _exit_if_blocked(code: int, ended: threading.Event, lines: TerminalLines) -> None:
+    """End the program if its event loop still waits for threads."""
     if ended.wait(LAST_THREADS_S):
         return
     lines.close()
@@ -243,7 +245,7 @@ def _end_anyway(code: int, ended: threading.Event, lines: TerminalLines) -> None
 
 
 def _on_signals(stop: Any) -> None:
-    """Have Ctrl-C and SIGTERM stop in order."""
+    """Let Ctrl-C and SIGTERM stop the station cleanly."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         try:
@@ -266,7 +268,7 @@ def _ground_extra() -> Any:
 
 
 def _opening(show: Any) -> Any:
-    """Open a browser when the page is ready and this computer has a screen."""
+    """Open a browser once the page is ready, if this computer has a screen."""
 
     def show_and_open(event: dict[str, Any]) -> None:
         show(event)
@@ -277,7 +279,7 @@ def _opening(show: Any) -> Any:
 
 
 def _text_of(event: dict[str, Any]) -> str | None:
-    """Text of an event for a person; None for an event that is not shown."""
+    """Describe an event for a person; None for an event that is not shown."""
     match event:
         case {"event": "page", "address": address}:
             return f"The page is at {address} – Ctrl-C ends"
@@ -317,10 +319,10 @@ def _text_of(event: dict[str, Any]) -> str | None:
 
 
 def _refuse_unused(**given: bool) -> None:
-    """Reject options that need a page, where there is none; raises `ConfigError`."""
+    """Reject options that need a page when there is none; raises `ConfigError`."""
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:
         raise ConfigError(
-            f"there is no page to use {', '.join(unused)}",
-            remedy="Add --page, or leave out --headless and what else runs without a page",
+            f"without a page there is no use for {', '.join(unused)}",
+            remedy="Add --page, or leave out --headless, --tags, --start and --json",
         )

@@ -1,4 +1,4 @@
-"""Checks of inputs and options, and what a recording does not state of itself."""
+"""Check input files and options; options that describe a recording's samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _HEAD_BYTES = 65_536
 
 
 def require_content(paths: Sequence[Path]) -> None:
-    """Reject empty files, which would look like flights without pulses: `UsageError`."""
+    """Raise `UsageError` for an empty file, which would look like a flight without pulses."""
     empty = [path for path in paths if path.is_file() and _is_empty(path)]
     if empty and len(empty) == len(paths):
         raise UsageError(
@@ -24,7 +24,7 @@ def require_content(paths: Sequence[Path]) -> None:
 
 
 def refuse(given: dict[str, bool], why: str) -> None:
-    """Reject options that would be ignored; raises `ConfigError`."""
+    """Reject options that would be ignored; raises `ConfigError` with the reason."""
     for option, wrong in given.items():
         if wrong:
             raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
@@ -73,7 +73,7 @@ class Stated:
     start_time: str | None = None
 
     def options(self) -> dict[str, Any]:
-        """Arguments of `open_recording`; raises `ConfigError` for a time that is none."""
+        """Arguments for `open_recording`; raises `ConfigError` for an invalid start time."""
         return {
             "format_name": self.format,
             "sample_rate_hz": self.sample_rate,

@@ -144,7 +144,7 @@ def integrate(
     if plot is not None:
         make_directory(plot, "--plot")
     named, assumed = _antenna(flown, antenna)
-    asked = _Asked(
+    asked = _Options(
         recording=recording,
         opened=opened,
         remarks=remarks,
@@ -186,7 +186,7 @@ def _flights(
 
     if first is None:
         raise ConfigError(
-            "there is no flight",
+            "no flight was given",
             remedy="Name its directory; or a recording of another program with --recording, "
             "--track and --tags",
         )
@@ -199,8 +199,8 @@ def _flights(
         if one.is_file():
             raise ConfigError(
                 f"{one} is not the directory of a flight",
-                remedy="What another program recorded is judged with its track: --recording "
-                "FILE --track FILE --tags FILE",
+                remedy="For a recording of another program, give --recording FILE --track "
+                "FILE --tags FILE",
             )
     return [read_flight(one) for one in (first, *others)]
 
@@ -214,13 +214,14 @@ def _tracked(
     clock_offset: float | None,
     yaw_offset: float,
 ) -> "tuple[list[Flight], tuple[str, ...]]":
-    """Make a flight of a track; also returns remarks on missing data."""
+    """Build a flight from a track; also returns remarks on missing data."""
     from uavrt.analysis.tracks.flown import flight_of_track
     from uavrt.analysis.tracks.recognised import read_track
 
     if flight is not None:
         raise ConfigError(
-            f"{flight} has poses of its own", remedy="Leave out --track, or the flight"
+            f"--track cannot be used with {flight}, which has its own poses",
+            remedy="Leave out --track, or the flight",
         )
     if recording is None or listed is None:
         missing = "--recording" if recording is None else "--tags"
@@ -238,7 +239,7 @@ def _tracked(
 
 
 def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
-    """Name of the pattern, requested or of all flights; and whether it is assumed."""
+    """Name of the antenna pattern for all flights, and whether it was assumed."""
     from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
     from uavrt.analysis.measure.antenna_files import antenna_named
 
@@ -248,13 +249,13 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
     if len(own) > 1:
         raise ConfigError(
             f"the flights had different antennas: {', '.join(own)}",
-            remedy="Judge those of one antenna together, or name one --antenna for all",
+            remedy="Give only flights with one antenna, or name one --antenna for all",
         )
     return own[0], not all(map(antenna_is_recorded, flown))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _Options:
     recording: Path | None
     opened: dict[str, Any]
     remarks: tuple[str, ...]
@@ -266,11 +267,13 @@ class _Asked:
 
 
 _Results = list[tuple[dict[str, Any], str]]
-"""JSON record and sentence of each tag."""
+"""JSON record and sentence for each tag."""
 
 
-def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[bool, _Results]:
-    """Judge one flight; returns if any tag was found, and the results."""
+def _one_flight(
+    asked: _Options, flight: "Flight", wanted: "list[Tag]"
+) -> tuple[bool, _Results]:
+    """Judge one flight; return whether any tag was found, and the results."""
     from uavrt.cli.integrated_words import record, sentence
 
     with progress_bars() as add_bar:
@@ -290,9 +293,12 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
 
 
 def _together(
-    asked: _Asked, flights: "list[Flight]", listed: "Sequence[Tag] | None", ids: tuple[int, ...]
+    asked: _Options,
+    flights: "list[Flight]",
+    listed: "Sequence[Tag] | None",
+    ids: tuple[int, ...],
 ) -> tuple[bool, _Results]:
-    """Judge several flights, tag by tag, since the energies of all would not fit in memory."""
+    """Judge several flights together, one tag at a time to save memory."""
     from uavrt.analysis.several_flights import common_tags, judge_together, share_alone
     from uavrt.cli.integrated_words import record_of_flights, sentence_of_flights
 
@@ -336,7 +342,7 @@ def _together(
 
 
 def _judged(
-    asked: _Asked, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
+    asked: _Options, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
 ) -> "list[IntegratedTag]":
     from uavrt.analysis.kept_samples import integrate_kept
     from uavrt.analysis.whole_flight import integrate_flight
@@ -352,7 +358,7 @@ def _judged(
 
 
 def _check_unused_options(opened: dict[str, Any]) -> None:
-    """Reject options that the kept channels determine; raises `ConfigError`."""
+    """Reject options that the kept channels override; raises `ConfigError`."""
     options = {
         "format_name": "--format",
         "sample_rate_hz": "--sample-rate",
@@ -368,9 +374,9 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
 
 
 def _silent(
-    asked: _Asked, flight: "Flight", results: "list[IntegratedTag]"
+    asked: _Options, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
-    """Coverage maps of tags that were not found, by tag; problems are printed."""
+    """Coverage map of each tag that was not found, by tag id; problems are printed."""
     from uavrt.analysis.hindsight import verdict_of
     from uavrt.analysis.silence import silent_maps
 
@@ -396,15 +402,13 @@ def _silence(one: "SilentMap | None", files: dict[int, list[Path]]) -> "SilenceR
 
 
 def _keep(
-    asked: _Asked,
+    asked: _Options,
     flight: "Flight",
     results: "list[IntegratedTag]",
     silent: "dict[int, SilentMap]",
     plot: Path | None,
 ) -> dict[int, list[Path]]:
-    """Write results into the flight's folder, pictures and maps, as requested; returns the
-    maps.
-    """
+    """Write results, pictures and maps into the flight's folder, as requested; return maps."""
     from uavrt.analysis.coverage_files import write_silence
     from uavrt.analysis.fold_pictures import write_fold_pictures
     from uavrt.analysis.hindsight import save_integrated
@@ -429,7 +433,7 @@ def _keep(
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select the requested tags; raises `ConfigError` if one is not listed, or none is."""
+    """Select the requested tags; raises `ConfigError` if one is not listed, or none is left."""
     if not known:
         raise ConfigError(
             "there are no tags to search for", remedy="Name a tag file with --tags"
@@ -444,10 +448,7 @@ def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 
 
 def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
-    """Find a flight's recording of the band; None when its kept channels suffice.
-
-    Raises `ConfigError`: it kept no samples, or several recordings.
-    """
+    """Find the flight's recording of the full band; None if its kept channels suffice."""
     from uavrt.analysis.kept_samples import channel_of, kept_channels
     from uavrt.recording.layout import FlightLayout
 

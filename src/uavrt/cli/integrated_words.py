@@ -1,4 +1,4 @@
-"""Results of ``uavrt integrate``, in words and as JSON."""
+"""Results of ``uavrt integrate`` as sentences and as JSON."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
-    """Sentence on a flight's result for a tag, and where the tag is not."""
+    """Sentence on one flight's result for a tag, and on areas without the tag."""
     from uavrt.analysis.whole_flight import chance_in_words
 
     chance = chance_in_words(one.train.false_alarm_probability)
@@ -43,7 +43,7 @@ def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
 
 
 def slots_in_words(one: "IntegratedTag") -> str:
-    """Sentence on the number of slots in a train, and how many are significant."""
+    """Sentence on the number of a train's expected pulses, and how many are significant."""
     from uavrt.analysis.hindsight import slots_of
 
     slots = slots_of(one)
@@ -79,7 +79,7 @@ def _other(other: "OtherTrain") -> str:
 
 
 def _silence(silent: "SilentMap") -> list[str]:
-    """Sentence on where a tag is not, with the map's limitations."""
+    """Sentence on areas without the tag, with the limitations of the map."""
     from uavrt.analysis.silence import around_in_words
 
     found = silent.coverage
@@ -92,7 +92,7 @@ def _silence(silent: "SilentMap") -> list[str]:
 
 
 def record(one: "IntegratedTag", silence: "SilenceRecord | None" = None) -> dict[str, Any]:
-    """JSON record of a flight's result for a tag."""
+    """JSON record of one flight's result for a tag."""
     from uavrt.analysis.integrated_records import integrated_record
 
     return asdict(integrated_record(one, silence))
@@ -135,7 +135,7 @@ def record_of_flights(
 ) -> dict[str, Any]:
     """JSON record of several flights' result for a tag.
 
-    Interval and frequency are of the flight with the strongest evidence; pulses are of all.
+    Interval and frequency are from the flight with the strongest evidence, pulses from all.
     """
     from uavrt.analysis.integrated_records import PlaceRecord
 

@@ -1,7 +1,7 @@
-"""Value types of command-line options, with their limits.
+"""Types of command-line options, with their limits.
 
-Each number on the command line has one of these types: "not a number" and infinity pass the
-comparisons of most validators, and would fail far from the command line.
+Every number on the command line has one of these types. "Not a number" and infinity would pass
+the comparisons of most validators, and fail far from the command line.
 """
 
 import math
@@ -13,11 +13,11 @@ from cyclopts import Parameter
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """A validator: the number is finite and within limits.
+    """Validator of finite numbers within limits.
 
     `least`, `most`: smallest and largest allowed value.
-    `above`: the value is larger than this.
-    `unit`: for the message.
+    `above`: limit that the value must exceed.
+    `unit`: unit shown in the message.
     """
 
     least: float | None = None
@@ -26,7 +26,7 @@ class Between:
     unit: str = ""
 
     def __call__(self, _kind: Any, value: Any) -> None:
-        """Raise ValueError with the limits if `value`, or one of several, is outside."""
+        """Raise ValueError with the limits if a value, or one of several, is outside."""
         for one in value if isinstance(value, list | tuple) else (value,):
             if one is None:
                 continue
@@ -56,25 +56,27 @@ Component = Annotated[int, Parameter(validator=Between(least=1, most=255))]
 Vehicles = tuple[Annotated[int, Parameter(validator=Between(least=1, most=255))], ...]
 Seed = Annotated[int, Parameter(validator=Between(least=0))]
 Count = Annotated[int, Parameter(validator=Between(least=1))]
-"""A number of things, at least one."""
+"""Number of things, at least one."""
 Counts = tuple[Count, ...]
 GroupPulses = Annotated[int, Parameter(validator=Between(least=1, most=100))]
-"""K, as in tag files: the detector's thresholds for longer groups are unknown."""
+"""Number of pulses summed for one decision (K), with the limits of tag files. The detector has
+no thresholds for longer groups."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
-"""A number of things, possibly zero."""
+"""Number of things, zero included."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
-"""Difference of two clocks, at most thirty years, since unset clocks begin in 1970."""
+"""Difference of two clocks [s], at most thirty years, since unset clocks begin in 1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
-"""Tag frequency, as in tag files: megahertz typed for hertz are rejected."""
+"""Tag frequency [Hz], with the limits of tag files; rejects megahertz typed by mistake."""
 PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
-"""Pulse width of a tag, as in tag files: milliseconds typed for seconds are rejected."""
+"""Pulse width of a tag [s], with the limits of tag files; rejects milliseconds typed by
+mistake."""
 Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
-"""Interval between pulses of a tag, as in tag files."""
+"""Interval between a tag's pulses [s], with the limits of tag files."""
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]
-"""A carrier frequency, or 0 for samples of which only the offset matters."""
+"""Carrier frequency [Hz]; 0 for samples whose carrier is unknown."""
 Degrees = Annotated[float, Parameter(validator=Between(least=-360, most=360, unit="degrees"))]
 DegreesOfError = Annotated[float, Parameter(validator=Between(least=0, unit="degrees"))]
 Metres = Annotated[float, Parameter(validator=Between(above=0, most=20_000, unit="m"))]
@@ -83,16 +85,16 @@ Heights = tuple[
 ]
 Side = Annotated[float, Parameter(validator=Between(least=0.5, most=1000, unit="m"))]
 Reach = Annotated[float, Parameter(validator=Between(least=0, most=100_000, unit="m"))]
-"""Distance over ground, possibly zero."""
+"""Distance over ground [m], zero included."""
 Speed = Annotated[float, Parameter(validator=Between(above=0, most=100, unit="m/s"))]
 Power = Annotated[float, Parameter(validator=Between(least=-100, most=40, unit="dBm"))]
 DecibelsOfError = Annotated[float, Parameter(validator=Between(least=0, most=40, unit="dB"))]
 Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, unit="dB"))]
 NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
-"""Noise over the thermal noise, not negative."""
+"""Receiver noise above the thermal noise [dB], zero included."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
 Factor = Annotated[float, Parameter(validator=Between(above=0))]
-"""A ratio, such as that of simulated time to real time."""
+"""Positive ratio, such as simulated time to real time."""
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
-"""Ids of tags; the tunnel has four bytes for one."""
+"""Ids of tags, limited to the four bytes that the radio protocol has for one."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]

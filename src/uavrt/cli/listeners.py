@@ -1,6 +1,4 @@
-"""Receivers of a detection's results in addition to the pulse file: plots, the original's
-programs.
-"""
+"""Receivers of detection results in addition to the pulse file: plots, other programs."""
 
 import os
 import re
@@ -22,34 +20,34 @@ HEARTBEAT_S = 1.0
 
 
 class Listener:
-    """Interface with empty methods."""
+    """Interface of a receiver of detection results; its methods do nothing."""
 
     def channel(self, block: ChannelBlock) -> None:
-        """Receive a channel's samples."""
+        """Receive a block of a channel's samples."""
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Receive pulses."""
+        """Receive detected pulses."""
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Receive reports of searches without a pulse; at least twice a second."""
+        """Receive reports of searches without a pulse, at least twice a second."""
 
     def finish(self) -> None:
-        """Receive the end, maybe with a fault of the source."""
+        """Called at the end, also after a fault of the sample source."""
 
 
 class PulseDatagrams(Listener):
-    """Sends pulses to the original's controller."""
+    """Sends pulses as datagrams to the original system's controller."""
 
     def __init__(self, address: str, tags: Sequence[Tag]) -> None:
         host, port = parse_udp_address(address)
         self._sender = PulseDatagramSender(host, port, [tag.tag_id for tag in tags])
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Send pulses."""
+        """Send pulses as datagrams."""
         self._sender.send_pulses(pulses)
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Send heartbeats from reports."""
+        """Send search reports, and a heartbeat for each."""
         self._sender.send_reports(reports)
         self._sender.heartbeat(monotonic_s())
 
@@ -65,11 +63,11 @@ def remote_node_name() -> str:
 
 
 class RosPulses(Listener):
-    """Publishes pulses on ROS 2, as the node of a detector.
+    """Publishes pulses on ROS 2 as a detector node.
 
-    `interfaces`: network interfaces with commas; ``lo``: this computer only.
+    `interfaces`: network interfaces separated by commas; ``lo``: this computer only.
     `tags`: each gets a heartbeat once a second while samples arrive.
-    `namespace`: that of the drone that accepts the pulses.
+    `namespace`: namespace of the drone that accepts the pulses.
     """
 
     def __init__(self, interfaces: str, tags: Sequence[Tag], namespace: str = "") -> None:
@@ -90,12 +88,12 @@ class RosPulses(Listener):
         self._next_beat_s = 0.0
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Publish pulses."""
+        """Publish pulses on ROS 2."""
         for pulse in pulses:
             self._participant.publish("pulse", pulse_to_ros(pulse, ""))
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Publish a heartbeat when it is due."""
+        """Publish a heartbeat per tag, once a second."""
         if monotonic_s() >= self._next_beat_s:
             self._next_beat_s = monotonic_s() + HEARTBEAT_S
             for tag in self._tags:
@@ -103,12 +101,12 @@ class RosPulses(Listener):
                 self._participant.publish("pulse", beat)
 
     def close(self) -> None:
-        """Leave the network."""
+        """Leave the ROS 2 network."""
         self._participant.close()
 
 
 class Plots(Listener):
-    """Draws pictures at the end."""
+    """Draws plots of the pulses and waterfalls at the end."""
 
     def __init__(
         self, directory: Path, tags: Sequence[Tag], frequency_window_hz: float
@@ -120,14 +118,14 @@ class Plots(Listener):
         )
 
     def channel(self, block: ChannelBlock) -> None:
-        """Add samples to the waterfalls."""
+        """Add a block of samples to the waterfalls."""
         self._plots.add_block(block)
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Store pulses."""
+        """Keep pulses for the plots."""
         self._plots.add_pulses(pulses)
 
     def finish(self) -> None:
-        """Draw the pictures."""
+        """Write the plots to files."""
         for path in self._plots.write():
             print(path, file=sys.stderr)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from uavrt.localization.results import Position
 
 _MOST_POINTS = 12
-"""Most points of a path in text; --json has all."""
+"""Most points of a path printed as text; --json prints all."""
 
 
 def localize(
@@ -83,7 +83,7 @@ def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
 
 
 def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
-    """Sentence on a tag; with its frequency where its number is used for several."""
+    """Sentence on a tag's position; with its frequency if several tags share its number."""
     from uavrt.analysis.measure.shapes import remarks_of
 
     found = one.position

@@ -1,4 +1,4 @@
-"""Warning about codes of a tag list that are hard to distinguish."""
+"""Warning about codes in a tag list that are easily confused."""
 
 import sys
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from uavrt.messages import Tag
 
 
 def warn_of_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None:
-    """Warn of each pair of codes; the half-width of the search is by default the usual one."""
+    """Print a warning for each pair of similar codes within the search's frequency window."""
     if not any(tag.coded for tag in tags):
         return
     from uavrt.config.code_rules import words_of_near_codes

@@ -1,5 +1,6 @@
-"""Import before numpy: limits its linear algebra to one thread, and selects its vector
-instructions.
+"""Limit numpy's linear algebra to one thread, and select its vector instructions.
+
+Must be imported before numpy.
 """
 
 import os

@@ -12,20 +12,16 @@ from uavrt.errors import ConfigError, os_errors_as
 def print_json(value: object, *, indent: int = 0) -> None:
     """Print a value as JSON; numbers that are not finite become null (RFC 8259, section 6).
 
-    `value`: plain values, dates, dataclasses and lists of them.
-    `indent`: spaces of each level; 0 prints one line.
+    `indent`: spaces per level; 0 prints one line.
     """
     print(msgspec.json.format(msgspec.json.encode(value), indent=indent).decode())
 
 
 def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:
-    """Reject an output that is one of the inputs, before it is opened and thereby emptied.
+    """Raise `ConfigError` if an output is one of the inputs, which opening would empty.
 
-    For a SigMF recording both files count when one is named.
-
-    `output`: file to be written; it need not exist.
-    `inputs`: files that are read; None and other values are skipped.
-    Raises `ConfigError`: it is one of them, by whatever name.
+    For a SigMF recording, both of its files are protected. Inputs that are no paths are
+    skipped.
     """
     target = Path(output)
     if not target.is_file():
@@ -40,12 +36,7 @@ def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None
 
 
 def check_place(output: Path, *, overwrite: bool = False) -> None:
-    """Reject a path where a file cannot be written, before the work that fills it.
-
-    `output`: the file to be written.
-    `overwrite`: it may exist already.
-    Raises `ConfigError`: the text gives the reason.
-    """
+    """Raise `ConfigError` if `output` cannot be written, before the work starts."""
     if output.is_dir():
         raise ConfigError(f"{output} is a directory", remedy="Name a file in it")
     if output.exists() and not overwrite:
@@ -59,10 +50,7 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 
 
 def make_directory(path: Path, option: str) -> None:
-    """Make a directory to write into, before the work that fills it.
-
-    Raises `ConfigError`: it cannot be made or written; `option` is its option's name.
-    """
+    """Make an output directory before the work; raises `ConfigError`, naming `option`."""
     with os_errors_as(
         ConfigError, f"{path} cannot be made", f"Give {option} a directory that can be written"
     ):

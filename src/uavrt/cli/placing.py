@@ -1,4 +1,4 @@
-"""Options of the commands that place tags: antenna, heights, errors, ground."""
+"""Options of the commands that estimate positions: antenna, heights, errors, ground."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +53,7 @@ class Placing:
     sea: Annotated[bool, Parameter(negative="")] = False
 
     def read_as(self, method: str = "bayes") -> "ReadAs":
-        """Settings for the estimator; opens the elevation files."""
+        """Convert the options to the estimator's settings; opens the elevation files."""
         from uavrt.analysis.measure.antenna_files import antenna_named
         from uavrt.localization.flight_estimates import ReadAs
 

@@ -1,4 +1,4 @@
-"""Progress bars on the error output, where it is a terminal."""
+"""Progress bars on the error output, if it is a terminal."""
 
 import sys
 from collections.abc import Iterator
@@ -7,22 +7,22 @@ from typing import Protocol
 
 
 class Advance(Protocol):
-    """Updates the progress of a task."""
+    """Function that updates the progress of a task."""
 
     def __call__(self, done: float, total: float | None = None, /) -> None:
-        """Set the amount done, and the total if it is known only now."""
+        """Set the amount done, and the total if it is known by now."""
 
 
 class AddBar(Protocol):
-    """Adds a progress bar."""
+    """Function that adds a progress bar."""
 
     def __call__(self, what: str, total: float | None = None, /) -> Advance:
-        """Add a bar named `what`; `total` may follow."""
+        """Add a bar named `what`; its total may be set later."""
 
 
 @contextmanager
 def progress_bars() -> Iterator[AddBar]:
-    """Show bars that vanish at the end; none where the error output is no terminal."""
+    """Show bars that vanish at the end; no bars if the error output is no terminal."""
     if not sys.stderr.isatty():
         yield lambda _what, _total=None: lambda _done, _total=None: None
         return

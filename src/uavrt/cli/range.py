@@ -20,7 +20,7 @@ PROBABILITIES = (0.5, 0.9)
 _PULSES, _FREQUENCY_HZ, _PULSE_WIDTH_S = (3, 10, 20, 40), 150e6, 0.020
 _ANTENNA, _FLIGHT_PULSES = "RA-23K", 400
 _TURN_DEG_S = 6.0
-"""Turn rate of a drone on the spot, for the whole-flight judgement [deg/s]."""
+"""Turn rate assumed for a drone that turns in place during a whole flight [deg/s]."""
 
 
 def range(
@@ -143,7 +143,7 @@ def _row(tag: "Tag", budget: "LinkBudget") -> dict[str, Any]:
 
 
 def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, float]:
-    """ENR of the strongest pulse that a whole flight turning on the spot needs."""
+    """ENR of the strongest pulse required in a flight that turns in place [dB]."""
     import numpy as np
 
     from uavrt.analysis.measure.antenna_files import antenna_named
@@ -152,7 +152,7 @@ def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, floa
 
     if pulses < MODEL.least_pulses:
         raise ConfigError(
-            f"a whole flight of {pulses} pulses gains nothing",
+            f"{pulses} pulses are too few for a whole flight",
             remedy=f"Give --flight-pulses {MODEL.least_pulses} or more",
         )
     pattern = pattern_named(antenna_named(antenna))
@@ -180,7 +180,7 @@ def _median_db(noise: list[dict[str, Any]]) -> float:
 
 
 def _reach(needed: tuple[float, float], budget: "LinkBudget") -> dict[str, Any]:
-    """Range for the ENR that Pd .5 and .9 need."""
+    """Required ENR [dB] and distance [m] for Pd .5 and .9, with the link budget as records."""
     distances = [budget.distance_m(enr) for enr in needed]
     return {
         "enr50_db": round(needed[0], 2),

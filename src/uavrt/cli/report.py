@@ -95,7 +95,7 @@ def _silences(
     elevation: "Elevation | None",
     antenna: str | None,
 ) -> "tuple[SilentMap, ...]":
-    """Map where each listed tag would have been heard, with a progress bar."""
+    """Map where each listed tag would have been detected, with a progress bar."""
     from uavrt.analysis.silence import silent_map
     from uavrt.recording.flight_reader import read_flight
     from uavrt.recording.layout import FlightLayout

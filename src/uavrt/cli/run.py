@@ -95,7 +95,7 @@ def run(
 
 
 def without_autopilot(settings: Settings) -> Settings:
-    """Leave the autopilot out where the pose comes from elsewhere; raises `ConfigError`."""
+    """Disable the autopilot link if the pose has another source; raises `ConfigError`."""
     if settings.pose.source == "autopilot":
         return settings
     pose_address(settings.pose)
@@ -110,7 +110,7 @@ def without_autopilot(settings: Settings) -> Settings:
 
 
 def check_link(settings: Settings) -> None:
-    """Raise `ConfigError` for settings with which the connection could not start."""
+    """Raise `ConfigError` for settings with which the link to the autopilot cannot start."""
     mavlink = settings.mavlink
     if mavlink.address:
         parse_address(mavlink.address)

@@ -12,12 +12,13 @@ from uavrt.errors import ConfigError
 
 GROUND_STOP_S = 20.0
 OWN_COMPONENT = 192
-"""MAV_COMP_ID_ONBOARD_COMPUTER2. With the usual 190 the drone side could not distinguish this
-page from a ground station at the radio, and would answer this one only."""
+"""MAVLink component of the page on the drone's computer (MAV_COMP_ID_ONBOARD_COMPUTER2). With
+the usual 190, the drone side would confuse it with a ground station at the radio and answer
+only one."""
 
 
 def with_local_link(settings: Settings) -> tuple[Settings, str]:
-    """Give the drone side a link over the loopback; also returns the page's address for it."""
+    """Add a loopback link to the drone side's settings; also returns the page's address."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -29,18 +30,17 @@ def with_local_link(settings: Settings) -> tuple[Settings, str]:
 def run_both(
     supervisor: list[str], address: str, *, settings: Settings, port: int, browser: bool
 ) -> int:
-    """Run the supervisor and the page until the supervisor ends.
+    """Run the supervisor and the page until the supervisor ends; return its exit status.
 
     Ctrl-C reaches both from the terminal; SIGINT and SIGTERM to this process are passed on. The
     flight continues if the page ends first. If this process is killed, both continue.
 
-    `supervisor`: the supervisor's whole command.
-    `address`: MAVLink address of the drone side for the page.
-    `settings`: of the drone side. The page has its flights, to show their samples, and its
-    keys.
-    `port`: of the page.
-    `browser`: open it in a browser.
-    Returns: the supervisor's exit status.
+    `supervisor`: complete command line of the supervisor.
+    `address`: MAVLink address by which the page reaches the drone side.
+    `settings`: settings of the drone side. The page uses its flights, to show their samples,
+    and its keys.
+    `port`: TCP port of the page.
+    `browser`: open the page in a browser.
     """
     if not has_page():
         raise ConfigError(

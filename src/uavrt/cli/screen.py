@@ -1,4 +1,4 @@
-"""Display capabilities of this computer."""
+"""Checks whether this computer can show the page."""
 
 import os
 import sys
@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 
 def has_screen() -> bool:
-    """True if a browser could open a window."""
+    """True if a browser could open a window on this computer."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

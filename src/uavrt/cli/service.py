@@ -25,7 +25,7 @@ service = App(
 
 ROOT = Path("/")
 SERVICE_USER = "uavrt"
-"""Created by deploy/install.sh; it owns the flights and nothing else."""
+"""User account made by deploy/install.sh; it owns the flights and nothing else."""
 
 
 @service.command(help_epilogue=examples("service install"))
@@ -93,7 +93,7 @@ def remove(*, root: Path = ROOT) -> None:
 
 
 def _usual_user() -> str:
-    """User created for the service, else the one who called sudo."""
+    """Name of the account made for the service, else of the user who called sudo."""
     with suppress(KeyError):
         return pwd.getpwnam(SERVICE_USER).pw_name
     user = os.environ.get("SUDO_USER") or getpass.getuser()
@@ -107,7 +107,7 @@ def _usual_user() -> str:
 
 
 def _writable(root: Path, directory: Path, config: Path | None) -> tuple[Path, ...]:
-    """Paths in the settings that must be writable outside of the service's directory."""
+    """Paths in the settings, outside the service's directory, that it must be able to write."""
     path = root / (config or directory / "uavrt.toml").relative_to("/")
     if not path.exists():
         return ()

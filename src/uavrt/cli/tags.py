@@ -77,7 +77,7 @@ def check(
                 f"warning: the search needs {plan.cores:.1f} cores of a computer like this "
                 f"one, and {detection.worker_count} can be spared"
             )
-    for warning in _likenesses(found):
+    for warning in _print_similar_tags(found):
         print(f"warning: {warning}")
     print(f"{file}: {counted(len(found), 'tag')}, no fault")
 
@@ -218,7 +218,7 @@ def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
 
 
 def _databases(path: Path) -> dict[str, str]:
-    """Texts of a ``TagInfo.db`` and the ``TagManufacturer.db`` in its folder, by name."""
+    """Texts of ``TagInfo.db`` and of ``TagManufacturer.db`` in the same folder, by name."""
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):
         with os_errors_as(
@@ -231,7 +231,7 @@ def _databases(path: Path) -> dict[str, str]:
 
 
 def _warn_of_unselected(path: Path) -> None:
-    """Name the tags that TagTracker does not search for: our tag files have no such mark."""
+    """Print the tags that TagTracker does not search for, since our tag files do."""
     from uavrt.ground.store.tag_table import not_selected
 
     left_out = not_selected(_databases(path)) if path.suffix.lower() == ".db" else None
@@ -285,7 +285,9 @@ def measure(
     from uavrt.radio.opening import open_recording
 
     if not 1 <= id <= MAX_ID:
-        raise ConfigError(f"a tag cannot have the number {id}", remedy="Give --id from 1 on")
+        raise ConfigError(
+            f"{id} is not a valid number for a tag", remedy="Give an --id of 1 or more"
+        )
     _check_center(stated.center_frequency)
     if output is not None:
         check_place(output, overwrite=overwrite)
@@ -345,7 +347,7 @@ def _code_lines(tag_id: int, code: "MeasuredCode") -> list[str]:
 
 
 def _with_sigma(number: float, sigma: float) -> str:
-    """Write a number and its standard deviation to two digits of that, at least 0.01."""
+    """Format a number with its standard deviation, to two digits of the latter."""
     digits = 2
     while digits < 6 and round(sigma, digits) < 9.5 * 10.0**-digits:
         digits += 1
@@ -353,14 +355,14 @@ def _with_sigma(number: float, sigma: float) -> str:
 
 
 def _check_center(center_frequency_hz: float | None) -> None:
-    """Reject megahertz typed for hertz before the work."""
+    """Reject megahertz typed for hertz, before the work starts."""
     from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 
     if center_frequency_hz is not None and not (
         MIN_FREQUENCY_HZ <= center_frequency_hz <= MAX_FREQUENCY_HZ
     ):
         raise ConfigError(
-            f"a band about {center_frequency_hz:.10g} Hz holds no tag", remedy=IN_HERTZ
+            f"no tag transmits near {center_frequency_hz:.10g} Hz", remedy=IN_HERTZ
         )
 
 
@@ -384,7 +386,7 @@ def _numbered(name: str | None, count: int) -> "list[str | None]":
 
 @contextmanager
 def _reporting(faults: list[UavrtError]) -> Iterator[None]:
-    """Report faults of the recording even when another error ends the work."""
+    """Print faults of the recording, even when another error ends the work."""
     try:
         yield
     except UavrtError:
@@ -415,12 +417,12 @@ def _rate_lines(rate: "MeasuredRate") -> list[str]:
     ]
 
 
-def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
-    """Report which tags of one band may be confused, and how to separate them."""
+def _print_similar_tags(found: "Sequence[Tag]") -> Iterator[str]:
+    """Print which tags of one band may be confused, and how to separate them."""
     from uavrt.config.code_rules import words_of_near_codes
     from uavrt.config.settings import DetectionSettings
     from uavrt.config.tag_bands import tags_by_band
-    from uavrt.detection.track.senders import part, small_ratio
+    from uavrt.detection.track.senders import interval_separation, small_ratio
 
     window_hz = DetectionSettings().frequency_window_hz
     yield from words_of_near_codes(found, window_hz)
@@ -430,7 +432,7 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
                 continue
             if (ratio := small_ratio(one, two)) is not None:
                 yield _at_a_ratio(one, two, ratio)
-            parting = part(one, two)
+            parting = interval_separation(one, two)
             if parting.certain and parting.pulses is not None:
                 continue
             gap_ms = 1e3 * parting.gap_s

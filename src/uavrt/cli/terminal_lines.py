@@ -1,7 +1,7 @@
-"""Lines for a terminal or a pipe, printed without blocking the program.
+"""Print lines to a terminal or a pipe without blocking the program.
 
-A stopped terminal (Ctrl-S), a waiting pager or an unread pipe blocks each write, and with it
-the whole program. So another thread prints.
+A stopped terminal (Ctrl-S), a waiting pager or an unread pipe blocks every write. A separate
+thread therefore prints.
 """
 
 import contextlib
@@ -12,19 +12,19 @@ import threading
 from typing import TextIO
 
 MOST_WAITING = 100_000
-"""Most waiting lines: three hours of 10 pulses a second, some 20 MB."""
+"""Most lines queued: three hours of 10 pulses a second, some 20 MB."""
 LAST_S = 1.0
-"""Longest wait for unprinted lines at the end of a program [s]."""
+"""Longest wait for queued lines when the program ends [s]."""
 
 
 class TerminalLines:
     """Prints lines in order, in a separate thread.
 
-    It stops printing when the reader has gone, and drops lines beyond the limit. Both are
-    counted.
+    It stops printing when the reader has closed the pipe, and drops lines beyond the limit.
+    Lines not printed are counted.
 
     `stream`: output; standard output by default.
-    `most`: limit of waiting lines.
+    `most`: most queued lines.
     """
 
     def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:
@@ -35,7 +35,7 @@ class TerminalLines:
         self._thread.start()
         self.left_out = 0
         self.gone = False
-        """True when the reader has closed the pipe."""
+        """True once the reader has closed the pipe."""
 
     def __call__(self, line: str) -> None:
         """Queue a line."""
@@ -45,10 +45,10 @@ class TerminalLines:
             self.left_out += 1
 
     def close(self, timeout_s: float = LAST_S) -> bool:
-        """Print the waiting lines and stop; returns True if the thread has ended.
+        """Print the queued lines and stop; return True if the thread has ended.
 
-        If not, it is blocked in a write and holds the stream's lock. The program must then end
-        by `os._exit`, since the interpreter's own end would wait for that lock.
+        Otherwise the thread is blocked in a write and holds the stream's lock. The program must
+        then end by `os._exit`, since the interpreter's normal exit would wait for that lock.
         """
         self._ending.set()
         with contextlib.suppress(queue.Full):

@@ -1,4 +1,4 @@
-"""Foreign text on a terminal: names and messages from files may contain terminal commands."""
+"""Make text from files safe to print: it may contain terminal commands."""
 
 import re
 import sys
@@ -12,12 +12,12 @@ _CONTROL = re.compile(
 
 
 def harmless(text: str) -> str:
-    r"""Show control characters as ``\x1b``; colours, cursor moves and line ends stay."""
+    r"""Show control characters as ``\x1b``; colours, cursor moves and line ends are kept."""
     return _CONTROL.sub(lambda found: found[1] or f"\\x{ord(found[0]):02x}", text)
 
 
 class TerminalText:
-    """A terminal `stream` that receives only harmless text; all else is the stream's."""
+    """Terminal `stream` that writes only harmless text; all other methods are the stream's."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -37,7 +37,7 @@ class TerminalText:
 
 
 def guard_terminals() -> None:
-    """Make standard output and error write harmless text where they are terminals."""
+    """Make standard output and standard error write harmless text if they are terminals."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         guarded = stream is None or isinstance(stream, TerminalText)

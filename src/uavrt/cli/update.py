@@ -121,7 +121,7 @@ def _say(text: str) -> None:
 
 
 def _rehearse() -> None:
-    """Load the modules of a flight, and print the version; called by the installed version."""
+    """Load a flight's modules and print the version; called by the installed version."""
     for row in PROCESSES:
         importlib.import_module(row.module)
     importlib.import_module("uavrt.supervisor.program")
@@ -148,7 +148,7 @@ def _require_still(settings: Settings, *, bench: bool) -> Needs:
 def _watch(
     settings: Settings, place: Installation, needs: Needs, *, hold_s: float, patience_s: float
 ) -> tuple[Verdict, str]:
-    """Watch the service until its fitness is decided."""
+    """Observe the service until it is decided whether the new version is fit to fly."""
     trial = Trial(needs, monotonic_s(), hold_s=hold_s, patience_s=patience_s)
     read = _Reading(status_socket_path(settings), place.current())
     verdict = Verdict.OPEN
@@ -158,10 +158,9 @@ def _watch(
 
 
 class _Reading:
-    """Records of a version's service, which may disconnect and return.
+    """Reader of a service's records, which reconnects after a restart.
 
-    Reports of another version are ignored: after a failed restart, the old one is still
-    running.
+    Reports of another version are ignored: after a failed restart, the old one still runs.
     """
 
     def __init__(self, path: Path, version: Path) -> None:

@@ -1,6 +1,6 @@
-"""Plurals in sentences."""
+"""Number and noun in sentences."""
 
 
 def counted(number: int, one: str, several: str | None = None) -> str:
-    """Write a number with its noun: ``1 flight``, ``3 flights``, ``2 batteries``."""
+    """Format a number with its noun: ``1 flight``, ``3 flights``, ``2 batteries``."""
     return f"{number} {one if number == 1 else several or one + 's'}"

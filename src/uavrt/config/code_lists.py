@@ -1,8 +1,8 @@
 """Lists of coded tags as CSV with a heading, or as a YAML list.
 
-The heading names the columns, with common variants: ``tagFreq``, ``g1`` to ``g7`` and ``bi``.
-Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz. A YAML list may
-be one of mappings, or a mapping from names to them.
+The heading names the columns, also by common variants: ``tagFreq``, ``g1`` to ``g7`` and
+``bi``. Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz. A YAML
+list holds mappings, or is one mapping from names to mappings.
 """
 
 import csv
@@ -56,7 +56,7 @@ class _Cell:
 
 
 def is_code_csv(text: str) -> bool:
-    """True if a text's first line with content is the heading of a list of codes."""
+    """True if the first line that is not empty is the heading of a list of codes."""
     for line in text.split("\n"):
         content = line.strip().lstrip("#").strip()
         if content:
@@ -132,7 +132,7 @@ def _is_known(key: str) -> bool:
 
 
 def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]:
-    """Row of a tag from a mapping, whose name may be its number."""
+    """Convert a tag's YAML mapping to a row; a numeric `name` is the tag's id."""
     assert isinstance(tag.value, dict)
     table: dict[str, _Cell] = {}
     for key, one in tag.value.items():
@@ -160,7 +160,7 @@ def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]
 def _draft(
     table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str] = ()
 ) -> TagDraft:
-    """Read a tag's row; fields in `absent` have been reported already."""
+    """Convert a row to a tag; missing fields in `absent` are not reported again."""
     draft = TagDraft(line=line, gaps=())
     given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
     interval_s: float | None = None
@@ -200,7 +200,7 @@ def _quantity(key: str) -> Quantity | str | None:
 def _gaps(
     table: dict[str, _Cell], line: int, faults: list[Fault]
 ) -> tuple[list[float] | None, int]:
-    """Gaps of a tag [ms] and their line; None where they are not all numbers."""
+    """Gaps of a tag [ms] and their line number; None instead of gaps if any is no number."""
     cells: dict[int, tuple[str, str, int]] = {}
     for key, cell in table.items():
         if (gap := _GAP.fullmatch(key)) is not None:
@@ -221,7 +221,7 @@ def _gaps(
 
 
 def _words_of_unknown(table: dict[str, _Cell]) -> str:
-    """Message about unknown columns: one may be a missing one."""
+    """Sentence on unknown columns, one of which may be a misspelt required one."""
     others = [key for key in table if not _is_known(key)]
     if not others:
         return ""

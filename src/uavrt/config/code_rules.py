@@ -1,7 +1,7 @@
 """Plausibility checks for the codes of coded tags, and a search for similar codes.
 
-A code is the gaps between a burst's pulses. The tolerances are those of tag registration: all
-gaps together within 1.5 ms, the burst interval within 4 ms.
+A code consists of the gaps between a burst's pulses. Tolerances are those of tag registration:
+all gaps together within 1.5 ms, the burst interval within 4 ms.
 """
 
 import math
@@ -12,18 +12,18 @@ from uavrt.config.tag_drafts import Entry, Fault, TagDraft
 from uavrt.messages import Tag
 
 MAX_CODES = 500
-"""Most codes in a list: a core can search these in addition to a flight's other work."""
+"""Most codes in a list; a core can search this many in addition to a flight's other work."""
 MOST_NEAR = 50
-"""Most pairs of near codes that are listed."""
+"""Most pairs of similar codes that are printed."""
 MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
 CODED_K = 10
 GAP_TOLERANCE_S = 1.5e-3
-"""Tolerance of all gaps of a burst together [s]."""
+"""Largest sum of the gaps' errors in a burst that still has the code [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Gaps that differ by less count as equal [ms]."""
+"""Difference below which two gaps count as equal [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -31,7 +31,7 @@ _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 def faults_of_gaps(
     gaps: Sequence[Entry], interval: Entry | None, width: Entry | None
 ) -> list[tuple[Entry, str]]:
-    """Check the gaps of one code, and its burst interval; all in milliseconds."""
+    """Check the gaps and the burst interval of one code, all in milliseconds."""
     if not gaps:
         return []  # reported when they were read
     width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
@@ -50,7 +50,7 @@ def faults_of_gaps(
 def _faults_of_numbers(
     gaps: Sequence[Entry], width_ms: float
 ) -> tuple[float, list[tuple[Entry, str]]]:
-    """Check each gap; also returns the factor to milliseconds for numbers in another unit."""
+    """Check each gap; return the factor that converts the gaps to milliseconds, and faults."""
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
         return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
@@ -68,7 +68,7 @@ def _faults_of_numbers(
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
-    """Check the codes of a list together: too many, or two that are equal."""
+    """Check all codes of a list: there are not too many, and no two are equal."""
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:
@@ -92,7 +92,7 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
 
 
 def same_codes(tags: Sequence[Tag]) -> list[tuple[Tag, Tag]]:
-    """Find tags with equal code, gaps and burst interval, which cannot be distinguished."""
+    """Find pairs of tags with the same code, which cannot be distinguished."""
     known, found = _Codes(), []
     for place, tag in enumerate(tags):
         if tag.coded:
@@ -115,13 +115,13 @@ class _Code:
 
 
 class _Codes:
-    """Codes of a list, by their distinguishable properties."""
+    """Codes found so far, for a fast search of equal ones."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Place of the first equal code; `place` if the code is new or invalid."""
+        """Index of the first tag with an equal code; `place` if the code is new or invalid."""
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
             return place  # reported elsewhere
@@ -147,7 +147,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find codes of one band that differ by less than the tolerance, with their difference."""
+    """Find pairs of similar codes in one band, each with their gaps' total difference [s]."""
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):
@@ -171,7 +171,7 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
 
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
-    """Sentence for each pair of codes that are hard to distinguish."""
+    """Sentences on pairs of codes that are easily confused."""
     near = near_codes(tags, window_hz)
     more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [

@@ -1,9 +1,8 @@
-"""Frequencies where a receiver shows ghosts of a strong signal.
+"""Frequencies where a receiver shows ghosts of a strong signal, such as its mirror image.
 
-If a ghost of one tag may appear where another tag transmits, both tags go to the same detector
-worker, as long as the load stays even. One process then judges both at the same place of the
-stream. Trains sent through the supervisor would come a second later, so that some flights would
-confirm a ghost.
+If a ghost of one tag may appear at another tag's frequency, both tags go to the same detector
+process as long as the load stays even. One process then compares both trains at once. Through
+the supervisor a train would arrive a second later, and some flights would confirm a ghost.
 """
 
 import itertools
@@ -12,26 +11,26 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Largest multiple of a signal's distance from the centre."""
+"""Largest harmonic of a signal's distance from the centre frequency that is considered."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Distance below which a signal is a neighbour or a rejected leak instead of a ghost [Hz]."""
+"""Distance below which a signal is a neighbour or a leak, not a ghost [Hz]."""
 _USUAL_HZ = 500.0
-"""Largest offset of a tag, however wide the search is [Hz]."""
+"""Largest assumed error of a tag's label [Hz], also in a wider search."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""The mirror image first."""
+"""Harmonics of a signal's distance from the centre, lowest first; -1 is the mirror image."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Multiples of two signals at once. The first line is from nonlinear amplifiers; the second
-from a converter's separate treatment of the two parts of a sample."""
+"""Multiples of two signals' distances that add up to a ghost. The first line is from nonlinear
+amplifiers; the second from a converter's separate treatment of the two parts of a sample."""
 
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """Receiver properties that cause ghosts."""
+    """Tuning of a receiver, from which its ghost frequencies follow."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -39,10 +38,7 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with another, may have a ghost at a frequency.
-
-        `partners_hz`: signals present whenever the original is.
-        """
+        """True if a signal, alone or with its partners, may cause a ghost at a frequency."""
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -58,10 +54,7 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Share of a search in which `makes` would be true: the chance of a tag to lie there.
-
-        `nominal_hz`, `half_width_hz`: of the search; a tag is off by 500 Hz at most.
-        """
+        """Share of a tag's search band in which a signal may cause a ghost, 0 to 1."""
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):
@@ -72,11 +65,7 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Least multiple of a signal that may give a ghost in a search; -1 is the mirror.
-
-        `ghost_hz`, `original_hz`: nominal frequencies.
-        `window_hz`: half-width of the search around both.
-        """
+        """Lowest harmonic of a signal that may be a ghost in a search; -1 is the mirror."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -87,7 +76,7 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Distances of ghosts from the centre, not folded, and their tolerances."""
+        """Unaliased distances of possible ghosts from the centre, and tolerances [Hz]."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

@@ -1,4 +1,4 @@
-"""Checks of ``[guidance]`` across settings: known planners, consistent limits."""
+"""Checks of ``[guidance]`` that need several settings: known planners, consistent limits."""
 
 import json
 from collections.abc import Iterator
@@ -9,11 +9,12 @@ from uavrt.plugins import Registry
 
 PLANNER_GROUP = "uavrt.planners"
 PLANNER_NAMES = ("mi_rate",)
-"""Names of the planners in `uavrt.planning`; packages add theirs by entry point."""
+"""Names of the planners in `uavrt.planning`; installed packages add further ones by entry
+point."""
 
 
 def guidance_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and text of each fault; values of a wrong type are reported elsewhere."""
+    """Key and text of each inconsistency; wrong types are reported elsewhere."""
     table = document.get("guidance")
     if not isinstance(table, dict):
         return

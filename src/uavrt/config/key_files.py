@@ -1,4 +1,4 @@
-"""Secrets in files that only their owner may read."""
+"""Read secret keys from files that only their owner may read."""
 
 import os
 import stat
@@ -11,13 +11,10 @@ REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 
 
 def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
-    """Read a secret written as hexadecimal digits.
+    """Read a secret key of `least` to `most` bytes from hexadecimal digits.
 
-    `what`: name of the file in messages: ``key file``.
-    `least`, `most`: bytes that the secret may have.
-    Raises `FormatError`: it is a pipe or far too large.
-    Raises `ConfigError`: there is no such file, other users may read or change it, or it does
-    not hold that many hexadecimal digits.
+    `what` names the file in messages. Raises `FormatError` for a pipe or a far too large file.
+    Raises `ConfigError` if it is missing, open to other users, or holds no such key.
     """
     with os_errors_as(ConfigError, f"cannot read the {what} {path}", REMEDY):
         text = read_file(path, KEYS).decode("ascii", "replace")

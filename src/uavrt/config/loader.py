@@ -1,7 +1,7 @@
-"""Read, explain and write ``uavrt.toml``.
+"""Read, check and write ``uavrt.toml``.
 
-pydantic is imported only inside these functions: it costs 29 MB and 95 ms. The drone's
-processes get their settings ready-made and never pay that.
+pydantic is imported only inside these functions, since it costs 29 MB and 95 ms. The drone's
+processes receive checked settings and do not import it.
 """
 
 import json
@@ -115,7 +115,7 @@ def settings_schema() -> dict[str, Any]:
 
 @cache
 def _settings_adapter() -> "TypeAdapter[Settings]":
-    """Build the reader of all tables once: it extracts the docstrings from the source."""
+    """Build pydantic's reader of all tables; cached, since it reads docstrings from source."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(Settings)
@@ -163,7 +163,7 @@ def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
-    """Explain a fault found by pydantic in plain words: ``[radio] gian is unknown; …``."""
+    """Explain a fault found by pydantic as a sentence: ``[radio] gian is unknown; …``."""
     where = [str(part) for part in detail["loc"]]
     table = _table_schema(schema, where[0]) if where else None
     label = f"[{where[0]}] {'.'.join(where[1:])}".rstrip() if table else ".".join(where)
@@ -212,7 +212,7 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Describe a custom rule; pydantic names only its function."""
+    """Text of a custom rule, of which pydantic only gives the function's name."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

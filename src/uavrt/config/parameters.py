@@ -1,8 +1,8 @@
-"""The settings that a ground station may change by MAVLink: the table of parameters.
+"""Table of the settings that a ground station may change as MAVLink parameters.
 
-One row a parameter; the drone's answers, the supervisor's checks, the file of kept values, the
-metadata for ground stations and the manual derive from it. Names have at most 16 characters
-(MAVLink's PARAM_VALUE); a ground station groups them by the part before the first underscore.
+Each parameter is one row. The drone's answers, the supervisor's checks, the file of stored
+values, the ground stations' metadata and the manual all derive from it. Names have at most 16
+characters (PARAM_VALUE); ground stations group them by the part before the first underscore.
 """
 
 import math
@@ -18,12 +18,13 @@ from uavrt.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Digits of a float32, the wire type of parameters, so that 0.005 is shown as 0.005."""
+"""Decimal digits of a float32, the type in which parameters are sent, so that 0.005 is shown as
+0.005."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One row of the table."""
+    """One parameter: its setting, range, unit and description."""
 
     name: str
     table: str
@@ -37,18 +38,18 @@ class Parameter:
     unit: str = ""
     decimals: int = 0
     choices: tuple[str, ...] = ()
-    """Names of the numbers from 0, for a choice."""
+    """Names of the values 0, 1, …; empty for a number."""
     absent: float | None = None
-    """Number for a setting without value; it lies outside `low` to `high`."""
+    """Value that means "not set", outside `low` to `high`; None if the setting is required."""
     scale: float = 1.0
-    """The setting's value for a parameter of 1."""
+    """Factor from the parameter's value to the setting's."""
     live: bool = False
-    """True: in force at once; otherwise from the next start of detection."""
+    """True if a change applies at once; False: from the next start of detection."""
     volatile: bool = False
-    """A state that changes by itself; it is not stored as a setting."""
+    """True for a state that changes by itself, so that it is not stored as a setting."""
 
     def allows(self, value: float) -> bool:
-        """True if a number is in range."""
+        """True if a value is within range."""
         if value == self.absent:
             return True
         whole = self.kind == "real" or value == int(value)
@@ -199,21 +200,21 @@ RUN = Parameter(
     short="Detect",
     meaning="1 starts detection with the last tags, 0 stops it; shows which of the two it is.",
 )
-"""Start and stop of detection as a parameter, for ground stations without uavrt's commands."""
+"""Parameter that starts and stops detection, for ground stations without uavrt's commands."""
 
 OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
-"""All parameters shown to a ground station: the settings', and this one at the end."""
+"""All parameters shown to a ground station: those of settings, and `RUN`."""
 
 
 def run_wanted(value: float) -> bool:
-    """Requested state of `DET_RUN`: True to detect; raises `ConfigError` if not 0 or 1."""
+    """True if a value of `DET_RUN` means to detect; raises `ConfigError` if not 0 or 1."""
     if not (math.isfinite(value) and RUN.allows(value)):
         raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
     return bool(value)
 
 
 def parameter_values(settings: Settings) -> dict[str, float]:
-    """Get the number of every setting's parameter, in the table's order."""
+    """Value of every setting's parameter, in the order of the table."""
     return {name: _value(settings, parameter) for name, parameter in PARAMETERS.items()}
 
 
@@ -239,19 +240,17 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
 def check_start(
     settings: Settings | None, center_frequency_hz: float | None, gain: float | None
 ) -> int | None:
-    """Check a start or a capture for values that the radio does not support; returns the gain.
+    """Check frequency and gain of a start or capture command; return the gain.
 
-    `settings`: those of the radio that is to start; None where the radio is not known.
-    `center_frequency_hz`: radio frequency that came with the command.
-    `gain`: gain that came with it, in the radio's own steps.
-    Raises `ConfigError`: one of the two is out of range; the text gives the range.
+    Raises `ConfigError` with the range if the radio does not support one of them. `settings` is
+    None for an unknown radio.
     """
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]
         if not row.low <= center_frequency_hz / row.scale <= row.high:
             raise ConfigError(
-                f"radio frequency cannot be {center_frequency_hz / 1e6:.10g} MHz: "
-                f"{row.low / 1e3:g} to {row.high / 1e3:g} MHz"
+                f"the radio frequency {center_frequency_hz / 1e6:.10g} MHz is not supported: "
+                f"choose {row.low / 1e3:g} to {row.high / 1e3:g} MHz"
             )
     if gain is None:
         return None
@@ -260,13 +259,13 @@ def check_start(
 
 
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
-    """Frequency the radio tunes to [Hz]; raises `ConfigError` if it does not receive it."""
+    """Frequency to which the radio tunes [Hz]; raises `ConfigError` if it is not receivable."""
     row = RADIOS.get(radio.kind)
     if row is None:
         return frequency_hz
     if not row.receives(frequency_hz):
         raise ConfigError(
-            f"{row.title}: it does not receive {frequency_hz * 1e-6:.6g} MHz",
+            f"{row.title} does not receive {frequency_hz * 1e-06:.6g} MHz",
             remedy=f"Choose a frequency within {row.receives_text()}",
         )
     return row.tuned_hz(frequency_hz, radio.frequency_correction_ppm)
@@ -275,7 +274,7 @@ def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
 def warnings_of_band(
     tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
 ) -> tuple[str, ...]:
-    """Name tags outside of the received band; raises `ConfigError` if all of them are."""
+    """Warnings on tags outside the received band; raises `ConfigError` if all are outside."""
     half_hz = sample_rate_hz / 2.0
     beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]
     if not beyond:
@@ -287,7 +286,7 @@ def warnings_of_band(
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:
-    """Tags with the settings' K and false-alarm probability, where these are set for all."""
+    """Tags with the K and false-alarm probability that the settings set for all tags."""
     detection = settings.detection
     changes: dict[str, Any] = {}
     if detection.k:

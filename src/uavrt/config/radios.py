@@ -15,18 +15,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioRow:
-    """One row of the table."""
+    """Properties of one kind of radio."""
 
     kind: str
     title: str
     gains: tuple[int, int]
     """Lowest and highest gain in the radio's own steps."""
     default_gain: int | None = None
-    """None: the driver's default."""
+    """Usual gain in the radio's own steps; None: the driver's default."""
     package: str
-    """Debian package with the programs."""
+    """Debian package with the radio's programs."""
     receive: str = ""
-    """Program that writes samples to stdout; empty: none needed."""
+    """Program that writes samples to stdout; empty if a driver is used."""
     inform: tuple[str, ...] = ()
     """Program that prints the sample rates of the connected device."""
     sample_format: str = "cf32"
@@ -37,26 +37,26 @@ class RadioRow:
     receives_mhz: tuple[tuple[float, float], ...] = ((20.0, 1000.0),)
     """Lowest and highest radio frequency of each range [MHz]."""
     tunes_in_float32: bool = False
-    """True if its program reads the frequency in megahertz as float32: it tunes in steps of 16
-    Hz."""
+    """True if the program reads the frequency in megahertz as float32, so that it tunes in
+    steps of 16 Hz."""
     usual_rate_hz: float = 3e6
-    """Sample rate suggested by the first set-up."""
+    """Sample rate suggested by the first set-up [Hz]."""
     overruns_option: str = ""
-    """Option of recent versions of the program that prints overruns on stderr."""
+    """Option, in recent versions of the program, that prints overruns on stderr."""
     lists: tuple[str, ...] = ()
-    """Program that lists the devices with place and serial number; needed where `receive` takes
-    a serial number of digits as a place."""
+    """Program that lists the devices with index and serial number. Needed if `receive` takes a
+    serial number of digits for an index."""
     serial_prefix: str = ""
     """Prefix that its program requires before the hexadecimal serial number reported by USB."""
     usb: tuple[tuple[str, str, str], ...] = ()
-    """USB vendor, product and name."""
+    """USB vendor id, product id and name of each model."""
 
     def takes_rate(self, rate_hz: float) -> bool:
         """True if the radio supports a sample rate."""
         return any(low <= rate_hz <= high for low, high in self.rates_hz)
 
     def rates_text(self, unit_hz: float = 1.0) -> str:
-        """Supported sample rates as text, in this unit."""
+        """Supported sample rates as text, in a given unit."""
         note = f" ({self.rates_note})" if self.rates_note else ""
         return _spans([(a / unit_hz, b / unit_hz) for a, b in self.rates_hz]) + note
 
@@ -69,10 +69,7 @@ class RadioRow:
         return f"{_spans(self.receives_mhz)} MHz"
 
     def tuned_hz(self, frequency_hz: float, correction_ppm: float = 0.0) -> float:
-        """Frequency that the radio tunes to when its program gets this one [Hz].
-
-        `correction_ppm` is the known error of the crystal.
-        """
+        """Actual frequency of the radio when its program is set to a frequency [Hz]."""
         if not self.tunes_in_float32:
             return frequency_hz
         factor = 1.0 + correction_ppm * 1e-6
@@ -158,4 +155,4 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(kind="soapy", title="SoapySDR", package="python3-soapysdr", gains=(0, 120)),
     )
 }
-"""Radios by the name in ``[radio] kind``."""
+"""Rows of all radios, by the name in ``[radio] kind``."""

@@ -1,4 +1,4 @@
-"""Change single settings of ``uavrt.toml``; comments and other text remain."""
+"""Change single settings in ``uavrt.toml``; comments and other text remain."""
 
 import copy
 import json
@@ -19,19 +19,16 @@ from uavrt.foreign import SETTINGS, read_file
 
 Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
-"""New values by table and key; None: the default again."""
+"""New values by table and key; None resets a setting to its default."""
 _MOST_LINES = 200
-"""Most lines of one value."""
+"""Most lines that one value may span."""
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write some settings; a new file begins with all defaults.
+    """Write some settings and return the new text; a new file begins with all defaults.
 
-    `path`: ``uavrt.toml``; its permissions stay.
-    `changes`: new values.
-    Returns: the new content.
-    Raises `ConfigError`: a value is not allowed, the file has faults or cannot be written; it
-    stays as it was.
+    Raises `ConfigError` if a value is not allowed, or the file has faults or cannot be written;
+    the file then stays as it was.
     """
     target = Path(path)
     settings, text = changed_settings(target, changes)
@@ -46,14 +43,14 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Changed settings, and the file's new text; raises as `change_settings`."""
+    """Settings after the changes, and the file's new text; raises as `change_settings`."""
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(
-            f"cannot read the settings {path}: {reason}", remedy="Look at the file"
+            f"cannot read the settings {path}: {reason}", remedy="Check the file"
         ) from error
     parse_settings(before.encode(), name=path.name)
     text = before
@@ -84,7 +81,7 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 
 def _end_of_value(lines: list[str], first: int) -> int:
-    """Last line of a value that begins in a line; both are counted from 1."""
+    """Number of the last line of a value, given its first; counted from 1."""
     for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))
@@ -95,7 +92,7 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Find a table's commented default ``# key =``, written by `default_settings_text`."""
+    """Find a setting's commented default, ``# key =``, that `default_settings_text` wrote."""
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None
@@ -109,7 +106,7 @@ def _toml(value: str | float) -> str:
 
 
 def _require_only(before: str, after: str, changes: Changes, path: Path) -> None:
-    """Check that the requested values have changed, and nothing else."""
+    """Raise `ConfigError` unless exactly the requested values have changed."""
     wanted: dict[str, Any] = copy.deepcopy(tomllib.loads(before))
     for (table, key), value in changes.items():
         inside = wanted.setdefault(table, {})
@@ -124,7 +121,7 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
     if _without_empty(found) != _without_empty(wanted):
         names = ", ".join(f"[{table}] {key}" for table, key in changes)
         raise ConfigError(
-            f"{path.name} is written in a way in which {names} cannot be changed from here",
+            f"{path.name} is written in a form in which {names} cannot be changed from here",
             remedy="Change it with an editor, or move the file away and start again",
         )
 

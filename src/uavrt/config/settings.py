@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Interval, Predicate
 
 
 class _Table:
-    """Base of all tables."""
+    """Base class of all tables."""
 
     __slots__ = ()
     __pydantic_config__: ClassVar[dict[str, Any]] = {
@@ -21,8 +21,8 @@ class _Table:
         "allow_inf_nan": False,
         "use_attribute_docstrings": True,
     }
-    """Options for pydantic in `uavrt.config.loader`; a plain dict, so that this module does not
-    import pydantic on the drone."""
+    """Options for pydantic in `uavrt.config.loader`. A plain dict, so that the drone need not
+    import pydantic."""
 
 
 def is_ros_namespace(text: str) -> bool:
@@ -42,7 +42,7 @@ OperatingModeName = Literal[
 ``detectorConfig.txt``."""
 NamedValuesName = Literal["all", "snr", "off"]
 RADIO_GROUP = "uavrt.radios"
-"""Entry points of this group add kinds of radio (docs/how-to/extend.md)."""
+"""Entry point group by which installed packages add kinds of radio (docs/how-to/extend.md)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Tags with overlapping bands, whose searches receive each other's pulses."""
+"""Group tags whose search bands overlap, since a search receives the other's pulses."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from uavrt.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Group bands (lower, upper edge) that overlap directly or through others, in order."""
+    """Group bands (lower, upper edge) that overlap, directly or through others; in order."""
     found: list[list[int]] = []
     reach_hz = 0.0
     for place in sorted(range(len(bands_hz)), key=lambda at: bands_hz[at]):
@@ -21,6 +21,6 @@ def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
 
 
 def tags_by_band(tags: Sequence[Tag], window_hz: float) -> list[list[Tag]]:
-    """Group searched tags with overlapping bands, given the search's half-width."""
+    """Group tags whose search bands overlap, given the search's half-width."""
     bands_hz = [(tag.frequency_hz - window_hz, tag.frequency_hz + window_hz) for tag in tags]
     return [[tags[place] for place in places] for places in overlapping(bands_hz)]

@@ -8,29 +8,31 @@ from typing import Final, Literal
 from uavrt.messages import Beep, BeepKind, Tag
 
 MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
-"""Kinds of senders that may correct the list."""
+"""Kinds of measured senders that may correct the list."""
 DRIFT: Final = 0.005
-"""Relative change of a measured interval with temperature and battery."""
+"""Assumed relative change of a measured interval with temperature and battery."""
 LEAST_UNCERTAINTY: Final = 0.01
-"""Largest relative difference from a listed interval that still counts as that rate."""
+"""Relative difference from a listed interval up to which a measured interval confirms it."""
 _DRIFT_HZ: Final = 100.0
-"""Least distance from the labelled frequency worth correcting [Hz]; a fifth of the usual
-search."""
+"""Difference from the labelled frequency above which it is corrected [Hz]; a fifth of the usual
+search window."""
 _SEARCH_HZ: Final = 530.0
-"""Half-width of the usual search, with the error of a measured frequency [Hz]."""
+"""Half-width of the usual search, plus the error of a measured frequency [Hz]."""
 _LEAST_SHARED_PPM: Final = 0.5
-"""Least common offset of all tags that is attributed to the receiver [ppm]."""
+"""Common offset of all tags above which the receiver's error is the cause [ppm]."""
 _AGREE_PPM: Final = 1.5
-"""Largest difference of a tag from the offset that all share, at most a sixth of that."""
+"""Largest difference of a tag from the common offset [ppm]; also at most a sixth of that
+offset."""
 _SHARE: Final = 0.75
-"""Least share of the tags that agree; one of four may have drifted by itself."""
+"""Least share of tags that must have the common offset; one of four may have drifted by
+itself."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagCorrection:
-    """A tag's corrected properties, and the listed ones before."""
+    """Correction of one property of a tag, with the listed tag before and after it."""
 
     time_ns: int
     tag_id: int
@@ -39,16 +41,16 @@ class TagCorrection:
     after: Tag
 
     def applied(self, tag: Tag) -> Tag:
-        """Apply the correction to an entry that may have other changes."""
+        """Tag with this correction, which keeps its other changes."""
         return _listed_as(tag, self.after, self.what)
 
     def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
-        """Correction that restores the earlier properties."""
+        """Correction that restores the tag before this one."""
         after = _listed_as(tag, self.before, self.what)
         return replace(self, time_ns=time_ns, before=tag, after=after)
 
     def undoes(self, other: "TagCorrection") -> bool:
-        """True if it restores the properties before another correction."""
+        """True if this correction restores the tag before another correction."""
         same = (self.tag_id, self.what) == (other.tag_id, other.what)
         return same and self.applied(other.before) == other.before
 
@@ -59,7 +61,7 @@ class TagCorrection:
 
 
 def _listed_as(tag: Tag, other: Tag, what: Literal["frequency", "interval"]) -> Tag:
-    """Change one measured property of a tag; the rest of its entry stays."""
+    """Tag with its frequency, or its intervals, copied from another tag."""
     if what == "frequency":
         return replace(tag, frequency_hz=other.frequency_hz)
     return replace(
@@ -81,11 +83,12 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
 
 
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
-    """Replace the nearest listed interval of a tag by the measured one.
+    """Replace a tag's nearest listed interval by the measured one.
 
-    An interval unlike those listed is added as the second, or replaces the second.
+    An interval unlike those listed becomes the second interval, or replaces it.
 
-    `interval_s`, `jitter_s`: the interval, and the standard deviation of the pulses about it.
+    `interval_s`: measured interval.
+    `jitter_s`: standard deviation of the pulse times about it.
     """
     listed = list(tag.pulse_intervals_s)
     nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))
@@ -109,7 +112,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
 
 
 def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
-    """Corrections in order of time, without undone ones and their undoing."""
+    """Corrections in order of time, without those that were undone."""
     standing: list[TagCorrection] = []
     for one in corrections:
         last = next((x for x in reversed(standing) if x.tag_id == one.tag_id), None)
@@ -121,8 +124,7 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Common frequency offset of the tags, which is the receiver's error; None if there is
-    none.
+    """Common frequency offset of the tags, due to the receiver; None without one [ppm].
 
     Two tags, or three of four, must agree. Trains that may be of two tags, or of another rate,
     are ignored.
@@ -145,7 +147,7 @@ def _agrees(ppm: float, shared_ppm: float) -> bool:
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
-    """Line with the common offset of all tags, and the remedy; None without one."""
+    """Sentence on the common offset of all tags, and the remedy; empty without one."""
     ppm = shared_offset_ppm(found)
     if ppm is None:
         return []
@@ -154,20 +156,20 @@ def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
 
 
 def words_of_beeps(found: Sequence[Beep]) -> list[str]:
-    """Line for each sender that is not as listed."""
+    """Sentences on the senders that differ from the tag list."""
     return [str(one) for one in found if one.odd] + shared_offset_in_words(found)
 
 
 def correction_of(
     tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
 ) -> TagCorrection | None:
-    """Correction of a tag by a measured sender that may be the tag; None if nothing differs.
+    """Correction of a tag by a sender that may be the tag; None if nothing differs.
 
-    Frequency and interval are corrected one after the other: applied to the corrected tag, it
-    gives the next correction.
+    Frequency and interval are corrected one after the other: called again with the corrected
+    tag, this returns the next correction.
 
-    `found`: all senders of the flight. A common offset is the receiver's; then only tags that
-    are farther off are corrected.
+    `found`: all senders of the flight. A common offset is the receiver's error, so only tags
+    that are farther off are corrected.
     """
     other_rate = beep.kind is BeepKind.OTHER_RATE
     if tag.coded or beep.kind not in MEASURED:
@@ -195,7 +197,7 @@ def correction_of(
 
 
 def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
-    """True if the tags of a measurement are unchanged in the list, or not in it."""
+    """True if the tags of a measurement are unchanged in the list, or were removed."""
     at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
     away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
     for tag in tags:
@@ -211,7 +213,7 @@ def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
 
 
 def _is_searched(tag_id: int, beep: Beep) -> bool:
-    """True if a possible tag, at another rate, is searched at the sender's frequency."""
+    """True if a tag that may be the sender is searched for at the sender's frequency."""
     place = beep.tag_ids.index(tag_id)
     return place == 0 or abs(beep.offsets_hz[place]) <= _SEARCH_HZ
 
@@ -226,7 +228,7 @@ def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:
-    """True if correcting the interval would gain nothing."""
+    """True if a correction of the interval would not narrow the search."""
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
     two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty stays as it is

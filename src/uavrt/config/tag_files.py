@@ -1,4 +1,4 @@
-"""Tag files: read any format and report all faults at once; write two formats."""
+"""Read tag files of any format, with all faults at once; write two formats."""
 
 import os
 import re
@@ -20,11 +20,7 @@ _TOML_LINE = re.compile(r"^[ \t]*\[", re.M)
 
 
 def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
-    """Read the tags of a ``TagInfo.txt`` or ``tags.toml``.
-
-    Raises `TagFileError`: the file has faults; all are listed, each with its line.
-    Raises `ConfigError`: there is no such file, or it cannot be read.
-    """
+    """Read ``TagInfo.txt`` or ``tags.toml``; raises `TagFileError` with all faults."""
     with os_errors_as(
         ConfigError,
         f"cannot read the tag file {os.fspath(path)}",
@@ -35,10 +31,10 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
 
 
 def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
-    """Read tags from a file's bytes; `name` is for messages and determines the format.
+    """Read tags from a file's bytes; `name` is for messages and selects the format.
 
     A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes. Other files are
-    recognised by a line that begins with ``[``, or a heading with gaps.
+    recognised by a line that begins with ``[``, or by a heading with gaps.
     Raises `TagFileError`: the file has faults.
     """
     try:
@@ -53,12 +49,12 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
         listed = list(dict.fromkeys(str(fault) for fault in ordered))
         raise TagFileError(name, shortened(listed))
     if not tags:
-        raise TagFileError(name, ["line 1: there is no tag in this file"])
+        raise TagFileError(name, ["line 1: this file contains no tag"])
     return tags
 
 
 def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
-    """Reader for a text: by its name, else by a line that no other format has."""
+    """Select the reader of a text: by its name, else by a line that no other format has."""
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
     if not name.endswith(".toml") and is_code_csv(text):
@@ -68,10 +64,7 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Check tags from elsewhere by the rules of tag files; empty when all are good.
-
-    `tags`: from a measurement, another program's file, or a wire.
-    """
+    """Check tags of other origin by the rules of tag files; empty if all are valid."""
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
     # The same fault of the same place, which here is the tag's, once.
@@ -113,15 +106,11 @@ def _draft(tag: Tag, place: int) -> TagDraft:
 
 
 def check_tag_file_name(path: str | os.PathLike[str]) -> None:
-    """Reject a file name without a tag format.
-
-    Raises `ConfigError`: it ends neither in ``.toml`` nor in ``.txt``, or is the original
-    detector's ``detectorConfig.txt``, which is another format.
-    """
+    """Raise `ConfigError` for a name that is neither ``.toml`` nor ``.txt``."""
     target = Path(path)
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
-            f"{target} would be the original detector's file, which is not written here",
+            f"uavrt does not write {target}, the original detector's file",
             remedy="Write .toml or TagInfo.txt; a flight directory holds one for each tag",
         )
     if target.suffix.lower() not in (".toml", ".txt"):
@@ -132,10 +121,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
 
 
 def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
-    """Write tags as ``tags.toml`` for ``.toml``, else as ``TagInfo.txt``.
-
-    Raises `ConfigError`: ``TagInfo.txt`` cannot hold a tag with two intervals, or a coded one.
-    """
+    """Format tags as ``tags.toml`` or ``TagInfo.txt``; raises `ConfigError` if impossible."""
     if suffix.lower() == ".toml":
         return format_tags_toml(tags)
     remedy = "Write a file whose name ends in .toml"
@@ -151,11 +137,7 @@ def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
 
 
 def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
-    """Write tags: ``tags.toml`` when the name ends in ``.toml``, ``TagInfo.txt`` in ``.txt``.
-
-    Raises `ConfigError`: the name is not that of a tag file, ``TagInfo.txt`` cannot hold a tag
-    with two intervals, or the file cannot be written.
-    """
+    """Write ``tags.toml`` or ``TagInfo.txt``, depending on the name; raises `ConfigError`."""
     check_tag_file_name(path)
     target = Path(path)
     text = tags_as_text(tags, target.suffix)

@@ -34,7 +34,7 @@ _NUMBER = re.compile(
 
 
 def parse_tag_info(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read the lines; add every line that is not eight numbers to `faults`."""
+    """Read the lines; report each line without eight numbers in `faults`."""
     drafts: list[TagDraft] = []
     for line, written in enumerate(text.split("\n"), start=1):
         content = written.split("#", 1)[0].strip()
@@ -50,7 +50,7 @@ def parse_tag_info(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def format_tag_info(tags: Sequence[Tag]) -> str:
-    """Write tags; each has one interval (the caller has checked), names are left out."""
+    """Format tags as text, without names; each tag must have one interval."""
     lines = [HEADING]
     for tag in tags:
         values = (
@@ -68,7 +68,7 @@ def format_tag_info(tags: Sequence[Tag]) -> str:
 
 
 def _cells(content: str) -> list[str]:
-    """Split a line; a comma between semicolons or tabs is a decimal one."""
+    """Split a line; with semicolons or tabs, a comma is a decimal point."""
     order = (",", ";", "\t") if content.count(",") >= len(COLUMNS) - 1 else (";", "\t", ",")
     for separator in order if ";" not in content else (";",):
         if separator in content:
@@ -112,7 +112,7 @@ def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
 
 
 def _tagtrackers(cells: list[str]) -> tuple[str | None, list[str], str | None]:
-    """Separate a name and a second interval, if present, from the eight numbers."""
+    """Split a line of TagTracker's into name, the eight numbers, and second interval."""
     name = second = None
     if len(cells) > len(COLUMNS) and not _is_frequency(cells[1]) and _is_frequency(cells[2]):
         name, cells = cells[1], [cells[0], *cells[2:]]
@@ -128,7 +128,7 @@ def _is_frequency(cell: str) -> bool:
 
 
 def _is_interval(cell: str, width: str) -> bool:
-    """True for a second interval, or the 0 of none, before a pulse's width."""
+    """True if a number before the pulse width is a second interval, or 0 for none."""
     if not (_NUMBER.fullmatch(cell) and _NUMBER.fullmatch(width)):
         return False
     width_ms = float(width)

@@ -1,8 +1,8 @@
 """Plausibility checks for tags, with messages in the units of the file.
 
-Both tag file formats are read into `TagDraft` and checked here, as are tags from a wire
-(`uavrt.config.tag_files.faults_of_tags`). Bounds are those of wildlife tags with a margin:
-pulses of 15 to 20 ms every 1 to 2 s near 150 MHz (thesis §1.1).
+Both tag file formats are read into `TagDraft` and checked here, as are tags received over the
+radio (`uavrt.config.tag_files.faults_of_tags`). Limits are those of wildlife tags with a
+margin: pulses of 15 to 20 ms every 1 to 2 s near 150 MHz (thesis §1.1).
 """
 
 import math
@@ -25,7 +25,8 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""Intervals below this are taken as seconds when they do not fit the pulse [ms]."""
+"""Interval below which a number is assumed to be in seconds, if it does not fit the pulse
+[ms]."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
@@ -38,7 +39,7 @@ _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 
 
 def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
-    """Check drafts and convert them to tags; with any fault there is none, only `faults`."""
+    """Check drafts, adding to `faults`, and convert them to tags; with any fault to none."""
     first_lines: dict[int, int] = {}
     for draft in drafts:
         _check(draft, faults)
@@ -94,7 +95,7 @@ def _tag(draft: TagDraft) -> Tag:
 def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
     """Interval uncertainty for a list without it [ms]: 60 ms, or as much as can be searched.
 
-    It is a tenth of the interval at most, and the last of K pulses must be known within an
+    At most a tenth of the interval, and small enough to predict the last of K pulses within an
     interval (see `_fault_of_group`).
     """
     room_ms = 0.5 * (shortest_ms - 2.0 * width_ms)
@@ -186,7 +187,7 @@ def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
 
 
 def _fault_of_group(entries: dict[Quantity, Entry], shortest: Entry) -> list[tuple[Entry, str]]:
-    """Check the numbers' consequences for a detector."""
+    """Check that a detector can search for a group of pulses with these numbers."""
     uncertainty = entries.get("interval_uncertainty")
     width, k = entries.get("pulse_width"), entries.get("k")
     loose_ms = 0.0 if uncertainty is None else uncertainty.number

@@ -1,6 +1,6 @@
-"""``tags.toml``: tags with named fields and units in the names, one ``[[tag]]`` each.
+"""``tags.toml``: one ``[[tag]]`` per tag, with field names that state the unit.
 
-Values common to all tags stand once, under ``[defaults]``.
+Values common to all tags are under ``[defaults]``.
 """
 
 import json
@@ -38,7 +38,7 @@ _REQUIRED_OF_CODED: dict[Quantity, str] = {
     "interval": "burst_interval_s",
 }
 _MOST_GAPS = 50
-"""Most gaps of a code; longer lists are rejected as a whole."""
+"""Most gaps read from one code; a longer list is rejected as a whole."""
 _CODED_KEYS = ("kind", "gaps_ms", "burst_interval_s")
 _HEADING = """\
 # Tags for uavrt. Each tag is one [[tag]]; id, frequency, interval and pulse width are needed.
@@ -57,7 +57,7 @@ _CODED_HEADING = """\
 
 
 def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read the tables; append errors to `faults`."""
+    """Read all tags; faults are added to `faults`."""
     try:
         check_toml(text, TAGS)
         document = tomllib.loads(text)
@@ -107,12 +107,12 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def table_quantities(table: dict[str, object]) -> set[Quantity]:
-    """Quantities that a table mentions, even wrongly."""
+    """Names of the quantities that a table has, even with wrong values."""
     return {KEYS[key] for key in table if key in KEYS}
 
 
 def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> list[str]:
-    """Missing fields of a tag, except those already reported as misspelt or wrong."""
+    """Required fields that a tag lacks, except those already reported as misspelt or wrong."""
     if draft.gaps is not None:
         required = _REQUIRED_OF_CODED
     elif any(key in table for key in _CODED_KEYS[1:]):
@@ -134,7 +134,7 @@ def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> 
 
 
 def format_tags_toml(tags: Sequence[Tag]) -> str:
-    """Write tags, with comments for the person who edits the file."""
+    """Format tags as text, with comments for a person who edits the file."""
     blocks = [_HEADING + _CODED_HEADING if any(tag.coded for tag in tags) else _HEADING]
     for tag in tags:
         lines = ["[[tag]]", f"id = {tag.tag_id}"]
@@ -267,7 +267,7 @@ def _entry(key: str, value: float, line: int) -> Entry:
 
 
 def _nearest(key: str, known: Sequence[str], faults: list[Fault]) -> str | None:
-    """Most similar key; skipped in a file with more faults than are listed."""
+    """Most similar valid key; omitted in a file with more faults than are listed."""
     if key in known:
         return key
     if len(faults) > MOST_FAULTS:
@@ -290,5 +290,5 @@ def _syntax_fault(error: ValueError) -> Fault:
 
 
 def _quoted(text: str) -> str:
-    """Write a TOML basic string; JSON's escapes are valid, except for DEL."""
+    """Format a TOML basic string; JSON's escapes are valid, except for DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -7,13 +7,13 @@ from uavrt.errors import FormatError
 from uavrt.foreign import TAGS, Limit, read_file
 
 MAX_BYTES = TAGS.bytes
-"""Largest tag file [bytes]; 5 000 tags take 0.3 MB."""
+"""Largest tag file accepted [bytes]; 5 000 tags take 0.3 MB."""
 
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def decode_text(content: bytes) -> str:
-    """Decode a file's text, with newlines alone; raises `ValueError` with the reason."""
+    """Decode a file's bytes, line ends become newlines; raises `ValueError` with the reason."""
     if len(content) > MAX_BYTES:
         raise ValueError(f"{len(content)} bytes are too many for a file written by hand")
     encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"

@@ -1,4 +1,4 @@
-"""Find the line of a value in a TOML file, which ``tomllib`` does not report."""
+"""Find the line number of each value in a TOML file, which ``tomllib`` does not report."""
 
 import re
 
@@ -42,7 +42,7 @@ def find_lines(text: str) -> dict[Path, int]:
 
 
 def line_of(lines: dict[Path, int], path: Path) -> int | None:
-    """Line of the value, else of the nearest enclosing table or key."""
+    """Line number of a value, or else of the nearest enclosing table or key."""
     for length in range(len(path), 0, -1):
         if path[:length] in lines:
             return lines[path[:length]]

@@ -1,7 +1,7 @@
-"""YAML lists of tags as nodes with line numbers, read by PyYAML.
+"""Read YAML lists of tags, by PyYAML, as nodes with line numbers.
 
-Numbers stay text, as typed: a list of tags defines their types. Aliases (``*``) are faults: a
-few bytes of them can stand for gigabytes.
+Numbers stay text as typed, since the list's reader determines their types. Aliases (``*``) are
+faults: a few bytes of them can stand for gigabytes.
 """
 
 from collections.abc import Iterator
@@ -17,17 +17,16 @@ _NULL = "tag:yaml.org,2002:null"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Node:
-    """A value and its line; null is None."""
+    """A YAML value and its line number; null is None."""
 
     line: int
     value: "str | list[Node] | dict[str, Node] | None"
 
 
 def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
-    """Read the documents of a text, usually one; append errors to `faults`.
+    """Read the documents of a text, usually one; faults are added to `faults`.
 
-    Reading ends at the first line that is not YAML, since the rest cannot be interpreted.
-    Documents before it are returned.
+    Reading stops at the first line that is not YAML; documents before it are returned.
     Raises `UsageError`: PyYAML is not installed, as on a drone without a page.
     """
     with needs_extra(
@@ -55,7 +54,7 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
 
 
 def _documents(yaml: Any, text: str) -> Iterator[Any]:
-    """Compose each document; its depth is checked before a node is made."""
+    """Compose each document; its depth is checked before its nodes are made."""
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # it has no types
         depth = nodes = 0

@@ -30,8 +30,7 @@ BATCH_S = 0.44
 """Longest time for which samples are gathered before the search continues [s]. Five blocks of
 87.4 ms are 0.437 s; a pulse is reported at least 0.04 s after its end."""
 _FIRST_STEP = 0.7639
-"""Length of the first step as a share of later ones: three blocks of 87 ms suffice for
-noise."""
+"""Share of a step after which the first one is searched: three blocks suffice for noise."""
 
 
 class PulseDetector:
@@ -40,23 +39,23 @@ class PulseDetector:
     Parameters
     ----------
     tag : Tag
-        What to look for.
+        Tag to search for.
     sample_rate_hz : float
-        Rate of the channel's samples, anything that holds the pulse's spectrum.
+        Rate of the channel's samples, more than the width of the pulse's spectrum.
     center_frequency_hz : float
-        Frequency of the channel's centre, absolute.
+        Absolute frequency of the channel's centre.
     frequency_window_hz : float
         Half-width of the search around the tag's nominal frequency; at or above half the
         sample rate: the whole channel.
     operating_mode : OperatingMode or str
-        What to do with a frequency once found.
+        Use of a frequency once it is found.
     excluded_hz : sequence of (float, float)
-        Absolute stretches, bounds included, in which nothing is the tag.
+        Absolute bands, limits included, in which no signal is the tag.
 
     Raises
     ------
     ConfigError
-        The tag lies outside the channel, or a number makes no sense.
+        The tag is outside of the channel, or a number is impossible.
     """
 
     def __init__(
@@ -172,8 +171,7 @@ class PulseDetector:
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
         """Add a block without searching; return its length, 0 if it was refused.
 
-        `process` consists of this, `next_step`, `prepare`, `conclude` and `drain`, which a
-        `DetectorGroup` calls separately.
+        A `DetectorGroup` calls this, `next_step`, `prepare`, `conclude` and `drain` separately.
         """
         self._longest.note(len(samples))
         if not self._intake.stale_blocks and self._buffer.extend(((samples, time_ns),)):
@@ -210,7 +208,7 @@ class PulseDetector:
             return None
         return self._clean + fresh
 
-    def patient(self) -> int:
+    def samples_to_wait(self) -> int:
         """Number of samples to add before the next step, counting the longest block twice.
 
         0: each block must be checked on arrival.
@@ -225,16 +223,11 @@ class PulseDetector:
         return self._reporter.drain()
 
     def flush(self) -> list[Pulse]:
-        """End the stream: search what is left and report all groups that are complete.
+        """End the stream: search the remaining samples, and return the remaining pulses."""
+        self.search_rest()
+        return self.report_rest()
 
-        Returns
-        -------
-        list of Pulse
-        """
-        self.end()
-        return self.leave()
-
-    def end(self) -> None:
+    def search_rest(self) -> None:
         """Search the remaining samples; first part of `flush`, for a `DetectorGroup`."""
         if not self._buffer.empty:
             # A track looks a little past where it expects its pulse: nothing lies there.
@@ -243,7 +236,7 @@ class PulseDetector:
             self._buffer.append_hole(beyond)
             self._advance(self._buffer.end, last=True)
 
-    def leave(self) -> list[Pulse]:
+    def report_rest(self) -> list[Pulse]:
         """Report all complete groups, and reset; second part of `flush`."""
         if not self._buffer.empty:
             for track in self.tracks:
@@ -286,7 +279,7 @@ class PulseDetector:
         away_hz = apart_hz(track.offset_hz, self._nominal_hz, self.sample_rate_hz)
         return self.tag.frequency_hz + away_hz
 
-    def could_be(self, frequency_hz: float) -> bool:
+    def may_be_at(self, frequency_hz: float) -> bool:
         """True if the tag may be at an absolute frequency."""
         offset_hz = frequency_hz - self.center_frequency_hz
         return self._window.bounds.off_frequency(offset_hz) is None

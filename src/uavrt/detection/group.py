@@ -2,13 +2,8 @@
 
 A detector searches every 0.44 s. In between, blocks wait here, once for all tags of a channel.
 Tags that are due at the same position of their streams share their computation. The pulses are
-those of separate detectors, except where bands overlap: there each train of pulses belongs to
-one tag.
-
-A detector searches when another block would make its samples longer than 0.44 s: a step has a
-constant cost, and fixed steps of 0.35 s would need a quarter more of them. The latency is 0.25
-s on average and 0.47 s at most. All tags step at the same block, so that code and caches are
-warm (3 %).
+those of separate detectors, except where bands overlap: there each train belongs to one tag.
+The latency is 0.25 s on average and 0.47 s at most.
 """
 
 from collections.abc import Hashable, Iterable, Iterator
@@ -39,10 +34,8 @@ class _Member:
 
     detector: PulseDetector
     taken: int = 0
-    """Number of the channel's blocks that the detector has taken."""
     due: int = 0
-    """Number of the channel's samples, counting the longest recent block twice, at which its
-    next step is due; 0: none."""
+    """Samples of the channel, with the longest block twice, at the next step; 0: none."""
 
 
 @dataclass(slots=True, eq=False)
@@ -56,22 +49,18 @@ class _Channel:
     before: int = 0
     """Number of blocks that all detectors have taken, and that are dropped."""
     samples: int = 0
-    """Total number of samples of all blocks so far."""
     longest: LongestBlock = field(default_factory=LongestBlock)
     next_ns: float = 0.0
-    """Expected time of the next block [ns]."""
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
     """Least `due` of the members; 0: some member must be checked with each block."""
 
     def catch_up(self, member: _Member) -> None:
-        """Pass a member the blocks that it has not taken; none of them made a step due."""
         member.detector.take_all(self.blocks[member.taken - self.before :])
         member.taken = self.before + len(self.blocks)
 
     def wait(self, member: _Member) -> None:
-        """Determine when a member that has taken all blocks is next due."""
-        patience = member.detector.patient()
+        patience = member.detector.samples_to_wait()
         member.due = self.samples + patience if patience else 0
         self.soonest = min(m.due for m in self.members)
 
@@ -81,38 +70,37 @@ class _RingMemory:
 
     def __init__(self) -> None:
         self._memory = np.zeros(0, np.float32)
-        self._homes: dict[_Member, list[tuple[int, int]]] = {}
+        self._places: dict[_Member, list[tuple[int, int]]] = {}
         """Position in the array and size of each of a member's ring buffers."""
 
     def rebuild(self) -> None:
-        """Allocate a new array, for other members, at the next use."""
-        self._homes.clear()
+        self._places.clear()
 
-    def house(self, member: _Member, members: Iterable[_Member]) -> None:
+    def include(self, member: _Member, members: Iterable[_Member]) -> None:
         """Move a member's ring buffers into the array."""
-        searches = member.detector.band.anchor_searches()
+        searches = member.detector.band.anchor_searches
         if all(search.memory is self._memory for search in searches):
             return
-        if not self._homes:
+        if not self._places:
             self._build(members)
-        for search, (base, size) in zip(searches, self._homes[member], strict=False):
+        for search, (base, size) in zip(searches, self._places[member], strict=False):
             if search.memory is not self._memory and search.size <= size:
-                search.settle_in(self._memory, base)
+                search.move_to(self._memory, base)
 
     def _build(self, members: Iterable[_Member]) -> None:
         total = 0
         longest = 0
         for member in members:
-            homes = self._homes[member] = []
-            for search in member.detector.band.anchor_searches():
-                homes.append((total, search.size))
+            places = self._places[member] = []
+            for search in member.detector.band.anchor_searches:
+                places.append((total, search.size))
                 total += search.size
                 longest = max(longest, search.stretch)
         self._memory = np.zeros(total + longest, np.float32)
-        for member, homes in self._homes.items():
-            searches = member.detector.band.anchor_searches()
-            for search, (base, _) in zip(searches, homes, strict=True):
-                search.settle_in(self._memory, base, empty=True)
+        for member, places in self._places.items():
+            searches = member.detector.band.anchor_searches
+            for search, (base, _) in zip(searches, places, strict=True):
+                search.move_to(self._memory, base, empty=True)
 
 
 class DetectorGroup:
@@ -121,7 +109,7 @@ class DetectorGroup:
     Parameters
     ----------
     receiver : Receiver, optional
-        What the channels come from: ghosts that it makes of a strong tag are not confirmed.
+        Receiver of the channels: ghosts that it makes of a strong tag are not confirmed.
     """
 
     def __init__(self, receiver: Receiver | None = None) -> None:
@@ -135,7 +123,7 @@ class DetectorGroup:
         self._rings = _RingMemory()
         self.alone: frozenset[int] = frozenset()
         """Ids of tags that are searched separately, since one of them may cause a failure."""
-        self.in_hand: tuple[PulseDetector, ...] = ()
+        self.last_searched: tuple[PulseDetector, ...] = ()
         """Detectors of the last step; if a search fails, one of them is the cause."""
 
     def add(self, channel: Hashable, detectors: Iterable[PulseDetector]) -> None:
@@ -150,7 +138,7 @@ class DetectorGroup:
             tolerance_ns=0.99 * width_s / 8.0 * NANOSECONDS_PER_SECOND,
         )
         self._rings.rebuild()
-        self._find_company()
+        self._find_competitors()
 
     def __contains__(self, channel: Hashable) -> bool:
         return channel in self._channels
@@ -169,9 +157,9 @@ class DetectorGroup:
         Parameters
         ----------
         channel : hashable
-            As it was added.
+            Key of the channel, as for `add`.
         samples : ndarray of complex64, shape (n,)
-            They must stay as they are until they were searched.
+            Samples, which must not be changed until they are searched.
         time_ns : int
             Time of the first sample, as for `PulseDetector.process`.
         """
@@ -199,7 +187,7 @@ class DetectorGroup:
         line.longest.note(count)
         together = []
         for member in hurried:
-            self.in_hand = (member.detector,)
+            self.last_searched = (member.detector,)
             member.taken += 1
             if member.detector.tracking.senders is None:
                 self._pulses += member.detector.process(samples, time_ns)
@@ -207,17 +195,17 @@ class DetectorGroup:
             else:
                 together.append((line, member, member.detector.take(samples, time_ns)))
         if together:
-            self._go_on(together)
+            self._advance(together)
         if regular:
             upto = line.samples + line.longest.length
             line.due = [m for m in line.members if upto > m.due and m not in hurried]
         if line.due:
             self._due.append(line)
         elif hurried:
-            _forget(line)
+            _drop_taken(line)
 
     def collect(self) -> list[Pulse]:
-        """Search what is due; return the pulses found since the last call."""
+        """Search the blocks that are due; return the pulses found since the last call."""
         self._search()
         pulses, self._pulses = self._pulses, []
         return pulses
@@ -227,16 +215,16 @@ class DetectorGroup:
         self._search()
         for line in self._channels.values():
             for member in line.members:
-                self.in_hand = (member.detector,)
+                self.last_searched = (member.detector,)
                 line.catch_up(member)
-                member.detector.end()
+                member.detector.search_rest()
                 member.due = line.soonest = 0
-            _forget(line)
-        self._look_for_ghosts()
+            _drop_taken(line)
+        self._find_ghosts()
         self._settle(self.detectors)
         for detector in self.detectors:
-            self.in_hand = (detector,)
-            self._pulses += detector.leave()
+            self.last_searched = (detector,)
+            self._pulses += detector.report_rest()
         return self.collect()
 
     def _search(self) -> None:
@@ -248,10 +236,10 @@ class DetectorGroup:
                 line.catch_up(member)
                 active.append((line, member, length))
             line.due = []
-            _forget(line)
-        self._go_on(active)
+            _drop_taken(line)
+        self._advance(active)
 
-    def _go_on(self, active: list[tuple[_Channel, _Member, int]]) -> None:
+    def _advance(self, active: list[tuple[_Channel, _Member, int]]) -> None:
         """Advance detectors as far as their samples allow, those of one band step by step."""
         members = [member for _, member, _ in active]
         while active:
@@ -259,14 +247,14 @@ class DetectorGroup:
             again = []
             for line, member, length in active:
                 detector = member.detector
-                self.in_hand = (detector,)
+                self.last_searched = (detector,)
                 upto = detector.next_step(length)
                 if upto is None:
                     self._pulses += detector.drain()
                     line.wait(member)
                     continue
                 again.append((line, member, length))
-                self._rings.house(member, self._members())
+                self._rings.include(member, self._members())
                 detector.prepare(upto)
                 key = None
                 if detector.tag.tag_id not in self.alone:
@@ -277,18 +265,18 @@ class DetectorGroup:
                     self._step(some[first : first + _TOGETHER])
             active = again
             if again:
-                self._look_for_ghosts()
+                self._find_ghosts()
             self._settle([member.detector for _, member, _ in again])
-        for senders in self._company(member.detector for member in members):
-            for hearer in senders.hearers:
-                self.in_hand = (hearer,)
-                self._pulses += hearer.drain()
+        for senders in self._competitors(member.detector for member in members):
+            for detector in senders.detectors:
+                self.last_searched = (detector,)
+                self._pulses += detector.drain()
 
-    def _look_for_ghosts(self) -> None:
+    def _find_ghosts(self) -> None:
         """Find ghosts of stronger tags; mark their pulses that are not collected yet."""
         if self._receiver is None:
             return
-        self.in_hand = ()  # no one tag's search
+        self.last_searched = ()  # no one tag's search
         for detector, track in mark_ghosts(self.detectors, self._receiver, self.carriers_hz):
             self._pulses += detector.drain()
             times_ns = {slot.time_ns for slot in track.slots}
@@ -305,17 +293,16 @@ class DetectorGroup:
             ]
 
     def _settle(self, detectors: Iterable[PulseDetector]) -> None:
-        """Assign pulses to tags where the bands of these detectors overlap with others."""
-        for senders in self._company(detectors):
-            self.in_hand = tuple(senders.hearers)
+        for senders in self._competitors(detectors):
+            self.last_searched = tuple(senders.detectors)
             senders.settle()
 
     @staticmethod
-    def _company(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
+    def _competitors(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
         found = {id(one): one for d in detectors if (one := d.tracking.senders) is not None}
         return list(found.values())
 
-    def _find_company(self) -> None:
+    def _find_competitors(self) -> None:
         able = [
             detector
             for detector in self.detectors
@@ -324,13 +311,13 @@ class DetectorGroup:
         for places in overlapping([_band_hz(detector) for detector in able]):
             together = [able[place] for place in places]
             known = together[0].tracking.senders
-            if len(together) > 1 and (known is None or len(known.hearers) < len(together)):
+            if len(together) > 1 and (known is None or len(known.detectors) < len(together)):
                 senders = Senders(together)
                 for detector in together:
                     detector.tracking.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
-        self.in_hand = tuple(detector for detector, _ in steps)
+        self.last_searched = tuple(detector for detector, _ in steps)
         if len(steps) == 1:
             detector, upto = steps[0]
             detector.conclude(detector.band.advance(upto, last=False))
@@ -338,7 +325,7 @@ class DetectorGroup:
         bands = [detector.band for detector, _ in steps]
         results = advance_together(bands, [upto for _, upto in steps], self._workspace)
         for (detector, _), result in zip(steps, results, strict=True):
-            self.in_hand = (detector,)
+            self.last_searched = (detector,)
             detector.conclude(result)
 
 
@@ -347,7 +334,7 @@ def _band_hz(detector: PulseDetector) -> tuple[float, float]:
     return nominal_hz - half_hz, nominal_hz + half_hz
 
 
-def _forget(line: _Channel) -> None:
+def _drop_taken(line: _Channel) -> None:
     taken = min(member.taken for member in line.members) - line.before
     del line.blocks[:taken]
     line.before += taken

@@ -22,4 +22,4 @@ class OperatingMode(StrEnum):
     """Search only ± 100 Hz around the tag's nominal frequency, from the start and always."""
     ALL_NEVER_LOCK = "freqAllNeverLock"
     """Search the whole channel always, without tracks: each group must reach the threshold by
-    itself. Groups of all frequencies are reported under the tag's number."""
+    itself. Groups of all frequencies are reported under the tag's id."""

@@ -21,7 +21,7 @@ from uavrt.units import ns_from_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostTuning:
-    """How the cost of a search is estimated and measured."""
+    """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
     """Cost up to which a list is not measured [typical tags]: a fifth of a core here."""
@@ -132,7 +132,6 @@ def _measure(
 
 
 def _pulses(tag: Tag, at: int) -> NDArray[np.complex64]:
-    """Samples of a tag's pulses at the channel's centre, from a sample index on."""
     seconds = (at + np.arange(COSTS.block)) / COSTS.rate_hz
     sent = seconds % tag.pulse_intervals_s[0] < tag.pulse_width_s
     # Noise of variance 2: a pulse's energy over it is its ENR.

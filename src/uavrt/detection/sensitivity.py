@@ -30,18 +30,16 @@ from uavrt.messages import Tag
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensitivityTuning:
-    """Differences between the computed sensitivity and that in the experiments."""
+    """Measured differences between the computed sensitivity and that in experiments."""
 
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K of `gains_db`."""
     gains_db: tuple[float, ...] = (0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05)
-    """Gain per pulse from choosing the best of overlapping cells, by K [dB]: the difference to
-    the ENR at which half of the groups are found."""
+    """Gain per pulse in experiments from choosing the best of overlapping cells, by K [dB]."""
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
     """Numbers of bursts of `losses_db`."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
-    """Loss of a coded tag's sums between the cells, less the gain of refinement, by number of
-    bursts [dB]: the difference to experiment E23."""
+    """Loss of a coded tag's sums in experiment E23, by number of bursts [dB]."""
     step: float = 0.02
     """Resolution of the cells' distributions [noise powers]."""
 
@@ -52,8 +50,7 @@ SENSITIVITY = SensitivityTuning()
 def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: float) -> float:
     """Sum of K cells required of a group of the tag's first rate [noise powers].
 
-    `frequency_window_hz`: half-width of the search around its frequency, limited by that of the
-    channel with this sample rate.
+    `frequency_window_hz`: half-width of the search, limited by the sample rate.
     """
     hop_s = tag.pulse_width_s / HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s

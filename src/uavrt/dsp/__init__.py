@@ -1,7 +1,6 @@
 """Signal processing: arrays in, arrays out.
 
-`FrontEnd` turns the radio's blocks into tag channels, with a `Decimator` and a `Channelizer`.
-`tune` chooses the radio's frequency.
+`FrontEnd` turns the radio's blocks into tag channels; `tune` chooses the radio's frequency.
 """
 
 from typing import TYPE_CHECKING

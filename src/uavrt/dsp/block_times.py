@@ -1,8 +1,7 @@
 """Times of a stream's samples, from the times of its blocks.
 
-Counting at the nominal rate from the first sample is wrong after a gap of unknown length, after
-a correction of the clock, and after an hour by the crystal's error (180 ms at 50 ppm). So the
-nominal rate counts only within a block.
+The nominal rate counts only within a block: over an hour a crystal errs by 180 ms at 50 ppm,
+and gaps and corrections of the clock add to it.
 """
 
 from bisect import bisect_right
@@ -64,4 +63,4 @@ class BlockTimes:
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:
                 # A time that the clock skipped when it was set forward.
                 return max(index, float(first)) if at else index
-        raise ValueError("no block has come yet")
+        raise ValueError("no block was added yet")

@@ -15,16 +15,14 @@ _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
 _LENGTH_S = 0.011
 """Longest stretch of samples in a check [s]; it has a power of two samples."""
 _LEAST_SAMPLES = 256
-_LOOKS = 3
+_CONSECUTIVE_CHECKS = 3
 """Number of consecutive checks that show a carrier, and not a pulse."""
-_STRONG = 10.0**3.0
-"""Least power of a carrier's bin over the median of all: 30 dB. Weaker ones make no
-products."""
-MOST = 8
+_STRONG_RATIO = 10.0**3.0
+"""Least power of a carrier's bin over the median of all; weaker ones make no products."""
+MOST_CARRIERS = 8
 """Most carriers kept: the strongest."""
 _CENTRE_BINS = 4
-"""Distance from the centre within which bins are left out, for the receiver's DC offset
-[bins]."""
+"""Distance from the centre within which bins are left out [bins]: the receiver's DC offset."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
 """Least power relative to the strongest carrier; weaker peaks are side lobes of the window."""
@@ -36,11 +34,11 @@ class Carriers:
     def __init__(self) -> None:
         self.frequencies_hz: tuple[float, ...] = ()
         """Absolute frequencies of the present carriers [Hz], the strongest first."""
-        self._looks: deque[list[float]] = deque(maxlen=_LOOKS)
+        self._checks: deque[list[float]] = deque(maxlen=_CONSECUTIVE_CHECKS)
         self._next_ns: int | None = None
         self._apart_ns = itertools.cycle(_APART_NS)
 
-    def look(self, block: IQBlock, center_frequency_hz: float) -> None:
+    def check(self, block: IQBlock, center_frequency_hz: float) -> None:
         """Search a block of the radio's samples for steady carriers, if the next check is due.
 
         Blocks of less than 256 samples are skipped. `center_frequency_hz`: of the radio.
@@ -53,14 +51,14 @@ class Carriers:
         if length < _LEAST_SAMPLES:
             return
         self._next_ns = block.time_ns + next(self._apart_ns)
-        self._looks.append(_strong(block.samples[:length], rate_hz))
-        if len(self._looks) < _LOOKS:
+        self._checks.append(_strong(block.samples[:length], rate_hz))
+        if len(self._checks) < _CONSECUTIVE_CHECKS:
             return
         near_hz = _SAME_BINS * rate_hz / length
         self.frequencies_hz = tuple(
             center_frequency_hz + at_hz
-            for at_hz in self._looks[-1]
-            if all(any(abs(at_hz - o) < near_hz for o in look) for look in self._looks)
+            for at_hz in self._checks[-1]
+            if all(any(abs(at_hz - o) < near_hz for o in look) for look in self._checks)
         )
 
 
@@ -69,11 +67,11 @@ def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
     length = len(samples)
     spectrum = np.fft.fft(samples * _window(length))
     power = spectrum.real**2 + spectrum.imag**2
-    least = max(_STRONG * float(np.median(power[::8])), _LEAST_SHARE * float(power.max()))
+    least = max(_STRONG_RATIO * float(np.median(power[::8])), _LEAST_SHARE * float(power.max()))
     over = power > least
     peaks = np.flatnonzero(over & (power >= np.roll(power, 1)) & (power > np.roll(power, -1)))
     found: list[float] = []
-    for peak in peaks[np.argsort(-power[peaks])][: 4 * MOST]:
+    for peak in peaks[np.argsort(-power[peaks])][: 4 * MOST_CARRIERS]:
         below, at, above = np.log(power[[peak - 1, peak, (peak + 1) % length]])
         shift = 0.5 * (below - above) / (below - 2.0 * at + above)
         index = float(math.remainder(int(peak) + shift, length))
@@ -81,7 +79,7 @@ def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
             abs(index - other) > _CENTRE_BINS for other in found
         ):
             found.append(index)
-    return [index * rate_hz / length for index in found[:MOST]]
+    return [index * rate_hz / length for index in found[:MOST_CARRIERS]]
 
 
 @lru_cache(maxsize=4)

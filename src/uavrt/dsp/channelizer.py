@@ -8,10 +8,6 @@ The sum is folded: with ``u = Q M - m`` the window of the last Q M samples is we
 symmetric prototype, added up modulo M and Fourier transformed. The window starts at ``H n - Q
 M``, so for H = M / 2 and odd n the transform comes out rotated by half its length, which is a
 change of sign in odd channels.
-
-Lost samples are a gap in the band, because a recording must show it. In the channels, gaps of
-up to one second are filled with zeros, so that a detector keeps its time grid and its noise
-estimate. After a longer gap the channelizer starts again and reports the loss.
 """
 
 from collections.abc import Sequence
@@ -28,12 +24,11 @@ from uavrt.native import kernels
 MATRIX_CHANNELS = 32
 """Most channels for which a small DFT matrix is cheaper than an FFT (measured)."""
 
-GROUP = 8
+WINDOWS_PER_PASS = 8
 """Number of windows weighted in one pass: a longer inner loop saves a fifth of the time."""
 
-ROWS = 1024
-"""Most outputs per pass; longer blocks are cut. A receiver's block (262 144 samples) makes 655,
-or 327 in the compatible mode."""
+OUTPUTS_PER_PASS = 1024
+"""Most outputs per pass; longer blocks are cut. A receiver's block makes 655 or 327."""
 
 
 class Channelizer:
@@ -67,7 +62,7 @@ class Channelizer:
     ) -> None:
         if channels < 2 or (mode == "default" and channels % 2):
             raise UsageError(
-                f"{channels} is not a possible number of channels",
+                f"the number of channels {channels} is not supported",
                 remedy="Use an even number of channels",
             )
         self.channels = channels
@@ -75,7 +70,9 @@ class Channelizer:
         self.in_use = tuple(range(channels) if in_use is None else in_use)
         for channel in self.in_use:
             if not 0 <= channel < channels:
-                raise UsageError(f"channel {channel}", remedy=f"Use 0 to {channels - 1}")
+                raise UsageError(
+                    f"channel {channel} does not exist", remedy=f"Use 0 to {channels - 1}"
+                )
         self.hop = channels if mode == "compatible" else channels // 2
         self.sample_rate_hz = sample_rate_hz
         self.taps = (compatible_bank_taps if mode == "compatible" else bank_taps)(channels)
@@ -84,7 +81,7 @@ class Channelizer:
         phases = self.taps.reshape(-1, channels)
         # Real weights for interleaved real and imaginary parts.
         self._pairs = weights = np.repeat(phases, 2, axis=1).astype(np.float32)
-        self._weights = np.tile(weights, (1, GROUP))
+        self._weights = np.tile(weights, (1, WINDOWS_PER_PASS))
         self._window = self.taps.size
         self._all = self.in_use == tuple(range(channels))
         self._selection = np.array(self.in_use, dtype=np.intp)
@@ -96,12 +93,10 @@ class Channelizer:
             turns = np.outer(self._selection, np.arange(channels)) % channels / channels
             self._matrix = np.exp(-2j * np.pi * turns).astype(np.complex64)
         self._folded = np.empty((0, 2 * channels), dtype=np.float32)
-        """Buffer for NumPy; allocated at the first use."""
         turns = np.arange(channels) / channels
         self._turns = np.exp(-2j * np.pi * turns).astype(np.complex64)
         self._chosen = self._selection.astype(np.int32)
         self._work = np.empty(0, dtype=np.float32)
-        """Buffer for the compiled kernel; allocated at the first use."""
         self.reset()
 
     @property
@@ -130,17 +125,17 @@ class Channelizer:
         Parameters
         ----------
         block : (n,) complex64 array
-            Any length; how a stream is cut changes nothing.
+            Samples of any length; how a stream is cut changes nothing.
 
         Returns
         -------
         (channels in use, m) complex64 array
-            Output n of the stream stands at sample H n of the band and appears once the H
-            samples from there on are in: ``floor(total / H)`` outputs in all.
+            Output n of the stream is at sample H n of the band and appears once the H samples
+            from there on have arrived: ``floor(total / H)`` outputs in all.
         """
         block = np.ascontiguousarray(block, dtype=np.complex64)
-        if block.size >= ROWS * self.hop:
-            parts = np.array_split(block, 1 + block.size // ((ROWS - 1) * self.hop))
+        if block.size >= OUTPUTS_PER_PASS * self.hop:
+            parts = np.array_split(block, 1 + block.size // ((OUTPUTS_PER_PASS - 1) * self.hop))
             return np.concatenate([self.process(part) for part in parts], axis=1)
         tail, hop = self._tail, self.hop
         rows = max(0, (tail.size + block.size - self._window) // hop)
@@ -166,8 +161,7 @@ class Channelizer:
     ) -> NDArray[np.complex64]:
         """Outputs, shape (channels in use, rows).
 
-        `pieces`: first and last output, and the samples from the oldest that the first one
-        needs.
+        `pieces`: first and last output, and the samples from the oldest needed.
         """
         native = kernels()
         if native is not None:
@@ -182,7 +176,7 @@ class Channelizer:
                 )
             return out
         if not len(self._folded):
-            self._folded = np.empty((ROWS, 2 * self.channels), dtype=np.float32)
+            self._folded = np.empty((OUTPUTS_PER_PASS, 2 * self.channels), dtype=np.float32)
         folded = self._folded[:rows]
         for first, last, samples in pieces:
             self._fold_rows(samples, folded[first:last])
@@ -195,7 +189,7 @@ class Channelizer:
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
         """Fill `folded` from `samples`, which begin with the oldest that row 0 needs."""
         floats = samples.view(np.float32)
-        group = GROUP if self.hop == self.channels else 1
+        group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group
         self._fold(floats, folded[:grouped], group)
         self._fold(floats[grouped * 2 * self.hop :], folded[grouped:], 1)
@@ -205,7 +199,7 @@ class Channelizer:
     ) -> None:
         """Weight the windows and add them up modulo M; `group` windows as one long row.
 
-        Windows can be joined when they follow each other at M samples, as where H = M.
+        Windows can be joined where they follow each other at M samples: if H = M.
         """
         if len(folded) == 0:
             return
@@ -221,7 +215,6 @@ class Channelizer:
         np.einsum("nqm,qm->nm", windows, self._weights[:, :width], out=result)
 
     def _transform(self, folded: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Fourier transform each row; the channels in use become rows."""
         if self._matrix is not None:
             product: NDArray[np.complex64] = self._matrix @ folded.T
             return product

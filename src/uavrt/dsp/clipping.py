@@ -9,19 +9,17 @@ import numpy as np
 from uavrt.messages import IQBlock
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-LIMIT = 0.99
-"""Amplitude that counts as clipped, as a share of full scale; the last code of 8 bits is
-0.992."""
-_BEYOND = 2.0
-"""Amplitude that only computed samples exceed [full scales]; a radio's filters reach tenths
-more than 1."""
+CLIPPED_AMPLITUDE = 0.99
+"""Least amplitude that counts as clipped [full scales]; the last code of 8 bits is 0.992."""
+_COMPUTED_AMPLITUDE = 2.0
+"""Amplitude that only computed samples exceed [full scales]; a radio's filters reach less."""
 _STRETCH_S = 0.5e-3
 """Length of one examined stretch [s]; a pulse of 15 ms has thirty."""
 _LEAST_SAMPLES = 64
 """Number of samples examined in each stretch; a clipped tone has one in four there or more."""
 _PULSE_SHARE = 0.2
 """Least share of clipped stretches in a clipped pulse; an impulse makes no pulse stronger."""
-MOST_NEW = 1000
+MOST_UNREAD = 1000
 """Most stretches kept until they are read: half a second at the least."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
 """Time for which stretches are kept [ns], longer than a pulse's report takes."""
@@ -56,7 +54,7 @@ class Clipping:
     """
 
     def __init__(self) -> None:
-        self.looked_s = 0.0
+        self.examined_s = 0.0
         self.clipped_s = 0.0
         """Time with clipped samples, in steps of half a millisecond [s]."""
         self.times = ClippedTimes()
@@ -66,24 +64,26 @@ class Clipping:
     @property
     def share(self) -> float:
         """Share of the examined time with clipped samples."""
-        return self.clipped_s / self.looked_s if self.looked_s else 0.0
+        return self.clipped_s / self.examined_s if self.examined_s else 0.0
 
-    def look(self, block: IQBlock) -> None:
-        """Examine a block of the radio's samples."""
+    def check(self, block: IQBlock) -> None:
+        """Search a block of the radio's samples for clipped ones."""
         rate_hz = block.sample_rate_hz
         length = max(1, math.ceil(_STRETCH_S * rate_hz))
         count = len(block.samples) // length
-        self.looked_s += len(block.samples) / rate_hz
+        self.examined_s += len(block.samples) / rate_hz
         if not count:
             return
         some = block.samples[: count * length].view(np.float32).reshape(count, 2 * length)
         some = some[:, : 2 * min(length, _LEAST_SAMPLES)]
-        if self._has_full_scale and float(some.max()) > _BEYOND:
+        if self._has_full_scale and float(some.max()) > _COMPUTED_AMPLITUDE:
             self._has_full_scale, self.clipped_s = False, 0.0
             self.times, self._new = ClippedTimes(), []
         if not self._has_full_scale:
             return
-        at_limit = (some.max(axis=1) >= LIMIT) | (some.min(axis=1) <= -LIMIT)
+        at_limit = (some.max(axis=1) >= CLIPPED_AMPLITUDE) | (
+            some.min(axis=1) <= -CLIPPED_AMPLITUDE
+        )
         if not at_limit.any():
             return
         self.clipped_s += int(np.count_nonzero(at_limit)) * length / rate_hz
@@ -97,7 +97,7 @@ class Clipping:
             for first, last in zip(edges[::2], edges[1::2], strict=True)
         ]
         self.times.add(new)
-        self._new = (self._new + new)[-MOST_NEW:]
+        self._new = (self._new + new)[-MOST_UNREAD:]
 
     def take_new(self) -> tuple[tuple[int, int], ...]:
         """Return begin and end [ns] of the stretches found since the last call, in order."""

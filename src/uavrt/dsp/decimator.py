@@ -4,12 +4,8 @@
 samples, the rows of a matrix. A block contributes to the R outputs that start in it and to the
 E that start before it and reach into it. A product with an (R + E, P) matrix of shifted taps
 gives all these parts, and adding each block's parts to those of the blocks after it gives the
-outputs (overlap-add). Copying overlapping stretches under each other (im2col) took 1.28 times
-as long.
-
-A real product on interleaved parts is 10 to 20 % slower than the complex one, which multiplies
-twice as much but has the better inner kernel; separate planes are slower still. The sum of up
-to four parts rounds a little differently from a plain sum: up to 3e-7 of the largest sample.
+outputs (overlap-add). This rounds a little differently from a plain sum: up to 3e-7 of the
+largest sample.
 """
 
 from typing import Literal
@@ -24,8 +20,7 @@ from uavrt.native import kernels
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Most samples per matrix product: a receiver's block (262 144) at once. Passes of 40 960
-samples took 10 % longer."""
+"""Most samples per matrix product: a block of 262 144 at once; smaller ones take longer."""
 
 DIRECT_OUTPUTS = 1024
 """Most outputs per pass of the direct sum, which bounds its memory."""
@@ -81,7 +76,6 @@ class Decimator:
         self._reach = -(-((taps.size - 1) // factor) // self._starts)
         self._pass = max(128, PASS_SAMPLES // (self._starts * factor))
         self._parts = np.empty((0, self._matrix.shape[1]), dtype=np.complex64)
-        """Buffer for NumPy; allocated at the first use."""
         self._pairs = np.repeat(taps[::-1], 2).astype(np.float32)
         self.reset()
 
@@ -100,12 +94,12 @@ class Decimator:
         Parameters
         ----------
         block : (n,) complex64 array
-            Any length; how a stream is cut changes nothing.
+            Samples of any length; how a stream is cut changes nothing.
 
         Returns
         -------
         (m,) complex64 array
-            All outputs up to the last input; output n of the stream stands at input D n.
+            All outputs up to the last input; output n of the stream is at input D n.
         """
         block = np.ascontiguousarray(block, dtype=np.complex64)
         length, factor, tail = self.taps.size, self.factor, self._tail
@@ -176,8 +170,7 @@ def _shifted_taps(
 ) -> NDArray[np.complex64]:
     """Matrix from a block of samples to its parts of all outputs that it touches, in order.
 
-    Idle columns in front make their number a multiple of 4, the width of the BLAS's inner
-    kernel: 10 % faster for D = 8.
+    Idle columns in front make their number a multiple of 4, 10 % faster in the BLAS for D = 8.
     """
     outputs = (weights.size - 1) // factor + starts
     matrix = np.zeros((starts * factor, -(-outputs // 4) * 4), dtype=np.complex64)

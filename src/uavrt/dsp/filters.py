@@ -8,19 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 CLEAN_FRACTION = 0.336
-"""Half of the span without aliases, as a share of the decimator's output rate: 126 kHz of 375
-kHz."""
+"""Half of the span without aliases, as a share of the output rate: 126 kHz of 375 kHz."""
 
 PASSBAND_FRACTION = 0.675
-"""Edge of the oversampled bank's flat pass-band, as a share of the channel spacing: 2531 of
-3750 Hz."""
+"""Edge of the oversampled bank's flat band, as a share of the spacing: 2531 of 3750 Hz."""
 
 
 def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
     """Taps that csdr derives for ``fir_decimate_cc FACTOR 0.05 HAMMING``, shape (81,).
 
-    A sinc with a Hamming window, cut off at half the output rate (-6 dB *at* the output's
-    Nyquist frequency), unity gain at 0 Hz.
+    A sinc with a Hamming window, -6 dB *at* the output's Nyquist frequency, unity gain at 0 Hz.
     """
     offset = np.arange(81) - 40.0
     taps = np.sinc(offset / factor) * np.hamming(81)

@@ -4,10 +4,9 @@ All outputs are on one grid of absolute sample indices: band sample n is at inpu
 channel sample n at band sample ``H n``. So neither a late start nor a gap shifts times or
 phases. The group delays of the filters are subtracted from times.
 
-A gap is filled with zeros for the decimator and appears in the band as samples lost. The
-channelizer fills gaps of up to `LONGEST_FILLED_GAP_S` with zeros, so that a detector gets an
-unbroken stream. A longer gap makes it start again, and is reported. Outputs whose middle lies
-in a gap are set to zero, so that a detector finds the lost samples.
+A gap appears in the band as lost samples. The channelizer fills gaps of up to
+`LONGEST_FILLED_GAP_S` with zeros; a longer one makes it start again, and is reported. Outputs
+whose middle lies in a gap are set to zero, so that a detector finds the lost samples.
 """
 
 import math
@@ -30,8 +29,7 @@ from uavrt.messages import ChannelBlock, IQBlock
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LONGEST_FILLED_GAP_S = 1.0
-"""Longest gap filled with zeros [s], about a tag's interval; longer ones restart the
-channelizer."""
+"""Longest gap filled with zeros [s]; after longer ones the channelizer restarts."""
 
 
 class FrontEnd:
@@ -72,13 +70,7 @@ class FrontEnd:
         self.reset()
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Channel whose centre is nearest to a frequency.
-
-        Raises
-        ------
-        TunerError
-            The frequency is outside the usable span.
-        """
+        """Channel with the nearest centre; raises `TunerError` outside of the usable span."""
         return self.plan.channel_of(frequency_hz)
 
     def reset(self) -> None:
@@ -89,8 +81,7 @@ class FrontEnd:
         self._next_channel_sample = 0
         self._lost_channel_samples = 0
         self._silent: list[tuple[int, int]] = []
-        """First and last + 1 output of each gap: set to zero, as they hold only the filter's
-        ringing."""
+        """First and last + 1 output of each gap, which are set to zero."""
 
     def process(self, block: IQBlock) -> list[ChannelBlock]:
         """Decimate and channelize the next block; see `channelize`."""
@@ -219,7 +210,6 @@ class FrontEnd:
 
 
 def _later(block: IQBlock, samples: float) -> int:
-    """Time of a position some samples after the start of a block [ns]."""
     return block.time_ns + round(samples * NANOSECONDS_PER_SECOND / block.sample_rate_hz)
 
 
@@ -229,7 +219,6 @@ def _set_up(
     frequencies_hz: Sequence[float],
     mode: Mode,
 ) -> tuple[FrontEndPlan, Decimator | None, Channelizer | None]:
-    """Choose a plan and build the filters."""
     check_rate(sample_rate_hz)
     frequencies = tuple(float(frequency) for frequency in frequencies_hz)
     for frequency in (center_frequency_hz, *frequencies):

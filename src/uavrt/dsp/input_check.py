@@ -10,16 +10,16 @@ from uavrt.messages import IQBlock, Tag
 from uavrt.units import ns_from_s
 
 _EVERY_NS: Final = ns_from_s(1.0)
-_LOOKED_AT: Final = 8192
+_EXAMINED_SAMPLES: Final = 8192
 """Number of samples of a block that are examined."""
 _FEWEST_SAMPLES: Final = 1024
-_LOOKS: Final = 3
+_CONSECUTIVE_CHECKS: Final = 3
 """Number of consecutive checks that must show a fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
 """Largest share of samples at one level of the converter; noise of 0.6 steps costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
 """Amplitude below which noise has some values [full scales]; a wrong format has none there."""
-_UNEQUAL: Final = 4.0
+_UNEQUAL_RATIO: Final = 4.0
 """Ratio of the powers of I and Q that no radio produces."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
@@ -42,10 +42,10 @@ class InputCheck:
         self._next_ns: int | None = None
         self._seen: dict[str, int] = {}
 
-    def look(self, block: IQBlock) -> list[str]:
+    def check(self, block: IQBlock) -> list[str]:
         """Check a block, if a check is due; return new faults."""
         due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
-        samples = block.samples[:_LOOKED_AT]
+        samples = block.samples[:_EXAMINED_SAMPLES]
         if not due or len(samples) < _FEWEST_SAMPLES:
             return []
         self._next_ns = block.time_ns + _EVERY_NS
@@ -53,9 +53,9 @@ class InputCheck:
         new = []
         for fault in (*self._seen, *(faults - set(self._seen))):
             count = self._seen.get(fault, 0)
-            if count < _LOOKS:
+            if count < _CONSECUTIVE_CHECKS:
                 self._seen[fault] = count = count + 1 if fault in faults else 0
-                if count == _LOOKS:
+                if count == _CONSECUTIVE_CHECKS:
                     new.append(fault)
         return new
 
@@ -68,7 +68,7 @@ class InputCheck:
         middle = (np.abs(about_mean) < _EMPTY_MIDDLE).any(axis=0)
         if not middle.all():
             yield WRONG_FORMAT
-        elif power.max() > _UNEQUAL * power.min():
+        elif power.max() > _UNEQUAL_RATIO * power.min():
             yield UNEQUAL
         elif _most_common(parts[:, 0]) > _SAME_LEVEL:
             yield GAIN_TOO_LOW
@@ -80,5 +80,4 @@ class InputCheck:
 
 
 def _most_common(values: NDArray[np.float32]) -> float:
-    """Share of the values that equal the most frequent one."""
     return float(np.unique(values, return_counts=True)[1].max()) / values.size

@@ -20,8 +20,7 @@ ONE_CHANNEL_RATE_HZ = 14_000.0
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45
-"""Half of the usable span without decimation, as a share of the rate: the radio's own
-filter."""
+"""Half of the usable span without decimation, as a share of the rate."""
 
 
 DEFAULT_WINDOW_HZ = 500.0
@@ -114,13 +113,7 @@ class FrontEndPlan:
     """Group delay of decimator and channelizer [s], already subtracted from all times."""
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Channel whose centre is nearest to a frequency.
-
-        Raises
-        ------
-        TunerError
-            The frequency is outside the usable span.
-        """
+        """Channel with the nearest centre; raises `TunerError` outside of the usable span."""
         offset_hz = frequency_hz - self.center_frequency_hz
         if not abs(offset_hz) <= self.usable_half_span_hz:
             raise outside_span(
@@ -195,6 +188,13 @@ def choose_channel_count(band_rate_hz: float) -> int:
     nearest = 2 * round(exact / 2)
     candidates = (n for n in range(max(2, nearest - 16), nearest + 17, 2) if _smooth(n))
     return min(candidates, key=lambda n: (abs(band_rate_hz / n - CHANNEL_SPACING_HZ), n))
+
+
+def fast_length(least: int) -> int:
+    """Return the next length without a prime factor above 11, which is fast to transform."""
+    while not _smooth(least):
+        least += 1
+    return least
 
 
 def _smooth(number: int) -> bool:

@@ -3,12 +3,8 @@
 The default keeps every tag within the clean span of the decimator, which it widens as far as
 the tags need, and away from the radio's own centre, where a zero-IF receiver has its DC spur.
 Then it avoids mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags
-near channel centres.
-
-Among frequencies that keep these guards, those come first that the original's own cost (tags
-per channel, nearness to channel edges) rates no worse than its choice, so that the same plan
-also serves the compatible bank and the original's detectors. An order is easier to explain than
-a weighted sum.
+near channel centres. Among such frequencies, those come first that the original's own cost
+rates no worse than its choice, so that the plan also serves the original's detectors.
 """
 
 from collections.abc import Sequence
@@ -22,12 +18,10 @@ from uavrt.dsp.plan import BandPlan, check_rate, plan_band
 from uavrt.errors import TunerError, UsageError
 
 DC_GUARD_HZ = 1000.0
-"""Least distance of a tag from the radio's centre [Hz]: search window 500 Hz and as much
-again."""
+"""Least distance of a tag from the radio's centre [Hz]: twice the search window."""
 
 IMAGE_GUARD_HZ = 1000.0
-"""Preferred distance of a tag from another's mirror image [Hz]: two search windows of 500
-Hz."""
+"""Preferred distance of a tag from another's mirror image [Hz]: two search windows."""
 
 GRID_STEP_HZ = 100.0
 FLAT_FRACTION = 0.85
@@ -103,7 +97,7 @@ def tune(
     tags = _checked(frequencies_hz)
     if channel_count is not None and channel_count % 2:
         raise UsageError(
-            f"{channel_count} is not a possible number of channels",
+            f"the number of channels {channel_count} is not supported",
             remedy="Use an even number of channels",
         )
     band = plan_band(sample_rate_hz, reach_hz=float(np.ptp(tags)) / 2.0)
@@ -160,7 +154,6 @@ def _checked(frequencies_hz: Sequence[float]) -> Floats:
 
 
 def _nearest_channels(offsets: Floats, spacing_hz: float, channel_count: int) -> Floats:
-    """Signed number of the nearest channel, -M/2 to M/2 - 1."""
     half = channel_count // 2
     highest = half - 1 if channel_count > 1 else 0
     nearest: Floats = np.clip(np.rint(offsets / spacing_hz), -half, highest)
@@ -183,8 +176,7 @@ def _candidates(
     """Whole hertz in [low, high] among which the best choice lies.
 
     A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
-    is piecewise linear, so its minima are there), at the edge of a guard, at the start of a
-    shoulder.
+    is piecewise linear), at the edge of a guard, at the start of a shoulder.
     """
     steps = np.arange(np.floor((low - tags[0]) / spacing), (high - tags[0]) / spacing + 2)
     flat = spacing * FLAT_FRACTION / 2
@@ -266,7 +258,6 @@ def _best_center(
 def _original_cost(
     tags: Floats, candidates: Floats, spacing: float, channel_count: int
 ) -> tuple[float, float]:
-    """Lowest cost that the original's search finds."""
     cost = compatible_cost(tags, candidates, spacing_hz=spacing, channel_count=channel_count)
     per_channel = cost.tags_per_channel.round(9)
     best = per_channel.min()

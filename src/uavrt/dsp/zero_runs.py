@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 def zero_runs(samples: NDArray[np.complex64], shortest: int) -> list[tuple[int, int]]:
     """Find the runs of at least `shortest` samples that are exactly 0.
 
-    Noise has no long runs of zeros: they replace lost samples, or the radio was dead. Shorter
-    runs occur in samples of few bits. Returns the first sample of each run and the one after
-    its last, in order of time.
+    Noise has no long ones: samples were lost, or the radio was dead. Returns the first sample
+    of each run and the one after its last.
     """
     if not (samples[shortest - 1 :: shortest] == 0).any():  # every run has one of these
         return []

@@ -1,4 +1,4 @@
-"""Decide which of several open pages may command the vehicle. Pure."""
+"""Decide which of several open pages may command the vehicle. No I/O."""
 
 from collections import Counter
 
@@ -9,10 +9,10 @@ class Commander:
     """Allows commands from one page; the others watch until one of them takes over.
 
     A page sends its name when it connects and with each request. Scripts send no name and may
-    always command. The first connected page commands and keeps command when it is reloaded;
-    once it has gone, the next page that sends a command gets it.
+    always command. The first connected page commands and keeps command when it is reloaded.
+    Once it has disconnected, the next page that sends a command takes over.
 
-    `page`: the commanding page before a restart in flight.
+    `page`: name of the page that commanded before a restart in flight.
     """
 
     def __init__(self, page: str | None = None) -> None:
@@ -21,7 +21,7 @@ class Commander:
 
     @property
     def present(self) -> str | None:
-        """The commanding page, while it is connected."""
+        """Name of the commanding page; None while that page is disconnected."""
         return self.page if self.page is not None and self._there[self.page] > 0 else None
 
     def come(self, page: str) -> None:
@@ -37,11 +37,11 @@ class Commander:
             del self._there[page]
 
     def take(self, page: str) -> None:
-        """Give command to this page."""
+        """Make this page the commanding one."""
         self.page = page
 
     def check(self, page: str | None) -> None:
-        """Refuse commands of a page that only watches; raises `CommandRefused`."""
+        """Raise `CommandRefused` if this page may only watch."""
         if page is None or page == self.page:
             return
         if self.present is not None:

@@ -1,4 +1,4 @@
-"""Repeat a vehicle's estimates whenever new data arrives, within a share of a core."""
+"""Repeat a vehicle's estimates when new data arrives, limited to a share of one core."""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -11,12 +11,14 @@ from uavrt.localization.flight_estimates import HeardInTurn
 
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Minimum pause between estimates, in multiples of their duration: at most 11 % of a core."""
+"""Minimum pause after an estimate, in multiples of its duration; 8 uses at most 11 % of a
+core."""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
-"""The same multiple with several vehicles, for each: 5 % of a core in all."""
+"""Minimum pause after an estimate while several vehicles are served, in multiples of its
+duration. Only one vehicle computes at a time, so 20 uses 5 % of a core in all."""
 ESTIMATES_SHOWN_S = 2.0
-"""Interval at which estimates are sent to the page while those of many tags are under way
-[s]."""
+"""Interval at which finished estimates are sent to the page while further tags are still
+computed [s]."""
 
 
 class EstimateLoop:
@@ -43,11 +45,11 @@ class EstimateLoop:
         self._task: asyncio.Task[None] | None = None
 
     def soon(self) -> None:
-        """Request a new estimate: data arrived from this or another vehicle."""
+        """Request a new estimate because data arrived from this or another vehicle."""
         self._due = True
 
     def restart(self) -> None:
-        """Begin with a new flight."""
+        """Discard the estimates and begin with a new flight."""
         self.latest = Estimates(bearings=[], positions=[])
         self._estimator = Estimator()
         for companion in self._companions():
@@ -107,7 +109,7 @@ class EstimateLoop:
         )
 
     def _take(self, found: Estimates, flight_id: str | None) -> None:
-        """Send estimates to the pages; let the other vehicles use what is new in them."""
+        """Send new estimates to the pages, and let the other vehicles use them."""
         if found.outline != self.latest.outline:
             for companion in self._companions():
                 companion.soon()

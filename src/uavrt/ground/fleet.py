@@ -1,8 +1,8 @@
 """All vehicles that one ground station serves.
 
-The first one belongs to the main page. The operator may add further ones: each is a session
-with its own tags, flights and commands on the links of the first, and has its own page below
-``/vehicle/NUMBER/``. Their findings about a tag are combined into one position.
+The first vehicle has the main page. The operator may add further ones: each is a session with
+its own tags, flights and commands on the first one's links, and has its own page below
+``/vehicle/NUMBER/``. Their results for a tag are combined into one position.
 """
 
 import asyncio
@@ -13,10 +13,10 @@ from typing import Any
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import UavrtError, UsageError
 from uavrt.ground.link.feed import StationNote
-from uavrt.ground.link.given_ways import GivenWays
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.parallel_links import Links
+from uavrt.ground.link.path_assignments import PathAssignments
 from uavrt.ground.link.protocol import GroundEvent
 from uavrt.ground.session import GroundSession
 from uavrt.ground.snapshots import vehicle_record
@@ -26,15 +26,16 @@ from uavrt.mavlink.signing import Signing
 from uavrt.messages import BurstInside, Course, PulsePose
 
 MOST_VEHICLES = 16
-"""Most vehicles; heartbeats and poses of more would fill any radio."""
-TELL_S, TELL_WITHIN_S = 1.0, 0.05
-"""Interval of the reports to each drone about the others [s], and delay of a change."""
+"""Most vehicles served; heartbeats and poses of more would overload any radio."""
+REPORT_S, REPORT_DELAY_S = 1.0, 0.05
+"""Interval of the reports to each drone about the others [s], and longest delay of a changed
+report [s]."""
 
 
 class Fleet:
-    """The sessions; `run` serves all until cancelled.
+    """The sessions of all vehicles; `run` serves them until cancelled.
 
-    `on_event`: called with each event of any vehicle, before it is shown.
+    `on_event`: called with each event of any vehicle, before the pages get it.
     `also`: called in the disk thread with each pulse that is stored.
     """
 
@@ -53,7 +54,7 @@ class Fleet:
         self._links = Links(own, signing=signing)
         self._estimating = asyncio.Lock()
         self.first = self._session(store, None)
-        self._ways = GivenWays()
+        self._assignments = PathAssignments()
         self._tell_due = False
         self._others: dict[int, GroundSession] = {}
         self._tasks: dict[int, asyncio.Task[None]] = {}
@@ -64,11 +65,11 @@ class Fleet:
         return (self.first, *self._others.values())
 
     def session(self, system_id: int) -> GroundSession | None:
-        """The further session that serves a vehicle; None where none does."""
+        """Session of a further vehicle; None if that vehicle is not served."""
         return self._others.get(system_id)
 
     async def run(self) -> None:
-        """Serve until cancelled; resume the vehicles of the last run."""
+        """Serve all vehicles until cancelled, including those of the last run."""
         self._store.disk.start()
         for number in self._store.further_vehicles:
             with contextlib.suppress(UavrtError):
@@ -89,7 +90,7 @@ class Fleet:
         if not 1 <= system_id <= 255:
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
         if system_id == self.first.vehicle.identity.system_id:
-            raise UsageError(f"vehicle {system_id} is served by the first page")
+            raise UsageError(f"vehicle {system_id} already has the main page")
         if len(self.sessions) >= MOST_VEHICLES:
             raise UsageError(f"at most {MOST_VEHICLES} vehicles can be served")
         store = await self._store.disk.run(self._store.of_vehicle, system_id)
@@ -100,42 +101,42 @@ class Fleet:
         self.first.vehicle.identity.excluded.add(system_id)
         self._tasks[system_id] = asyncio.get_running_loop().create_task(session.run())
         self._store.set_further_vehicles(tuple(self._others))
-        self.first.vehicle.feed.note(5, f"vehicle {system_id} is served, too")
+        self.first.vehicle.feed.note(5, f"this station now also serves vehicle {system_id}")
         self._show()
         return session
 
     async def leave(self, system_id: int) -> None:
-        """Stop serving a further vehicle; its flight here ends, the drone continues."""
+        """Stop serving a further vehicle; ends its flight on the ground, not on the drone."""
         if system_id not in self._others:
-            raise UsageError(f"there is no further vehicle {system_id}")
+            raise UsageError(f"vehicle {system_id} is not served by this station")
         self.first.vehicle.identity.excluded.discard(system_id)
         task = self._tasks.pop(system_id)
         self._others.pop(system_id)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
         self._store.set_further_vehicles(tuple(self._others))
-        self.first.vehicle.feed.note(5, f"vehicle {system_id} is served no more")
+        self.first.vehicle.feed.note(5, f"this station no longer serves vehicle {system_id}")
         self._show()
 
     def records(self) -> list[dict[str, Any]]:
-        """All vehicles, as a page shows them."""
+        """Records of all vehicles, as each page shows them."""
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _take_course(self, session: GroundSession, course: Course) -> None:
-        """Store where a drone goes; send changes to the others soon, batched."""
+        """Store a drone's reported course; send changes to the other drones in batches."""
         number = session.vehicle.identity.system_id
-        if number is None or not self._ways.take(number, course, monotonic_s()):
+        if number is None or not self._assignments.take(number, course, monotonic_s()):
             return
         if not self._tell_due:
             self._tell_due = True
-            asyncio.get_running_loop().call_later(TELL_WITHIN_S, self._tell_ways)
+            asyncio.get_running_loop().call_later(REPORT_DELAY_S, self._report_courses)
 
     async def _tell_each_second(self) -> None:
         while True:
-            await asyncio.sleep(TELL_S)
-            self._tell_ways()
+            await asyncio.sleep(REPORT_S)
+            self._report_courses()
 
-    def _tell_ways(self) -> None:
+    def _report_courses(self) -> None:
         """Report the others' courses to each drone that flies by commands."""
         self._tell_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
@@ -144,12 +145,12 @@ class Fleet:
             for number, one in numbers.items()
             if number is not None and one.flying.record() is not None
         ]
-        for number in self._ways.recipients(flying):
+        for number in self._assignments.recipients(flying):
             session = numbers.get(number)
             link = None if session is None else session.vehicle.connection.link
             if link is None:
                 continue
-            for neighbour in self._ways.reports_for(number, monotonic_s()):
+            for neighbour in self._assignments.reports_for(number, monotonic_s()):
                 link.send_neighbour(neighbour)
 
     def _session(self, store: GroundStore, my_place: MyPlace | None) -> GroundSession:

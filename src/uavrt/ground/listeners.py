@@ -6,27 +6,28 @@ from typing import Any
 import msgspec
 
 QUEUE = 4000
-"""Most records queued for a slow browser: 80 s at 50 a second. Beyond that it must reload."""
+"""Most records queued for a slow browser: 80 s at 50 records a second. Beyond that it must
+reload."""
 
 
 class Hub:
-    """Sends each record, encoded once, to every listener."""
+    """Sends each record, encoded once, to every connected browser."""
 
     def __init__(self) -> None:
         self._listeners: set[asyncio.Queue[str | None]] = set()
 
     def listen(self) -> asyncio.Queue[str | None]:
-        """Get a queue of JSON texts; None in it means: too slow, or the server stops."""
+        """Add a browser's queue of JSON texts; None in it means: reload, or server stops."""
         queue: asyncio.Queue[str | None] = asyncio.Queue(QUEUE)
         self._listeners.add(queue)
         return queue
 
     def leave(self, queue: asyncio.Queue[str | None]) -> None:
-        """Remove a listener's queue."""
+        """Remove a browser's queue."""
         self._listeners.discard(queue)
 
     def send(self, topic: str, record: Any) -> None:
-        """Send a record to all; non-finite numbers become null."""
+        """Send a record to all browsers; non-finite numbers become null."""
         if not self._listeners:
             return
         text = encode({"topic": topic, "record": record}).decode()
@@ -37,7 +38,7 @@ class Hub:
                 self._end(queue)
 
     def close(self) -> None:
-        """Close all listeners' queues."""
+        """Close all queues."""
         for queue in list(self._listeners):
             self._end(queue)
 
@@ -49,5 +50,5 @@ class Hub:
 
 
 def encode(value: Any) -> bytes:
-    """Write JSON; NaN and infinity become null."""
+    """Encode as JSON; NaN and infinity become null."""
     return msgspec.json.encode(value)

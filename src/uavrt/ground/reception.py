@@ -1,11 +1,11 @@
-"""Handle frames of one vehicle's autopilot and events of its drone."""
+"""Distribute frames of one vehicle's autopilot and events of its drone."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
 from uavrt.ground.estimate_loop import EstimateLoop
 from uavrt.ground.fetch.downloads import Downloads
-from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.link.protocol import Acknowledged, DetectorAlive, DroneHeartbeat, GroundEvent
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.snapshots import pose_record
@@ -29,14 +29,14 @@ POSE_SEND_NS = 190_000_000
 class Reception:
     """Passes each event to the parts of the station that use it.
 
-    `on_course`: receives the drone's course.
+    `on_course`: called with each course that the drone reports.
     """
 
     def __init__(
         self,
         vehicle: ServedVehicle,
         estimates: EstimateLoop,
-        flying: Flying,
+        flying: MotionCommands,
         downloads: Downloads,
         on_course: Callable[[Course], None],
     ) -> None:
@@ -46,7 +46,7 @@ class Reception:
         self._last_pose_ns = 0
 
     def take_frame(self, frame: Frame) -> None:
-        """Handle a frame of the link, from the drone or the autopilot."""
+        """Handle a frame of the link, whether from the drone or the autopilot."""
         vehicle, watch = self._vehicle, self._vehicle.connection.watch
         if watch is None:
             return

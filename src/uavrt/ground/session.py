@@ -1,7 +1,7 @@
 """One vehicle's session behind the page: link, state, commands, estimates, storage.
 
-Browsers hold no data of their own: whatever is received is stored first, then sent to every
-listener. `uavrt.ground.web.server` serves it by HTTP and WebSocket.
+Browsers store no data. Received data is stored first, and then sent to every browser.
+`uavrt.ground.web.server` serves the session by HTTP and WebSocket.
 """
 
 import asyncio
@@ -19,7 +19,7 @@ from uavrt.ground.fetch.downloads import Downloads
 from uavrt.ground.link.commands import Commands
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.feed import Feed, StationNote
-from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.parallel_links import Links
@@ -40,13 +40,13 @@ STATE_S = 1.0
 class GroundSession:
     """The session of one vehicle; `run` serves it until cancelled.
 
-    `on_event`: called with each event from the drone before it is shown; for a pulse or a
-    burst's content, after its write.
-    `links`: shared with the sessions of other vehicles; the first session opens them.
+    `on_event`: called with each event from the drone before the pages get it. Pulses and burst
+    contents are written before that.
+    `links`: links shared with the sessions of other vehicles; the first session opens them.
     `companions`: gets this session; returns those of the other vehicles.
-    `my_place`: the first session's GPS receiver; without it the session has its own.
+    `my_place`: the first session's GPS receiver; None: this session opens its own.
     `estimating`: lock held while estimates are computed, by one session at a time.
-    `on_course`: gets this session and the course that its drone reports.
+    `on_course`: called with this session and each course that its drone reports.
     `also`: called in the disk thread with each stored pulse.
     """
 
@@ -101,7 +101,7 @@ class GroundSession:
         self.commander = Commander(store.commander)
         self.commands = Commands(self.vehicle)
         self.downloads = Downloads(self.vehicle)
-        self.flying = Flying(self.vehicle)
+        self.flying = MotionCommands(self.vehicle)
         self.reception = Reception(
             self.vehicle, self.estimates, self.flying, self.downloads, partial(on_course, self)
         )
@@ -153,17 +153,17 @@ class GroundSession:
         """Serve another vehicle; raises `UsageError` if it has a page of its own."""
         self.vehicle.choose(system_id)
         self.flying.forget()
-        self.vehicle.feed.note(5, f"this page serves vehicle {system_id} now")
+        self.vehicle.feed.note(5, f"this page now serves vehicle {system_id}")
         self.vehicle.feed.send_state()
 
     def settings_changed(self) -> None:
-        """Show the settings to all pages and estimate again."""
+        """Send the settings to all pages, and estimate again with them."""
         self.vehicle.feed.send("settings", asdict(self.vehicle.store.settings))
         self.estimates.soon()
         self.vehicle.feed.send_state()
 
     def snapshot(self) -> dict[str, Any]:
-        """State for a page, except for the flight's pulses."""
+        """State for a page, without the flight's pulses."""
         return snapshot(self.vehicle) | {
             "me": my_place_record(self.my_place),
             "commander": self.commander.present,
@@ -171,7 +171,7 @@ class GroundSession:
         }
 
     def hello(self) -> dict[str, Any]:
-        """First record for a new listener: the complete state."""
+        """First record for a newly connected page: the complete state."""
         store = self.vehicle.store
         return {
             "state": self.snapshot(),

@@ -14,7 +14,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 
 def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
-    """State of a vehicle for its page, except for the flight's pulses."""
+    """State of a vehicle for its page, without the flight's pulses."""
     now_ns = vehicle.clock.now_ns()
     watch = vehicle.connection.watch
     drone, keeper = vehicle.drone, vehicle.flight.keeper
@@ -74,7 +74,7 @@ def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
 
 
 def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
-    """A measured sender for the page: a description, and the tags that it can correct."""
+    """Record of a measured sender for the page: a description, and tags it can correct."""
     found = (
         correction_of(tag, beep, 0, vehicle.drone.beeps)
         for tag in vehicle.store.tags
@@ -86,14 +86,14 @@ def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
 
 
 def all_vehicles(vehicle: ServedVehicle) -> list[ServedVehicle]:
-    """All vehicles, the main one first; empty if there is only one."""
+    """Records of all vehicles, the main one first; empty if there is only one."""
     if not vehicle.companions:
         return []
     return sorted([vehicle, *vehicle.companions], key=lambda one: one.store.system_id or 0)
 
 
 def vehicle_record(vehicle: ServedVehicle) -> dict[str, Any]:
-    """One of several vehicles, as all pages show it."""
+    """Record of one of several vehicles, for all pages."""
     now_ns = vehicle.clock.now_ns()
     watch, number = vehicle.connection.watch, vehicle.store.system_id
     pose = watch.pose if watch else None
@@ -110,7 +110,7 @@ def vehicle_record(vehicle: ServedVehicle) -> dict[str, Any]:
 
 
 def my_place_record(mine: MyPlace) -> dict[str, Any] | None:
-    """Position of this computer by its GPS receiver; None without a receiver."""
+    """Record of this computer's GPS position; None without a receiver."""
     if not mine.address:
         return None
     place = mine.place
@@ -124,7 +124,7 @@ def my_place_record(mine: MyPlace) -> dict[str, Any] | None:
 
 
 def link_state(vehicle: ServedVehicle, now_ns: int) -> dict[str, Any]:
-    """Loss, round trip, radio and counters of the link."""
+    """Frame loss, round trip, radio and counters of the link, as JSON values."""
     link, watch = vehicle.connection.link, vehicle.connection.watch
     if link is None or link.link is None or watch is None:
         return {"loss": None, "round_trip_s": None, "radio": None, "counters": {}}

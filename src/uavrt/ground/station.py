@@ -1,7 +1,7 @@
 """A ground station: the sessions of its vehicles, and its automatic actions.
 
-Without a page it serves scripts and a first bench test: it uploads tags, starts, stops, and
-writes each pulse as a line. `uavrt.ground.web.page` adds the page.
+Without a page it serves scripts and a first bench test: it uploads tags, starts and stops
+detection, and writes each pulse as a line. `uavrt.ground.web.page` adds the page.
 """
 
 import asyncio
@@ -32,8 +32,8 @@ from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
 from uavrt.tunnel.wire import command_name
 
 START_RETRY_S = 2.0
-QUIET_S = 1.0
-"""Time without a pulse after the drone has stopped that means all have arrived [s]."""
+LAST_PULSES_WAIT_S = 1.0
+"""Time without a pulse after which a stopped drone is assumed to have sent all [s]."""
 STOP_TIMEOUT_S = 12.0
 
 
@@ -43,14 +43,14 @@ class StationSettings:
 
     directory: Path
     address: str | None = None
-    """One or several addresses separated by spaces, the preferred one first; None: the last
-    used."""
+    """One or several MAVLink addresses separated by spaces, the preferred one first; None: the
+    last used."""
     my_place: str | None = None
     """Address of a GPS receiver; None: the last used."""
     dem: str | None = None
     """Elevation files; None: the last used."""
     archive: str | None = None
-    """Directory written by `uavrt batch`; None: the last used."""
+    """Directory that `uavrt batch` wrote; None: the last used."""
     tags: tuple[Tag, ...] | None = None
     """Tag file; None: the last used."""
     start: bool = False
@@ -63,7 +63,7 @@ class StationSettings:
 class Station:
     """The ground station without a page; `PageStation` adds one.
 
-    `show`: called with a dictionary for each event; ``event`` is its name.
+    `show`: called with a dictionary for each event; ``event`` has the event's name.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Station:
         self._state: SystemState | None = None
         self._made = not settings.directory.exists()
         self.pulses = 0
-        """Number of different pulses received."""
+        """Number of different pulses received so far."""
         store = GroundStore(settings.directory)
         for name in ("address", "my_place", "dem", "archive"):
             if (value := getattr(settings, name)) is not None:
@@ -106,7 +106,7 @@ class Station:
             self._lines.close()
 
     async def _serve(self, work: Any, *others: "asyncio.Task[None]") -> None:
-        """Serve the vehicles until `work` or one of the other tasks has ended."""
+        """Serve the vehicles until `work`, or one of the other tasks, has ended."""
         vehicles = asyncio.create_task(self.fleet.run())
         for number in self._settings.further_vehicles:
             await self.fleet.serve(number)
@@ -136,7 +136,7 @@ class Station:
         await asyncio.gather(*(self._end(one) for one in self._started))
 
     async def _link_opened(self) -> None:
-        """Wait for the requested link; without it the station ends."""
+        """Wait until the requested link is open; if it fails, the station ends."""
         connection = self.session.vehicle.connection
         while connection.link is None:
             if connection.error is not None:
@@ -144,7 +144,7 @@ class Station:
             await asyncio.sleep(0.02)
 
     async def _begin(self, session: GroundSession) -> None:
-        """Send a vehicle the tags and start detection; retry if it does not answer."""
+        """Send a vehicle the tags and start detection; retry if the vehicle does not answer."""
         said = ""
         while not self._stopping.is_set():
             try:
@@ -168,8 +168,8 @@ class Station:
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
         """Send the tags; False if the drone detects already and nothing is to be started.
 
-        A restarted station that finds its own tags in use continues as if it had started them.
-        Another station's detection is left unchanged and only received.
+        A restarted station that finds its own tags in use continues as if it had started
+        detection. Detection started by another station goes on, and its pulses are received.
         """
         tags = session.vehicle.store.chosen_tags
         try:
@@ -191,7 +191,7 @@ class Station:
         return True
 
     async def _end(self, session: GroundSession) -> None:
-        """Stop detection; wait until the drone has stopped and pulses cease."""
+        """Stop detection; wait until the drone has stopped and no more pulses arrive."""
         try:
             if (link := session.vehicle.connection.link) is not None:
                 await link.stop_detection()
@@ -201,16 +201,16 @@ class Station:
         self._show({"event": "stopping"})
         deadline_s = monotonic_s() + STOP_TIMEOUT_S
         # The state on the way when the command arrived may still say "has tags".
-        await asyncio.sleep(QUIET_S)
+        await asyncio.sleep(LAST_PULSES_WAIT_S)
         while monotonic_s() < deadline_s:
-            quiet = monotonic_s() - session.vehicle.drone.last_pulse_s > QUIET_S
+            quiet = monotonic_s() - session.vehicle.drone.last_pulse_s > LAST_PULSES_WAIT_S
             if session.vehicle.drone.state not in ESSENTIAL and quiet:
                 break
             await asyncio.sleep(0.1)
         self._show({"event": "stopped", "pulses": session.vehicle.flight.keeper.pulses})
 
     def _list(self, item: PulsePose | BurstInside) -> None:
-        """Write a stored item as a line; runs in the disk thread."""
+        """Print a stored item as a line; runs in the disk thread."""
         if self._lines is not None:
             self._lines.write(item)
 
@@ -246,7 +246,7 @@ class Station:
 
 
 def refuse_two_vehicles(vehicle: ServedVehicle) -> None:
-    """Raise `LinkError` while two vehicles use one number: commands would reach both."""
+    """Raise `LinkError` while two vehicles use one system id: both would get our commands."""
     if vehicle.identity.foreign(vehicle.clock.now_ns()):
         raise LinkError(
             f"two vehicles answer under number {vehicle.identity.system_id}",
@@ -255,5 +255,5 @@ def refuse_two_vehicles(vehicle: ServedVehicle) -> None:
 
 
 def json_line(event: dict[str, Any]) -> str:
-    """Write an event as one line of JSON."""
+    """Encode an event as one line of JSON."""
     return json.dumps(event, allow_nan=False)

@@ -149,7 +149,7 @@ class Authority:
         return self.vehicle.fault(now_s, takeoff=takeoff)
 
     def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:
-        """End the order, for a reason on this side."""
+        """End the order for a given reason, such as the operator's stop."""
         self._end(reason, now_s)
 
     def planner_alive(self, now_s: float) -> None:

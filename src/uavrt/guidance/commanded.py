@@ -193,7 +193,7 @@ class Commanded:
         self.left_m = min(self.left_m, left)
         off = SAFETY.height_error_m
         if left > self.left_m + self.slack_m:
-            return "the drone does not fly to our target"
+            return "the drone does not fly to the commanded target"
         if not self.lowest_m - off <= seen.altitude_amsl_m <= self.highest_m + off:
             return OTHERS_HEIGHT
         free = isinstance(wish, FlyThere) and (

@@ -8,10 +8,7 @@ from uavrt.planning.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """Prior estimate of the power of flight.
-
-    `hover_w`: hover power in the settings [W]; None: unknown.
-    """
+    """Prior estimate of the power of flight; `hover_w`: hover power [W]; None: unknown."""
     if hover_w is None:
         return EnergyModel(scale_sigma=SEARCH_RULES.unknown_sigma)
     return EnergyModel(
@@ -51,7 +48,7 @@ class EnergyLearning:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a reading; stretches begin and end where the whole percentage changes."""
+        """Add a battery reading; each update covers the time between two percentages."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:

@@ -22,7 +22,7 @@ class Lateness:
         """Delay of the last message [s]."""
 
     def see(self, seen: BootTimeSeen) -> None:
-        """Measure the delay of a message."""
+        """Measure the delay of a message by its time since the autopilot's start."""
         self._boot_s = max(seen.boot_s, self._boot_s)
         offset_s = seen.time_s - seen.boot_s
         expected_s = offset_s

@@ -31,8 +31,7 @@ FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
 """MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, with their older equals."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
-"""Tolerances of an item read back [1e-7 deg; m]: PX4 stores degrees as doubles, ArduPilot whole
-centimetres."""
+"""Tolerances of an item read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
 
 
@@ -129,10 +128,10 @@ def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
     east, north = plane.to_local(*np.array(places).T)
     area = SearchArea(
         search=Polygon.rectangle(-1e5, 1e5, -1e5, 1e5),
-        voids=excluded_areas(order, Limits(), plane),
+        excluded=excluded_areas(order, Limits(), plane),
         margin_m=SAFETY.margin_m,
     )
-    reason = area.entered(np.asarray(east), np.asarray(north))
+    reason = area.entered_area(np.asarray(east), np.asarray(north))
     if reason is not None:
         raise PlanError(
             f"the path {reason}", remedy="Draw the area next to it, or in two parts"

@@ -15,7 +15,7 @@ from uavrt.messages import Neighbour
 from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.division import Start
 from uavrt.planning.other_drones import OtherDrones, Separation, Strip
-from uavrt.planning.shares import shared_out
+from uavrt.planning.shares import tags_by_drone
 from uavrt.planning.vehicle import Path, VehicleState
 from uavrt.tangent_plane import TangentPlane
 
@@ -74,7 +74,7 @@ def other_drones_of(
                 after_s=float(path.time_s[-1] - path.time_s[0]),
             )
             owners |= dict.fromkeys(course.held, one.vehicle)
-    rounds = shared_out(beliefs, found, starts, owners, speed_m_s=speed_m_s)
+    rounds = tags_by_drone(beliefs, found, starts, owners, speed_m_s=speed_m_s)
     mine = rounds.pop(_OWN)
     # What others are after and is not known here is theirs: they know where it is.
     theirs = {tag_id for tag_id, drone in owners.items() if drone != _OWN} - set(mine)
@@ -108,6 +108,6 @@ def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path
 def nearest_m(drones: OtherDrones, places: Sequence[_Metres]) -> float:
     """Shortest distance of a path from the other drones' paths [m]."""
     return min(
-        float(drones.strips_apart_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
+        float(drones.strip_distance_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
         for begin, end in pairwise(places)
     )

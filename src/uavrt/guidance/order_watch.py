@@ -58,7 +58,7 @@ class OrderWatch:
     """Monitor of one order, from its confirmation to its end."""
 
     offer: Offer
-    """The confirmed offer."""
+    """The confirmed order, with the vehicle's state when it was proposed."""
     confirmed_s: float
     planner_s: float
     """Time of the planning process's last heartbeat [s]."""

@@ -18,10 +18,7 @@ _REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 
 def path_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the path in the text of a file; empty if there is none.
-
-    Raises `FormatError`: it is none of the three formats, or its positions are invalid.
-    """
+    """Read the path in a file's text; empty if it has none. Raises `FormatError`."""
     with in_words(f"{name} gives no way", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))

@@ -103,10 +103,7 @@ class Pilot:
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Replace the remaining steps.
-
-        The drone stops first if a bend in its path could look like another's command.
-        """
+        """Replace the remaining steps, after a stop if a bend could seem another's command."""
         if self._flies_home:
             return
         if self.shared and isinstance(steps[0], Home):

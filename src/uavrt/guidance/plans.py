@@ -156,10 +156,7 @@ def _only_place(order: Order) -> tuple[Place, ...]:
 def rotation(
     order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
-    """Make the steps of a whole turn in place.
-
-    Raises `PlanError`: the turn is too fast or too slow, or the heading is unknown.
-    """
+    """Steps of a whole turn in place; `PlanError` for a wrong duration or unknown heading."""
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, behaviour, height)
     by_steps = behaviour.yaw_in_reposition
@@ -206,10 +203,7 @@ def _turn_steps(
 
 
 def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
-    """Positions of a survey in the order of flight, also for a preview.
-
-    Raises `PlanError`: the outline is invalid, or there are too many lines or positions.
-    """
+    """Positions of a survey in the order of flight; raises `PlanError` if it is invalid."""
     plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
     outline = Polygon(corners=_local(plane, order.places), name="area")
     if order.pattern == "around":
@@ -271,7 +265,7 @@ def area_of(
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
         fence=_fence(limits),
-        voids=excluded_areas(order, limits, plane),
+        excluded=excluded_areas(order, limits, plane),
         within=_within(limits, plane),
         margin_m=SAFETY.margin_m,
         straight_home=True,
@@ -288,29 +282,26 @@ def area_of(
 def check_keep_out(
     order: Order, limits: Limits, plane: TangentPlane, places: tuple[Place, ...]
 ) -> None:
-    """Refuse a path, or its return, that crosses an excluded area or leaves the fence.
-
-    Raises `PlanError`.
-    """
+    """Raise `PlanError` if path or return cross an excluded area or leave the fence."""
     voids, within = excluded_areas(order, limits, plane), _within(limits, plane)
     if not (voids or within):
         return
     area = SearchArea(
         search=_fence(limits),
-        voids=voids,
+        excluded=voids,
         within=within,
         margin_m=SAFETY.margin_m,
         straight_home=True,
     )
     area.check_home()
     x, y = np.array(_local(plane, places)).T
-    reason = area.entered(x[:1], y[:1])
+    reason = area.entered_area(x[:1], y[:1])
     if reason is not None:
         raise PlanError(
             f"from the drone's position, a path {reason}",
             remedy="Fly it away from there by hand",
         )
-    reason = area.entered(x, y)
+    reason = area.entered_area(x, y)
     if reason is not None:
         raise PlanError(
             f"the path {reason}",
@@ -515,10 +506,7 @@ def _energy(now: VehicleNow, limits: Limits) -> EnergyModel:
 def way_home_wh(
     place_m: tuple[float, float], height_m: float, now: VehicleNow, limits: Limits
 ) -> float:
-    """Energy of the return from a position east and north of home [Wh].
-
-    Assumes the reported wind, or else the strongest of the limits.
-    """
+    """Energy [Wh] of the return from east and north of home, in reported or strongest wind."""
     state = VehicleState(time_s=0.0, east_m=place_m[0], north_m=place_m[1], height_m=height_m)
     home_m = (0.0, 0.0)
     air = headwind(state, home_m, limits.wind_m_s) if now.wind is None else now.wind

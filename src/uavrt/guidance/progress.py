@@ -17,8 +17,7 @@ class Left:
 
     now: float
     soon: float
-    """Remaining change from the stopping point; it decreases first when the drone must turn
-    back."""
+    """Remaining change from the stopping point; decreases first if the drone turns back."""
     least: float
     """Smallest change within `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float

@@ -117,8 +117,7 @@ class SafetyLimits:
     turn_done_deg: float = 6.0
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
-    """Distance from the target below which the heading stays [m]. PX4 follows the bearing until
-    1 to 2 m."""
+    """Distance from the target below which the heading stays [m]; PX4 turns until 1 to 2 m."""
     bearing_place_error_m: float = 1.0
     """Position error in a computed bearing, against the autopilot's own position [m]."""
     # Tolerance of a measured heading that was on the bearing for some time [°, s]. On 68 legs

@@ -20,8 +20,7 @@ from uavrt.planning.situation import Decision
 from uavrt.planning.vehicle import VehicleState
 
 RADIUS50_OF_95 = 0.481
-"""Ratio of the 50 % to the 95 % radius of a circular normal distribution: sqrt(ln 2 / ln
-20)."""
+"""Ratio of 50 % to 95 % radius of a circular normal distribution: sqrt(ln 2 / ln 20)."""
 ROUNDED_M = 0.5
 """Rounding error of a radius in a message."""
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
@@ -98,7 +97,7 @@ class SearchDecisions:
         if windy is not None:
             return Decision(action=Return(), reason=windy)
         if now.energy is not None:
-            search.know_energy(now.energy)
+            search.set_energy(now.energy)
         decision = search.decide(state, wind=now.wind, battery=task.battery(now), others=drones)
         reason = self._entered(decision.action, state, now)
         if reason is None and drones is not None:
@@ -119,7 +118,7 @@ class SearchDecisions:
             return None
         here, stand = self._task.here_m(now), (state.east_m, state.north_m)
         for begins in ([here], [here, stand]):
-            reason = self._search.settings.area.entered(*np.array([*begins, goal]).T)
+            reason = self._search.settings.area.entered_area(*np.array([*begins, goal]).T)
             if reason is not None:
                 return reason
         return None

@@ -25,8 +25,7 @@ class SearchRules:
     kept_away: float = 0.99
     """Required probability, for each path and tag, that the distance to animals is kept."""
     away_margin: float = 1.4
-    """Factor on the distance to animals: a walking animal turns, and in a thousand decisions
-    rare errors occur."""
+    """Factor on the distance to animals, for walking ones and rare errors of decisions."""
     approached: float = 2.0
     """Factor on the probability of a near animal at which a stay is reconsidered."""
 

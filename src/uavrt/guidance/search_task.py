@@ -48,10 +48,7 @@ class Equipment:
 
 
 class SearchTask:
-    """Tags, area and constants of a search order.
-
-    Raises `PlanError`: its tags, outline or height are invalid.
-    """
+    """Tags, area and constants of a search order; raises `PlanError` if one is invalid."""
 
     def __init__(
         self,

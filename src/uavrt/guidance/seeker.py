@@ -96,7 +96,7 @@ class Seeker:
         check_map(now, task.limits)
         check_ground(here, now, task.limits, task.height_m)
         if now.energy is not None:
-            self._search.know_energy(now.energy)
+            self._search.set_energy(now.energy)
         self._search.check(self._state(0.0, now, idle=True), task.battery(now))
 
     @property

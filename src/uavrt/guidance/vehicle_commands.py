@@ -43,10 +43,7 @@ class CommandWriter:
     def command(
         self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
     ) -> VehicleCommand:
-        """Command of a requested motion, with heights above the altitude `datum_m`.
-
-        Raises `CommandRefused`: it exceeds the limits, or the autopilot has no such command.
-        """
+        """Command of a motion, with heights above `datum_m`; raises `CommandRefused`."""
         match wish:
             case FlyThere():
                 return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)

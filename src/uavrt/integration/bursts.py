@@ -201,7 +201,7 @@ def _picked(
     return max(found, key=lambda one: float(one[0].sum()))
 
 
-def hidden_with_s(
+def colliding_starts_s(
     foreign_s: NDArray[np.float64], starts_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Starts of bursts that share one of the given pulses, relative to the train's bursts."""

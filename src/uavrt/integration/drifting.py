@@ -71,10 +71,7 @@ def drifts_searched(most: float, span_s: float, slot_s: float) -> _Floats:
 def search_drifting(
     energies: SlotEnergies, weights: Weights, tag: Tag, most_drift: float
 ) -> FoldedTrain:
-    """Find the likeliest train of a tag whose interval may drift.
-
-    `most_drift`: largest relative change of the interval over the flight, up or down.
-    """
+    """Find the likeliest train of a tag whose interval changes by up to `most_drift`."""
     steady = search_flight(energies, weights, tag, most=1)[0]
     span_s = len(energies.heard) * energies.slot_s
     sag_slots = most_drift * span_s / 4.0 / energies.slot_s

@@ -43,10 +43,7 @@ class TrainPulses:
 def train_pulses(
     energies: SlotEnergies, train: FoldedTrain, gain: _Floats, gain_time_s: _Floats
 ) -> TrainPulses:
-    """Refine a train between the cells of the search, and return its slots' energies.
-
-    `gain` (times,): energy of a pulse from its place, relative to the strongest.
-    """
+    """Refine a train between the cells of the search, and return its slots' energies."""
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
     count = int((span_s - train.phase_s) / train.interval_s) + 1
@@ -137,7 +134,7 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
     `levels_db` (levels,): energy over noise of the strongest.
     """
     table = likelihood_table(one)
-    column, beyond_db = looked_up(one.pulses.energy)
+    column, beyond_db = table_columns(one.pulses.energy)
     gain_db = 10.0 * np.log10(gain + 1e-9) - beyond_db
     strength = np.rint(
         (gain_db + levels_db[:, np.newaxis] - STRENGTHS_DB[0]) / PLACE.strength_step_db
@@ -146,7 +143,7 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
     return np.asarray(table[strength, column])
 
 
-def looked_up(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
+def table_columns(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
     """Columns of `likelihood_table` for energies, and how far these exceed it [dB]."""
     amplitude = np.sqrt(np.maximum(energy, 0.0))
     beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.integration.bursts import Sender, hidden_with_s, sender_of
+from uavrt.integration.bursts import Sender, colliding_starts_s, sender_of
 from uavrt.integration.drifting import even_order, search_drifting, train_times_s
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.tuning import SEARCH
@@ -116,7 +116,7 @@ def _without_code(energies: SlotEnergies, train: FoldedTrain, sender: Sender) ->
     assert energies.single is not None
     span_s = len(energies.heard) * energies.slot_s
     time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
-    hidden_s = hidden_with_s(sender.pulses_s, energies.single.starts_s)
+    hidden_s = colliding_starts_s(sender.pulses_s, energies.single.starts_s)
     if not len(hidden_s):
         hidden_s = np.zeros(1)
     return energies.without(np.add.outer(time_s, hidden_s).ravel())

@@ -42,10 +42,7 @@ def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Flo
 
 
 def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
-    """True for slots in which a tag used a rate, by the likeliest path (Viterbi 1967).
-
-    `logs` (levels, slots): log likelihood ratio of a pulse in each slot; the best level counts.
-    """
+    """True for slots in which a tag used a rate, by the likeliest path (Viterbi 1967)."""
     levels, slots = logs.shape
     at_other = np.log1p(PLACE.stray_share * np.expm1(logs))
     change, stay = np.log(PLACE.rate_change), np.log1p(-PLACE.rate_change)

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from scipy import interpolate, ndimage, special
 
 from uavrt.integration.cells import Cells, LikelyGround
-from uavrt.integration.heard_train import STRENGTHS_DB, HeardTrain, likelihood_table, looked_up
+from uavrt.integration.heard_train import (
+    STRENGTHS_DB,
+    HeardTrain,
+    likelihood_table,
+    table_columns,
+)
 from uavrt.integration.places import BEARING_STEP_DEG, RANGE_STEP, common_gains, east_north
 from uavrt.integration.rates import other_rate_logs
 from uavrt.integration.tuning import PLACE, SEARCH
@@ -77,7 +82,7 @@ def _placed(reading: "_Reading") -> PlaceBelief:
     from_here = (here.east_m, here.north_m)
     falls = _shows_falls(heard, from_here)
     logs = _all_logs(reading, gains, from_here, falls=falls)
-    cells, level_db, probability = _fined(reading, logs)
+    cells, level_db, probability = _refined_cells(reading, logs)
     return _summary(probability, level_db, reading.fading_db, cells)
 
 
@@ -243,7 +248,7 @@ def _logs(
     one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
 ) -> _Floats:
     """Log likelihood ratio of each place and level; levels are whole steps apart."""
-    column, beyond_db = looked_up(one.pulses.energy)
+    column, beyond_db = table_columns(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)
     # Levels are `apart` of the table's steps from each other: those of a place and pulse
@@ -290,7 +295,7 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
     return 1.0 / (1.0 / PLACE.counted + PLACE.lasting_db2 * beyond)
 
 
-def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
+def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
     """Cells with the likely ones divided, the mean level [dB], and the places' probability."""
     places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)

@@ -23,5 +23,4 @@ class Assignment:
     worker_of_tag: dict[int, int] = field(default_factory=dict)
     """Number of the detector worker of each tag id, for the receiver."""
     sample_fds: tuple[int, ...] = ()
-    """File descriptors of datagram sockets: one to receive samples, if it does, then one for
-    each receiver."""
+    """Datagram sockets: one to receive samples, if it does, then one for each receiver."""

@@ -30,17 +30,13 @@ HEALTH_PERIOD_S = TOPICS["health"].every_s or 1.0
 
 
 class ProcessFrame:
-    """Link, clock, health reports and shutdown of a child process.
-
-    `link`: socket to the supervisor.
-    """
+    """Link to the supervisor, clock, health reports and shutdown of a child process."""
 
     def __init__(self, link: ChildLink, assignment: Assignment) -> None:
         self.link = link
         self.assignment = assignment
         self.clock = Clock(assignment.clock_offset_ns)
-        """The flight's clock, replaced at each flight's start; it may step then, so do not
-        schedule by it."""
+        """The flight's clock, replaced at each start: it may step, so do not schedule by it."""
         self.running = True
         self.counters: dict[str, float] = {}
         self._next_health_s = 0.0

@@ -41,8 +41,8 @@ HEARTBEAT_S: Final = 1.0
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3
 OVERDUE_NS: Final = ns_from_s(1.0)
-"""Time after its expected end when a tag's next pulse counts as missed [ns]. Pulses are
-reported half a second after them, in steps of up to 0.44 s."""
+"""Time after its expected end when a tag's next pulse counts as missed [ns]; detectors report a
+pulse about half a second late, in steps of up to 0.44 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,10 +113,7 @@ def record_of_search(report: SearchReport) -> PulseRecord:
 
 
 class PulseDatagramSender:
-    """Sends pulse records and heartbeats by UDP; never waits.
-
-    `tag_ids`: tags with heartbeats. Raises `LinkError`: the host name is unknown.
-    """
+    """Sends pulse records and heartbeats by UDP; `LinkError` for an unknown host."""
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
         with os_errors_as(LinkError, f"no address {host}", "Check the name"):

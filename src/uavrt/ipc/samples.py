@@ -157,9 +157,8 @@ class ChannelReceiver:
         return self._sock.fileno()
 
     def receive(self) -> list[ChannelBlock]:
-        """Return the blocks of the next datagram, in the order of sending; none without one.
-
-        `lost_before` counts the samples of a channel that were lost.
+        """Return the next datagram's blocks, in order; `lost_before`: lost samples of a
+        channel.
         """
         while True:
             try:

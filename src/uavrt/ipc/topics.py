@@ -103,7 +103,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "vehicle",
             messages.VehicleReport,
-            "the vehicle and our say over it",
+            "state of the vehicle, and authority over it",
             newest=1,
             every_s=0.1,
         ),

@@ -43,10 +43,7 @@ class Cache:
     def latest(
         self, kind: str, subject: Hashable, make: Callable[..., T], *inputs: object
     ) -> T | None:
-        """Value of a kind for a subject, computed from its present inputs or cached.
-
-        Beyond this estimate's limit, return the subject's last value; None if there is none.
-        """
+        """Value for a subject from its present inputs; beyond the limit, its last value."""
         key = _key(make, inputs, {})
         if key not in self._now and key not in self._before:
             if self._left.get(kind, 1) <= 0:

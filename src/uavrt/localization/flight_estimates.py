@@ -21,7 +21,7 @@ from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.bearing.turns import Turn, find_turns
 from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.headings import Headings, yaws_deg
-from uavrt.localization.heard import Heard, OverGround, PoseColumns, PulseColumns, Rhythm
+from uavrt.localization.heard import FlightGround, Heard, PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.listeners import strengths_of
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.power_evidence import PowerTrack
@@ -128,7 +128,7 @@ class Found:
         """Bearings of one tag."""
         return [one for one in self.bearings if one.tag_id == tag_id]
 
-    def knows(self, tag_id: int) -> bool:
+    def has_tag(self, tag_id: int) -> bool:
         """True if there is a bearing or a strength of a tag."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
@@ -196,11 +196,7 @@ def turns_in(
 
 
 def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
-    """Pulses of each tag in each turn in place, in order of time and tag.
-
-    At least three pulses are needed. The antenna is turned by an offset clockwise from the
-    heading stored with the pulses.
-    """
+    """Pulses, three or more, of each tag in each turn in place, in order of time and tag."""
     pulses = {tag_id: own.turned(offset_deg) for tag_id, own in sorted(heard.pulses.items())}
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in heard.tags}
     yaw_deg = np.unwrap(heard.poses.yaw_deg, period=360.0)
@@ -302,17 +298,17 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
     return replace(one, turn=turn, number=number)
 
 
-def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
+def learning_turns(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
     """Turns from which the antenna's pattern is learned: complete ones with many pulses."""
     whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
     return whole[: FLIGHT.most_turns]
 
 
-def antenna_as_shown(
+def corrected_antenna(
     heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
 ) -> AntennaPattern:
     """Pattern of the antenna corrected by whole turns; unchanged where they are too few."""
-    whole = teaching(heard)
+    whole = learning_turns(heard)
     pattern = pattern_named(antenna)
     if len(whole) < FLIGHT.least_turns:
         return pattern
@@ -345,10 +341,7 @@ def learnt_pattern(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> AntennaPattern:
-    """Antenna's pattern learned from the turns of this flight and of earlier ones, `past`.
-
-    A turn in progress is left out: each of its pulses would change all bearings.
-    """
+    """Antenna's pattern learned from complete turns of this flight and of `past` ones."""
     antenna = antenna_of(heard, how)
     if not (how.learn and how.bearing_method == "pattern_ml" and turns):
         return pattern_named(antenna)
@@ -356,7 +349,7 @@ def learnt_pattern(
     if heard.goes_on and len(heard.poses.time_ns):
         over_ns = int(heard.poses.time_ns[-1]) - 2 * EDGE_NS
     shown = [*(one for one in turns if one.turn.end_time_ns < over_ns), *past]
-    return (cache or Cache()).get(antenna_as_shown, teaching(shown), antenna)
+    return (cache or Cache()).get(corrected_antenna, learning_turns(shown), antenna)
 
 
 def bearings_of(
@@ -411,13 +404,13 @@ def find(
     """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
-        return found_of(heard, how, [], cache)
+        return with_strengths(heard, how, [], cache)
     own, pattern = _bearings(heard, how, past, cache)
-    found = found_of(heard, how, _with_theirs(own, theirs), cache)
+    found = with_strengths(heard, how, _with_theirs(own, theirs), cache)
     return replace(found, pattern=pattern)
 
 
-def found_of(
+def with_strengths(
     heard: Heard, how: ReadAs, bearings: Sequence[TagBearing], cache: Cache | None = None
 ) -> Found:
     """Add the strengths of tags without bearings to a receiver's bearings."""
@@ -426,7 +419,7 @@ def found_of(
         one.tag_id
         for one in bearings
         if one.bearing.accepted
-        or (one.tag_id in heard.pulses and _turns(heard.pulses[one.tag_id]))
+        or (one.tag_id in heard.pulses and _is_of_turn(heard.pulses[one.tag_id]))
     }
     return Found(
         bearings=bearings,
@@ -453,7 +446,7 @@ def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strength
     )
 
 
-def _turns(pulses: PulseColumns) -> bool:
+def _is_of_turn(pulses: PulseColumns) -> bool:
     """True if a bearing without a clear direction is from a turn, not from one heading."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
     return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
@@ -534,21 +527,17 @@ def estimate(
     )
 
 
-def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
+def _over(heard: Heard, how: ReadAs, cache: Cache) -> FlightGround | None:
     return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
 def place(
     found: Sequence[Found],
     how: ReadAs | None = None,
-    over: OverGround | None = None,
+    over: FlightGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
-    """Estimate one position for each tag with bearings, or received by the first receiver.
-
-    Bearings without a direction are left out; strengths of receivers that did not turn are
-    used.
-    """
+    """Estimate one position for each tag with bearings, or received by the first receiver."""
     how, cache = how or ReadAs(), cache or Cache()
     tags = {one.tag_id for each in found for one in each.bearings}
     every = sorted(tags.union(*(each.heard for each in found[:1])))
@@ -561,8 +550,8 @@ def place(
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
     """Receivers for which a tag number means the same animal, by its frequency."""
-    knows = [*found[:1], *(each for each in found[1:] if each.knows(tag_id))]
-    hz = [each.frequencies_hz[tag_id] for each in knows if tag_id in each.frequencies_hz]
+    known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
+    hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
     if not hz:
         return list(found)
     return [
@@ -573,7 +562,7 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 
 
 def _placed(
-    tag_id: int, found: Sequence[Found], how: ReadAs, over: OverGround | None, cache: Cache
+    tag_id: int, found: Sequence[Found], how: ReadAs, over: FlightGround | None, cache: Cache
 ) -> TagPosition | None:
     # Each has its own gain: two flights may be of two drones under one number, and a shared
     # gain narrows no circle by more than 4 %.
@@ -596,7 +585,7 @@ def _placed(
 
 
 def _stations(
-    bearings: Sequence[TagBearing], over: OverGround | None, listeners: Sequence[Strengths]
+    bearings: Sequence[TagBearing], over: FlightGround | None, listeners: Sequence[Strengths]
 ) -> Stations:
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
@@ -644,7 +633,7 @@ def _position_of(
 
 
 def survey(
-    heard: Heard, how: ReadAs, over: OverGround | None = None, cache: Cache | None = None
+    heard: Heard, how: ReadAs, over: FlightGround | None = None, cache: Cache | None = None
 ) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
     """Positions and tracks from strength alone; raises `UsageError` if bearings are needed."""
     cache = cache or Cache()
@@ -733,7 +722,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     )
 
 
-def stands(heard: Heard) -> bool:
+def at_one_place(heard: Heard) -> bool:
     """True if all pulses were received at one place, which gives no survey by strength."""
     own = heard.pulses.values()
     if not own:

@@ -53,11 +53,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add other poses, such as those stored with pulses, at times without poses.
-
-        This covers times of a failed telemetry link. Both may be out of order; the result has
-        one pose for each time.
-        """
+        """Add other poses in any order, as of pulses, at times without poses here."""
         alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
         parts = (self, others.chosen(alone))
         both = joined_rows([replace(one, altitude_amsl_m=one.amsl_m) for one in parts])
@@ -155,7 +151,7 @@ class PulseColumns:
         """Return the pulses selected by an index array or a mask."""
         return chosen_rows(self, which)
 
-    def and_those(self, others: "PulseColumns") -> "PulseColumns":
+    def merged_with(self, others: "PulseColumns") -> "PulseColumns":
         """Merge with other pulses, in order of time."""
         both = joined_rows([self, others])
         return both.chosen(np.argsort(both.time_ns, kind="stable"))
@@ -204,7 +200,7 @@ class PulseColumns:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OverGround:
+class FlightGround:
     """A flight's ground model, and the heights of the flight above it."""
 
     hills: HillLosses
@@ -216,7 +212,7 @@ class OverGround:
         elevation: Elevation,
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
-    ) -> "OverGround | None":
+    ) -> "FlightGround | None":
         """Ground model around a flight; None where no pose has a place and a height.
 
         Heights of a flight count from its take-off, assumed beneath the first pose. `lay` may
@@ -239,14 +235,14 @@ class OverGround:
                 f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
                 "the ground beneath that place"
             )
-        said += apart_in_words(hills.start_amsl_m, float(poses.amsl_m[first]) - height_m)
-        return cls(hills=hills.noting(*said), poses=poses)
+        said += height_warning(hills.start_amsl_m, float(poses.amsl_m[first]) - height_m)
+        return cls(hills=hills.with_limitations(*said), poses=poses)
 
-    def noting(self, *limitations: str) -> "OverGround":
+    def with_limitations(self, *limitations: str) -> "FlightGround":
         """Copy with further limitations for the operator."""
-        return replace(self, hills=self.hills.noting(*limitations))
+        return replace(self, hills=self.hills.with_limitations(*limitations))
 
-    def at(self, frequency_hz: float) -> "OverGround":
+    def at(self, frequency_hz: float) -> "FlightGround":
         """Losses behind hills for a tag at this frequency."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
@@ -255,7 +251,7 @@ class OverGround:
         return self.poses.heights_m(time_ns)
 
 
-def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
+def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
     """Warn if elevation files and flight disagree on the height of the take-off."""
     if (
         not abs(said_m - ground_m) > FLIGHT.reported_height_m
@@ -365,10 +361,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Convert records of pulses and poses; `poses` is None for a log of pulses alone.
-
-        Raises `UsageError`: no pulse has a pose.
-        """
+        """Convert records; `poses` None is a log of pulses. `UsageError` without any pose."""
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
                 "no pulse has a pose, so headings are unknown",
@@ -399,11 +392,11 @@ class Heard:
             ),
         )
 
-    def and_those(self, other: "Heard") -> "Heard":
+    def merged_with(self, other: "Heard") -> "Heard":
         """Merge with the pulses and poses of another receiver, as of one flight."""
         pulses = dict(self.pulses)
         for tag_id, own in other.pulses.items():
-            pulses[tag_id] = pulses[tag_id].and_those(own) if tag_id in pulses else own
+            pulses[tag_id] = pulses[tag_id].merged_with(own) if tag_id in pulses else own
         listed = {tag.tag_id: tag for tag in (*self.tags, *other.tags)}
         return replace(
             self,
@@ -425,9 +418,9 @@ class Heard:
 
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
-    ) -> OverGround | None:
+    ) -> FlightGround | None:
         """Ground model under the flight, for the median frequency; raises `FormatError`."""
-        over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
+        over = None if elevation is None else FlightGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)
         known_hz = every_hz[np.isfinite(every_hz)]

@@ -65,10 +65,7 @@ class LiveBearings:
             self._pulses = [one for one in self._pulses if one.pulse.start_time_ns >= after_ns]
 
     def add_state(self, time_ns: int, armed: float | None, landed: float | None) -> None:
-        """Add the autopilot's arming and landing state; 0 is no, None unknown.
-
-        Rotations on the ground are not turns, whatever the barometer reports.
-        """
+        """Add the autopilot's arming and landing state; 0 is no, None unknown."""
         self._states.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:

@@ -55,11 +55,9 @@ class Address:
 
 
 def parse_address(text: str, *, baud: int = DEFAULT_BAUD) -> Address:
-    """Read an address.
+    """Read an address: ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``.
 
-    `text`: one of the four forms.
-    `baud`: of a serial port, where the text names none.
-    Raises `ConfigError`: it is none of the four forms.
+    `baud`: rate of a serial port whose address has none. Raises `ConfigError` for other texts.
 
     >>> parse_address("udpin://127.0.0.1:14540").port
     14540

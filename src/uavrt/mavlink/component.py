@@ -236,13 +236,13 @@ class Component:
 
     def _dispatch(self, message: Message, peer: Peer, now_ns: int) -> None:
         if peer == self.discovery.autopilot:
-            self.streams.heard(message.ID, now_ns)
+            self.streams.received(message.ID, now_ns)
             self._handlers.vehicle(message, now_ns)
         match message:
             case dialect.AttitudeQuaternion() | dialect.GlobalPositionInt():
                 self._pose(message, peer, now_ns)
             case dialect.SystemTime() if peer == self.discovery.autopilot:
-                self.streams.heard(message.ID, now_ns)
+                self.streams.received(message.ID, now_ns)
                 self._watch_boot_time(message.time_boot_ms, now_ns)
             case dialect.Heartbeat():
                 if self.discovery.heartbeat(peer, message, now_ns):
@@ -298,10 +298,7 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """True if an answer may be sent at once, ahead of the queue.
-
-        Always to the autopilot; to others at a limited rate, so that no pulse is delayed.
-        """
+        """True if an answer may leave ahead of the queue; limited, except to the autopilot."""
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
         self.counters["questions_passed_over"] += 1
@@ -348,7 +345,7 @@ class Component:
         if peer != self.discovery.autopilot:
             self.counters["foreign_poses"] += 1
             return
-        self.streams.heard(message.ID, now_ns)
+        self.streams.received(message.ID, now_ns)
         self._watch_boot_time(message.time_boot_ms, now_ns)
         boot_ns = message.time_boot_ms * 1_000_000
         if not self.time_sync.synchronized:
@@ -399,7 +396,7 @@ class Component:
         )
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Handle the autopilot's answer to our request, recognised by its `ts1`.
+        """Handle the autopilot's answer to a time request, recognised by its `ts1`.
 
         Its target is unusable: PX4 1.17 leaves it uninitialised.
         """

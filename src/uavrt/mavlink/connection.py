@@ -116,10 +116,7 @@ class Connection:
                 tasks.create_task(self.serve(number, address))
 
     async def serve(self, number: int, address: str | Address) -> None:
-        """Open one link and serve it until cancelled, while `keep_time` runs.
-
-        Raises `ConfigError` or `LinkError` if it cannot be opened.
-        """
+        """Serve one link until cancelled, while `keep_time` runs; raises as `run` does."""
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link
         log.info("link open", address=str(link.address))
@@ -138,10 +135,7 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send a message to the autopilot at once, ahead of all queues, or drop it.
-
-        A queued command could leave after a pilot has taken over.
-        """
+        """Send to the autopilot at once or not at all: queued, it could follow a takeover."""
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:
@@ -159,7 +153,7 @@ class Connection:
         return self._ways[AUTOPILOT_LINK].link
 
     @property
-    def heard_on(self) -> int:
+    def receiving_link(self) -> int:
         """Number of the link that delivered the frame in progress."""
         return self._receiving or AUTOPILOT_LINK
 
@@ -242,7 +236,7 @@ class Connection:
                 # Forwarded by a ground station: late, and so is its clock.
                 self.component.counters["autopilot_elsewhere"] += 1
                 return
-            self._routes.heard(Peer(frame.system_id, frame.component_id), number, now_ns)
+            self._routes.received(Peer(frame.system_id, frame.component_id), number, now_ns)
         self._receiving = number
         try:
             self.component.receive(frame, now_ns, number)

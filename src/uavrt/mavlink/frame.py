@@ -124,7 +124,7 @@ class FrameParser:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Add bytes as they come; return the frames they complete."""
+        """Add received bytes; return the frames that they complete."""
         buffer = self._buffer + data if self._buffer else bytes(data)
         frames: list[Frame] = []
         place, size = 0, len(buffer)
@@ -177,8 +177,7 @@ def _next_byte(buffer: bytes, place: int) -> int | None:
 def _check(raw: bytes, following: int | None) -> Frame | None:
     """Read a frame of the right length; None if its checksum is wrong.
 
-    The checksum of an unknown message cannot be checked. It is accepted if another frame, or
-    nothing yet, follows.
+    An unknown message has no known checksum; it is accepted if a frame or nothing follows.
     """
     if raw[0] == MARKER_V2:
         _, length, incompatible, _, sequence, system_id, component_id = raw[:7]

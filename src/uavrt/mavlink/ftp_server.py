@@ -246,7 +246,7 @@ class FileServer:
             self._drop_crc(self._crcs[0])
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of requests, sessions and sent bytes, for a health record."""
         return {
             "ftp_requests": self.requests,
             "ftp_refused": self.refused,

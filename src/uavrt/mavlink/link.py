@@ -111,7 +111,7 @@ class Link:
         )
 
     def health(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of frames and bytes by name, for a health record."""
         return {f"link_{name}": value for name, value in asdict(self.counters).items()}
 
     def _write(self, frame: bytes) -> bool:

@@ -30,7 +30,7 @@ class Routes:
         self._heard: OrderedDict[Peer, dict[int, tuple[int, int]]] = OrderedDict()
         self._doubted_until: dict[int, int] = {}
 
-    def heard(self, peer: Peer, link: int, now_ns: int) -> None:
+    def received(self, peer: Peer, link: int, now_ns: int) -> None:
         """Record that a frame of `peer` has come by `link`."""
         links = self._heard.setdefault(peer, {})
         since_ns, last_ns = links.get(link, (now_ns, now_ns))

@@ -177,7 +177,7 @@ class LinkView:
         return None
 
     def leave(self, given: Item) -> None:
-        """Add a copy that another link left; drop the oldest if too many wait."""
+        """Queue a copy of another link's message; drop the oldest if too many wait."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 
@@ -241,10 +241,7 @@ class TunnelSender:
         target: Peer | None = None,
         payload_type: int = 0,
     ) -> None:
-        """Queue a tunnel payload; without a target it goes to all ground stations.
-
-        Raises `TunnelError` if it is longer than 128 bytes.
-        """
+        """Queue a payload for a target or all; raises `TunnelError` above 128 bytes."""
         if len(payload) > TUNNEL_SIZE:
             raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
         place = None if target is None else target.place

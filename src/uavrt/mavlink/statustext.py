@@ -80,9 +80,9 @@ class TextLimiter:
 
 
 class TextAssembler:
-    """Joins the pieces of texts; a missing piece becomes an ellipsis.
+    """Joins the pieces of texts; a text also ends when its sender begins another.
 
-    A text ends with its last piece, or when another text of the same sender begins.
+    A missing piece becomes an ellipsis.
     """
 
     def __init__(self) -> None:

@@ -45,7 +45,7 @@ class StreamRequests:
         for stream in self._streams.values():
             stream.wanted, stream.tries, stream.heard_ns = True, 0, now_ns
 
-    def heard(self, message_id: int, now_ns: int) -> None:
+    def received(self, message_id: int, now_ns: int) -> None:
         """Record that a streamed message came."""
         stream = self._streams.get(message_id)
         if stream is not None:

@@ -163,10 +163,7 @@ class TimeSync:
             self._one_way[-1] = (received_ns, offset)
 
     def local_ns(self, remote_ns: int) -> int | None:
-        """Local time of a boot time [ns]; None if unknown.
-
-        Without any round trip, the one-way offset is used after 3 s of messages.
-        """
+        """Local time of a boot time [ns]; one-way after 3 s without round trips; else None."""
         if self._line is not None:
             remote, local, skew = self._line
             delta = remote_ns - remote

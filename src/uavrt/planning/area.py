@@ -43,7 +43,7 @@ class Circle:
         off = np.hypot(east_m - self.east_m, north_m - self.north_m) - self.radius_m
         return np.asarray(np.maximum(off, 0.0))
 
-    def off_ways_m(
+    def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
         """Least distance from the circle of straight paths [m]; 0 if they cross it."""
@@ -55,7 +55,7 @@ class Circle:
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(self.radius_m - off)
 
-    def depth_ways_m(
+    def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
         """Least depth inside the circle on straight paths to positions [m]."""
@@ -157,11 +157,11 @@ class Polygon:
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), 0.0, off))
 
-    def off_ways_m(
+    def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
         """Least distance from the outline of straight paths [m]; 0 if they cross it."""
-        edge = self._edge_ways_m(start_m, east_m, north_m)
+        edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
 
@@ -170,20 +170,20 @@ class Polygon:
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), off, 0.0))
 
-    def depth_ways_m(
+    def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
         """Least depth inside the outline on straight paths [m]; 0 if they leave it."""
-        edge = self._edge_ways_m(start_m, east_m, north_m)
+        edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
 
-    def _edge_ways_m(
+    def _edge_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
         """Least distance of straight paths from the outline's edge [m]; 0 if they cross it."""
         end = (east_m, north_m)
-        off = [ways_apart_m(start_m, end, side) for side in self._sides]
+        off = [segment_distance_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
 
 
@@ -203,7 +203,7 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
     return np.asarray(np.hypot(x - a[0] - share * along_x, y - a[1] - share * along_y))
 
 
-def ways_apart_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
+def segment_distance_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
     """Least distance of straight paths from a line segment [m]; 0 if they cross it."""
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
@@ -253,7 +253,7 @@ class SearchArea:
     search: Polygon
     fence: Polygon | None = None
     """Fence that the drone must stay inside; None is no limit."""
-    voids: tuple[Circle | Polygon, ...] = ()
+    excluded: tuple[Circle | Polygon, ...] = ()
     """Excluded areas that the drone must not enter."""
     within: tuple[Circle | Polygon, ...] = ()
     """Areas that the drone must not leave, home and return included."""
@@ -299,10 +299,10 @@ class SearchArea:
     def check_home(self) -> None:
         """Reject a home that excludes take-off or return; raises `PlanError`."""
         home = np.array([self.home_m]).T
-        for void in self.voids:
-            if float(void.off_m(*home)[0]) <= self.margin_m:
+        for zone in self.excluded:
+            if float(zone.off_m(*home)[0]) <= self.margin_m:
                 raise PlanError(
-                    f"home lies in or at the edge of {_named(void)}",
+                    f"home lies in or at the edge of {_named(zone)}",
                     remedy=f"Take off more than {self.margin_m:.0f} m from it",
                 )
         for area in self.within:
@@ -312,44 +312,44 @@ class SearchArea:
                     remedy=f"Take off more than {self.margin_m:.0f} m within it, or redraw it",
                 )
 
-    def entered(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Excluded area that a path, or the return from it, enters; None if none.
+    def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
+        """Reason why excluded areas forbid a path or the return from it; None if they do not.
 
         The path is given by points, beginning with its start; segments are checked, too.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
-        return next((reason for _, reason in self._entered(x[None], y[None], here)), None)
+        return next((reason for _, reason in self._entered_areas(x[None], y[None], here)), None)
 
-    def _entered(
+    def _entered_areas(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Yield the number of each leg that enters an excluded area, with the reason.
+        """Numbers of legs that enter an excluded area, each with the reason.
 
         A drone that a gust has put into the margin may leave it, but not come closer.
         """
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
-        for void in self.voids:
-            bad = void.contains(x, y)
+        for zone in self.excluded:
+            bad = zone.contains(x, y)
             if self.margin_m > 0.0:
-                margin = min(self.margin_m, float(void.off_m(*here)[0]))
-                bad = bad | (void.off_m(x, y) < margin - 1e-6)
+                margin = min(self.margin_m, float(zone.off_m(*here)[0]))
+                bad = bad | (zone.off_m(x, y) < margin - 1e-6)
             legs = np.flatnonzero(bad.any(axis=-1))
-            found.extend((int(leg), f"enters {_named(void)}") for leg in legs)
+            found.extend((int(leg), f"enters {_named(zone)}") for leg in legs)
             if not self.straight_home:
                 continue
-            least = min(self.margin_m, float(void.off_ways_m(self.home_m, *here)[0]))
-            off = void.off_ways_m(self.home_m, x, y)
+            least = min(self.margin_m, float(zone.path_distance_m(self.home_m, *here)[0]))
+            off = zone.path_distance_m(self.home_m, x, y)
             legs = np.flatnonzero((off < max(least - 1e-6, 1e-6)).any(axis=-1))
-            found.extend((int(leg), f"leads home over {_named(void)}") for leg in legs)
+            found.extend((int(leg), f"leads home over {_named(zone)}") for leg in legs)
         for area in self.within:
             least = max(0.0, min(self.margin_m, float(area.depth_m(*here)[0])) - 1e-6)
             legs = np.flatnonzero((area.depth_m(x, y) <= least).any(axis=-1))
             found.extend((int(leg), f"leaves {_named_within(area)}") for leg in legs)
-            deep = float(area.depth_ways_m(self.home_m, *here)[0])
+            deep = float(area.path_depth_m(self.home_m, *here)[0])
             least = max(0.0, min(self.margin_m, deep) - 1e-6)
-            off = area.depth_ways_m(self.home_m, x, y)
+            off = area.path_depth_m(self.home_m, x, y)
             legs = np.flatnonzero((off <= least).any(axis=-1))
             found.extend((int(leg), f"leads home out of {_named_within(area)}") for leg in legs)
         return found
@@ -384,7 +384,7 @@ class SearchArea:
     def _faults(
         self, x: _Floats, y: _Floats, height_m: _Floats | float, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Yield the number of each leg that may not be flown, with the reason."""
+        """Numbers of legs that may not be flown, each with the reason."""
         found: list[tuple[int, str]] = []
 
         def add(bad: _Flags, reason: str) -> None:
@@ -392,7 +392,7 @@ class SearchArea:
 
         if self.fence is not None:
             add(~self.fence.contains(x, y), "leaves the fence")
-        found.extend(self._entered(x, y, start_m))
+        found.extend(self._entered_areas(x, y, start_m))
         if self.ground is flat_ground:
             above = np.broadcast_to(height_m, x.shape)
         else:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
 from uavrt.lean_scipy import special
-from uavrt.localization.position.level_belief import Listening, by_chance_density
+from uavrt.localization.position.level_belief import Listening, false_pulse_density
 from uavrt.localization.position.trackers import (
     Expectation,
     Hypotheses,
@@ -62,7 +62,7 @@ class ModelCheck:
     scatter: float
     """Mean square deviation over the expected one; 1 if the model holds."""
     pulses: float
-    """Sum of the pulses' weights."""
+    """Sum of the weights of recent pulses."""
 
     @property
     def passed(self) -> bool:
@@ -90,7 +90,7 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
     return float(np.clip(-special.ndtri_exp(min(above - heard, -1e-12)), -most, most))
 
 
-class Rival:
+class Interferer:
     """Stationary interferer that is received as the tag.
 
     It has a tracker, which takes each pulse in proportion to how much better it explains it
@@ -112,7 +112,7 @@ class Rival:
         self._density = 0.0
 
     @classmethod
-    def of(cls, prior: TagPrior, rng: Generator) -> "Rival | None":
+    def of(cls, prior: TagPrior, rng: Generator) -> "Interferer | None":
         """Create the possible interferer of a tag; it counts when the tag itself is missed."""
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
@@ -129,7 +129,7 @@ class Rival:
     def heard(self, heard: Listening, log_probability: float) -> None:
         """Update with a pulse and its density from the tag and from all other sources."""
         others = self._missed * self.probability * self._density
-        chance = self._chance * by_chance_density(heard)
+        chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
         self._add(np.log((tags + self._missed * self._density) / tags))
         self.tracker.listen(heard, elsewhere=max(tags / self._missed - chance, 0.0))
@@ -160,12 +160,12 @@ class TagBelief:
     ) -> None:
         if not 0.0 < existence < 1.0:
             raise ConfigError(
-                f"tag {tag_id} exists with a probability of {existence}",
-                remedy="Give one above 0 and below 1",
+                f"the probability that tag {tag_id} exists is {existence}",
+                remedy="Give a probability above 0 and below 1",
             )
         self.tag_id = tag_id
         self._tracker = ParticleTracker(prior, rng, particles=particles)
-        self._rival = Rival.of(prior, rng)
+        self._rival = Interferer.of(prior, rng)
         self._prior_odds = np.log(existence / (1.0 - existence))
         self._log_bayes_factor = 0.0
         self._sums = np.zeros(4)
@@ -209,7 +209,7 @@ class TagBelief:
             others = 0.0 if rival is None else rival.density(heard)
             part = 0.0 if rival is None else self.prior.missed_share * rival.probability
             expected = self._tracker.listen(heard, elsewhere=part * others)
-            by_chance = max(chance, 1e-6) * by_chance_density(heard)
+            by_chance = max(chance, 1e-6) * false_pulse_density(heard)
             # Were there no tag, what is heard would be a rival.
             absent = float(np.log(by_chance + others))
             if rival is not None:

@@ -36,38 +36,40 @@ _SHARING = _Sharing()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Told:
+class _ExponentMessage:
     """Normal likelihood of the exponent in natural parameters, which add up."""
 
     precision: float = 0.0
     weighted: float = 0.0
     """Mean times precision of the exponent."""
 
-    def plus(self, other: "_Told") -> "_Told":
-        return _Told(
+    def plus(self, other: "_ExponentMessage") -> "_ExponentMessage":
+        return _ExponentMessage(
             precision=self.precision + other.precision, weighted=self.weighted + other.weighted
         )
 
-    def minus(self, other: "_Told") -> "_Told":
-        return _Told(
+    def minus(self, other: "_ExponentMessage") -> "_ExponentMessage":
+        return _ExponentMessage(
             precision=self.precision - other.precision, weighted=self.weighted - other.weighted
         )
 
-    def scaled(self, share: float) -> "_Told":
-        return _Told(precision=self.precision * share, weighted=self.weighted * share)
+    def scaled(self, share: float) -> "_ExponentMessage":
+        return _ExponentMessage(
+            precision=self.precision * share, weighted=self.weighted * share
+        )
 
-    def softened(self, variance: float) -> "_Told":
+    def softened(self, variance: float) -> "_ExponentMessage":
         """Message for another tag, whose exponent differs with a given variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
-class CommonFall:
+class ExponentSharing:
     """Shares what each tag's pulses show of the path loss exponent among all tags."""
 
     def __init__(self) -> None:
         self._variance = _SHARING.exponent_sigma**2
-        self._sent: dict[int, _Told] = {}
-        self._received: dict[int, _Told] = {}
+        self._sent: dict[int, _ExponentMessage] = {}
+        self._received: dict[int, _ExponentMessage] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
         """Collect each tag's information on the exponent, and pass it to the others."""
@@ -75,21 +77,21 @@ class CommonFall:
         if len(learning) < 2:
             return
         for one in learning:
-            self._ask(one)
+            self._collect(one)
         if not self._sent:
             return
         sent = {tag: one.softened(self._variance) for tag, one in self._sent.items()}
         for one in learning:
-            others = _Told()
+            others = _ExponentMessage()
             for tag, message in sent.items():
                 others = others if tag == one.tag_id else others.plus(message)
-            news = others.minus(self._received.get(one.tag_id, _Told()))
+            news = others.minus(self._received.get(one.tag_id, _ExponentMessage()))
             if abs(news.precision) < 1e-6:
                 continue
             one.tracker.take_exponent(news.precision, news.weighted)
             self._received[one.tag_id] = others
 
-    def _ask(self, belief: TagBelief) -> None:
+    def _collect(self, belief: TagBelief) -> None:
         """Message by a tag's own pulses; None unless it exists and agrees with the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
@@ -98,10 +100,10 @@ class CommonFall:
         mean, variance = belief.tracker.exponent()
         prior = belief.prior
         known = 1.0 / prior.exponent_sigma**2
-        before = _Told(precision=known, weighted=known * prior.exponent)
-        before = before.plus(self._received.get(belief.tag_id, _Told()))
+        before = _ExponentMessage(precision=known, weighted=known * prior.exponent)
+        before = before.plus(self._received.get(belief.tag_id, _ExponentMessage()))
         precision = 1.0 / max(variance, 1e-6)
-        own = _Told(precision=precision, weighted=precision * mean).minus(before)
+        own = _ExponentMessage(precision=precision, weighted=precision * mean).minus(before)
         if own.precision <= 0.0:
             return
         own = own.scaled(min(1.0, _SHARING.most_precision / own.precision))

@@ -31,7 +31,7 @@ _GROUP_ENR_DB = np.arange(-15.0, 35.25, 0.25)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ListeningWay:
+class AntennaPath:
     """Positions and headings of the antenna at each expected pulse of a path."""
 
     time_s: _Floats
@@ -90,14 +90,14 @@ class Absence:
     """Posterior probability that the tag is not in the area."""
 
 
-def listening_way(
+def planned_antenna_path(
     corners_m: list[tuple[float, float]],
     *,
     height_m: float,
     speed_m_s: float,
     interval_s: float,
     nose_first: bool = False,
-) -> ListeningWay:
+) -> AntennaPath:
     """Distribute a tag's pulses along straight paths between corners (east, north).
 
     `height_m`: constant height above the ground. `nose_first`: the antenna points along the
@@ -111,7 +111,7 @@ def listening_way(
     at = time_s * speed_m_s
     course = np.degrees(np.arctan2(*np.diff(points, axis=0).T)) if len(points) > 1 else [0.0]
     leg = np.clip(np.searchsorted(gone, at, side="right") - 1, 0, max(len(points) - 2, 0))
-    return ListeningWay(
+    return AntennaPath(
         time_s=time_s,
         east_m=np.interp(at, gone, points[:, 0]),
         north_m=np.interp(at, gone, points[:, 1]),
@@ -122,7 +122,7 @@ def listening_way(
 
 def coverage_of(
     ground: GroundGrid,
-    way: ListeningWay,
+    way: AntennaPath,
     tag: Tag,
     budget: LinkBudget,
     *,
@@ -240,7 +240,7 @@ class _View:
         ground: GroundGrid,
         budget: LinkBudget,
         pattern: AntennaPattern | None,
-        way: ListeningWay,
+        way: AntennaPath,
         *,
         hills: bool,
     ) -> None:

@@ -58,7 +58,7 @@ class EnergyModel:
         """
         if not (predicted_wh > 0.0 and np.isfinite(used_wh) and sigma_wh > 0.0):
             raise ConfigError(
-                f"a battery that gave {used_wh} Wh where {predicted_wh} Wh were expected",
+                f"the battery reports {used_wh} Wh used, {predicted_wh} Wh were expected",
                 remedy="Check the battery monitor's calibration",
             )
         per_scale = predicted_wh / self.scale
@@ -84,10 +84,7 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy to climb, fly home and descend [Wh], `sigmas` above the estimated power.
-
-        It is infinite if the wind is too strong.
-        """
+        """Energy to climb, fly home and descend [Wh]; infinite if the wind is too strong."""
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
         if not isfinite(flying):

@@ -163,13 +163,13 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
     level = np.maximum(level, np.float32(listener.threshold_db))
     pulses = spans / samples / listener.pulse_s * (1.0 - prior.missed_share)
     noise2 = prior.fading_db**2 + _walked_db2(some, legs, spans, listener.above_tags_m)
-    alike2, apart2 = _over_the_way(wrong2, legs, spans / listener.pulse_s)
+    alike2, apart2 = _terrain_variance(wrong2, legs, spans / listener.pulse_s)
     noise2 = noise2 + apart2
     per_pulse = (pulses[:, None] / noise2).astype(np.float32)
     return _Pulses(level_db=level, per_db2=per_pulse, alike_db2=alike2, span_s=spans)
 
 
-def _over_the_way(
+def _terrain_variance(
     wrong2: _Singles | float, legs: Legs, pulses: _Floats
 ) -> tuple[_Floats, _Floats | float]:
     """Variance by terrain losses: common to a path (ways,), and for each pulse (ways, samples).

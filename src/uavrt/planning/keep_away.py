@@ -31,8 +31,8 @@ class KeepAway:
     def __post_init__(self) -> None:
         if self.radius_m <= 0.0 or not 0.0 < self.probability < 1.0 or self.margin < 1.0:
             raise ConfigError(
-                f"keeping {self.radius_m:g} m away with a probability of {self.probability:g} "
-                f"and a margin of {self.margin:g}",
+                f"the distance to animals is {self.radius_m:g} m, its probability "
+                f"{self.probability:g}, and its margin {self.margin:g}",
                 remedy="Give a radius above 0, a probability below 1, a margin of 1 or more",
             )
 
@@ -46,11 +46,7 @@ class KeepAway:
         speed_m_s: float,
         stays_s: float = 0.0,
     ) -> _Floats:
-        """(tags, ways) probability that straight paths keep the planned distance from each tag.
-
-        A doubtful tag counts as existing; a travelling one continues. `stays_s`: time at the
-        end.
-        """
+        """(tags, ways) probability that straight paths, and stays, keep the distance."""
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
         way_x, way_y = east_m - start_m[0], north_m - start_m[1]

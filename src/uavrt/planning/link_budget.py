@@ -79,10 +79,7 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Distance over ground up to which an ENR is reached everywhere [m], at most 100 km.
-
-        None if it is not reached beneath the drone.
-        """
+        """Distance up to which an ENR is reached [m], 100 km at most; None if nowhere."""
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
         )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
-from uavrt.planning.area import ways_apart_m
+from uavrt.planning.area import segment_distance_m
 from uavrt.planning.tuning import PLANNING
 from uavrt.planning.vehicle import Legs, Path
 
@@ -34,8 +34,8 @@ class Separation:
     def __post_init__(self) -> None:
         if min(self.distance_m, self.height_m) <= 0.0 or self.margin < 1.0:
             raise ConfigError(
-                f"drones {self.distance_m:g} m apart, {self.height_m:g} m in height, with a "
-                f"margin of {self.margin:g}",
+                f"the distance between drones is {self.distance_m:g} m, {self.height_m:g} m in "
+                f"height, with a margin of {self.margin:g}",
                 remedy="Give distances above 0 and a margin of 1 or more",
             )
 
@@ -52,13 +52,13 @@ class OtherDrones:
     strips: tuple[Strip, ...] = ()
     """Straight paths owned by other drones at all times, because drones share no clock."""
 
-    def strips_apart_m(
+    def strip_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
         """(ways,) least distance of straight paths from all paths of other drones [m]."""
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
-            least = np.minimum(least, ways_apart_m(start_m, (east_m, north_m), one))
+            least = np.minimum(least, segment_distance_m(start_m, (east_m, north_m), one))
         return least
 
     def legs(self, time_s: float) -> Legs | None:

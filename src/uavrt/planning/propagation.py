@@ -14,11 +14,7 @@ _Floats = NDArray[np.floating[Any]]
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """Level correction by the ray reflected by the ground, which adds to the direct one.
-
-    The reflected ray has the Fresnel coefficient of medium ground; a table over the distance
-    serves ten thousand positions.
-    """
+    """Level correction by the ray reflected by medium ground, tabulated over the distance."""
 
     frequency_hz: float = 150e6
     tag_height_m: float = 1.0

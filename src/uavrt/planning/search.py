@@ -11,7 +11,7 @@ from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.planning.actions import FlyTo, Return
 from uavrt.planning.area import check_reach
 from uavrt.planning.beliefs import Beliefs
-from uavrt.planning.common_fall import CommonFall
+from uavrt.planning.common_fall import ExponentSharing
 from uavrt.planning.energy import Battery, EnergyModel
 from uavrt.planning.other_drones import OtherDrones
 from uavrt.planning.situation import Decision, Planner, SearchSettings, Situation
@@ -37,7 +37,7 @@ class Search:
         self._planner, self._rng = planner, rng
         self.found: dict[int, Found] = {}
         self.decisions: list[tuple[float, Decision]] = []
-        self._fall = CommonFall()
+        self._fall = ExponentSharing()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
         """Reject a search that cannot be flown, before anything moves.
@@ -195,7 +195,7 @@ class Search:
             ),
         )
 
-    def know_energy(self, energy: EnergyModel) -> None:
+    def set_energy(self, energy: EnergyModel) -> None:
         """Set the energy model learned from the battery."""
         if self.settings.energy is not None:
             self.settings = replace(self.settings, energy=energy)

@@ -9,7 +9,7 @@ from uavrt.planning.division import Start, divided
 from uavrt.planning.tuning import PLANNING
 
 
-def shared_out(
+def tags_by_drone(
     beliefs: Beliefs,
     found: Collection[int],
     starts: Mapping[int, Start],

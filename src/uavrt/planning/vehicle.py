@@ -312,10 +312,7 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Positions of the drone at each time step of an action.
-
-    Raises `ConfigError`: the wind is too strong for the path.
-    """
+    """Positions at each time step of an action; `ConfigError` if the wind is too strong."""
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
         return _in_place(vehicle, state, action, air, step_s)

@@ -34,11 +34,7 @@ _RATE_BASELINE_S = 0.2
 
 
 class PoseRing:
-    """Recent attitudes and positions of the vehicle, interpolated for the antenna.
-
-    `antenna`: its mounting on the vehicle.
-    `capacity`: number of samples of each kind that are kept.
-    """
+    """The vehicle's last `capacity` attitudes and positions, interpolated for the antenna."""
 
     def __init__(
         self, antenna: AntennaSettings | None = None, *, capacity: int = CAPACITY

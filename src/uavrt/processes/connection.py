@@ -315,7 +315,7 @@ class ConnectionProcess:
 
     def _radio_status(self, status: RadioStatus) -> None:
         now_ns = self._now_ns()
-        self._link.tunnel.rate_of(self._link.heard_on).radio_status(status.txbuf, now_ns)
+        self._link.tunnel.rate_of(self._link.receiving_link).radio_status(status.txbuf, now_ns)
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
         stations = self._inbox.stations

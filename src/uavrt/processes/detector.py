@@ -63,11 +63,10 @@ class DetectorBank:
         self._group = DetectorGroup(self._receiver)
         self._coded: dict[int, CodedDetector] = {}
         self._bursts: list[Pulse] = []
-        self._watch = HangWatch(lambda: self._group.in_hand)
+        self._watch = HangWatch(lambda: self._group.last_searched)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
-        """Clipped times of the last block; the same object for all channels of a radio block.
-        """
+        """Clipped times of the last block, shared by all channels of a radio block."""
         self._faults: Counter[int] = Counter()
         self._searched_alone: frozenset[int] = frozenset()
         self.left_out: dict[int, Tag] = {}
@@ -150,13 +149,13 @@ class DetectorBank:
             with self._watch:
                 yield
         except Exception as error:
-            tags = [detector.tag.tag_id for detector in self._group.in_hand]
+            tags = [detector.tag.tag_id for detector in self._group.last_searched]
             log.exception("search failed", tags=tags)
             self._restart(error)
 
     def _restart(self, error: Exception) -> None:
         """Rebuild all detectors after a failure; stop searching a tag that failed twice."""
-        suspects = [detector.tag for detector in self._group.in_hand]
+        suspects = [detector.tag for detector in self._group.last_searched]
         self.failures += 1
         # Which of several failed shows when each is searched alone; otherwise all are left out.
         if len(suspects) == 1 or all(tag.tag_id in self._searched_alone for tag in suspects):

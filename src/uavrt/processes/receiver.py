@@ -63,7 +63,6 @@ class ChannelSink(Protocol):
 
 
 _RECORDED_AGAIN_S = 10.0
-"""Recording time after which a new disk fault is reported [s]."""
 
 
 class Receiver:
@@ -176,10 +175,10 @@ class Receiver:
         self.last_sample_ns = block.time_ns + round(
             len(block.samples) * NANOSECONDS_PER_SECOND / block.sample_rate_hz
         )
-        self._clipping.look(block)
-        self._carriers.look(block, self.center_frequency_hz)
+        self._clipping.check(block)
+        self._carriers.check(block, self.center_frequency_hz)
         self._report_clipping()
-        for fault in self._input_check.look(block):
+        for fault in self._input_check.check(block):
             self._notify(4, fault)
         band = self._front_end.decimate(block)
         self._check.look(band)

@@ -1,21 +1,6 @@
 """Paths of all files in a flight directory: the thesis's layout (§4.5), and a database.
 
-::
-
-    flight_log_2026-05-01_08-15-00/           UTC
-    ├── flight.sqlite                         all records; the single source of truth
-    ├── starred                               if present, the flight is never removed
-    ├── pulse_pose_log.txt                    all pulses with poses, the thesis's 23 columns
-    ├── airspy_csdr_netcat_log/               output of the radio's program
-    ├── channelizer_log/                      output of the receiver
-    ├── detector_log/
-    │   ├── detector_1.log                    output of each detector process
-    │   └── tag_id_2/
-    │       ├── config/detectorConfig.txt     the tag as the original detector reads it
-    │       └── output/pulse_pose_log.txt     this tag's pulses
-    ├── process_log/                          output of the other processes
-    ├── integrated/                           results of ``uavrt integrate``
-    └── iq/                                   SigMF recordings, if enabled
+docs/reference/flight-directory.md shows the whole tree. ``flight.sqlite`` has all records.
 """
 
 import os

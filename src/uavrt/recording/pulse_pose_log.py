@@ -1,16 +1,7 @@
 """The thesis's ``pulse_pose_log.txt``: one pulse a line, 23 columns, now at full precision.
 
-::
-
-    1 tag_id            2 frequency MHz
-    3,4 start           5,6 end           7,8 next start      9,10 next end   (sec, nanosec)
-    11 snr dB           12 score          13 group_index      14 group snr dB
-    15 detection_status 16 confirmed_status
-    17 latitude         18 longitude      19 altitude AMSL m  20–23 quaternion x, y, z, w
-
-Separator comma and space, no heading. The original printed six
-digits: 11 m in latitude, and 4294967295 for half of all column 10. Here times are whole
-numbers, and what is not known is ``nan``, never zero.
+docs/reference/flight-directory.md lists the columns. Unknown values are ``nan``, never zero.
+The original printed six digits: 11 m in latitude, and 4294967295 for half of all column 10.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""Interface of the ROS 2 side for the gateway: `uavrt.ros2.dds.Participant`, or a test's."""
+"""Interface to ROS 2 for the gateway: `uavrt.ros2.dds.Participant`, or a test's."""
 
 from collections.abc import Collection
 from typing import Protocol

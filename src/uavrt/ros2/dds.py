@@ -1,4 +1,4 @@
-"""The way onto the network: a DDS participant that ROS 2 takes for our nodes.
+"""A DDS participant on the network, which ROS 2 shows as the nodes of the drone.
 
 How ROS 2 recognises nodes, topics and types of a foreign participant, and what must not be done
 with the binding, was found by experiment against ROS 2 Jazzy:
@@ -10,7 +10,7 @@ with the binding, was found by experiment against ROS 2 Jazzy:
 - writers keep the last few messages: with "keep all" a stopped subscriber stops the writer.
 
 Samples go in and out as bytes; `uavrt.ros2.cdr` makes and reads them, five times faster than
-the binding, and what a stranger sends is judged by our own reader.
+the binding, and checks what others send.
 """
 
 import os
@@ -75,8 +75,7 @@ SAMPLE_MB = 4
 """Longest message that DDS assembles [MB], a multiple of any topic's. It drops each part of a
 longer one as it comes and writes a warning."""
 READER_DEPTH = 4000
-"""Most messages of a topic that wait in its reader: 0.4 s at 10 000 a second. Newer ones
-replace the oldest."""
+"""Most messages of a topic that wait in its reader; 0.4 s at 10 000 a second."""
 PASSES = 3
 """Most passes over all readers in one round, while messages wait for the next pass."""
 ANNOUNCED_LIMIT = 2000

@@ -63,7 +63,7 @@ class Gateway:
 
     @property
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of messages and commands by name, for a health record."""
         return {
             "ros2_pulses_published": self._topics.published,
             "ros2_commands": self._commands.sent,

@@ -155,7 +155,7 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
     known = (_PLAIN, _LZW, _DEFLATE, _OLD_DEFLATE, _PACKBITS)
     if number not in _NUMBERS or packed not in known:
         raise _Unread(
-            f"is packed in a way that is not read (compression {packed}, {number[1]} bits)",
+            f"has an unsupported compression ({packed}, {number[1]} bits)",
             "gdal_translate -ot Float32 -co COMPRESS=DEFLATE",
         )
     tiled = 322 in tags
@@ -197,16 +197,16 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
 
 def _check(blocks: _Blocks) -> None:
     if min(blocks.rows, blocks.columns, blocks.high, blocks.wide) < 1:
-        raise ValueError("it holds no points")
+        raise ValueError("it contains no heights")
     if blocks.high * blocks.wide > _MOST_BLOCK_POINTS:
         raise _Unread("has blocks that are too large", "gdal_translate -co TILED=YES")
     count = math.ceil(blocks.rows / blocks.high) * math.ceil(blocks.columns / blocks.wide)
     if len(blocks.places) < count or len(blocks.sizes) < count:
-        raise ValueError(f"it lists {len(blocks.places)} blocks of {count}")
+        raise ValueError(f"it lists {len(blocks.places)} of {count} blocks")
     ends = max(at + size for at, size in zip(blocks.places, blocks.sizes, strict=True))
     there = os.stat(blocks.path).st_size
     if ends > there:
-        raise ValueError(f"it holds {there:,} bytes of {ends:,}")
+        raise ValueError(f"it has {there:,} of {ends:,} bytes")
 
 
 def _number(text: object) -> float | None:
@@ -255,7 +255,7 @@ def _origin(tags: dict[int, Any]) -> tuple[float, float, float, float]:
     if 34264 in tags:
         xx, xy, _, x, yx, yy, _, y = tags[34264][:8]
         if xy or yx or xx <= 0.0 or yy >= 0.0:
-            raise _Unread("is turned", "gdalwarp -t_srs EPSG:4326")
+            raise _Unread("has a rotated grid", "gdalwarp -t_srs EPSG:4326")
         return x, y, xx, -yy
     step_x, step_y = tags[33550][:2]
     column, row, _, x, y = tags[33922][:5]
@@ -303,7 +303,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
     elif blocks.packed == _PACKBITS:
         data = _unpacked_bits(data, size)
     if len(data) < size:
-        raise ValueError(f"block {number} holds {len(data):,} bytes of {size:,}")
+        raise ValueError(f"block {number} has {len(data):,} of {size:,} bytes")
     heights = _unpredicted(data[:size], shape, kind, blocks.predictor)
     if blocks.nodata is not None:
         gone = np.isnan(heights) if math.isnan(blocks.nodata) else heights == blocks.nodata
@@ -370,7 +370,7 @@ def _unpacked_lzw(data: bytes, size: int) -> bytes:
         elif code == len(table) and last:
             text = last + last[:1]
         else:
-            raise ValueError("its LZW codes make no sense")
+            raise ValueError("its LZW data are invalid")
         found.append(text)
         length += len(text)
         if length >= size:

@@ -104,10 +104,7 @@ class HillLosses:
         return other
 
     def in_plane(self, plane: TangentPlane) -> "HillLosses":
-        """Losses with metres from another origin near by, with a common cache.
-
-        Both planes' axes are taken as parallel: 5 km apart they turn by .05°.
-        """
+        """Losses with metres from another origin near by, whose axes are taken as parallel."""
         other = copy(self)
         east, north = self._squares.plane.to_local(plane.latitude_deg, plane.longitude_deg)
         other.origin_m = (float(east), float(north))
@@ -119,17 +116,14 @@ class HillLosses:
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other
 
-    def noting(self, *limitations: str) -> "HillLosses":
+    def with_limitations(self, *limitations: str) -> "HillLosses":
         """Copy with further limitations."""
         other = copy(self)
         other.limitations = (*self.limitations, *limitations)
         return other
 
     def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
-        """Extend the ground to include places; raises `FormatError`.
-
-        Beyond the edge, the edge's heights count.
-        """
+        """Extend the ground to include places; raises `FormatError`."""
         here = self.origin_m
         self._squares.reach(
             float(np.max(np.abs(np.asarray(east_m) + here[0]))),
@@ -196,10 +190,7 @@ class HillLosses:
     def loss_db(
         self, drone: tuple[float, float, float], east_m: _Floats, north_m: _Floats
     ) -> NDArray[np.float32]:
-        """Loss beyond that of level ground, from one drone position to any places [dB].
-
-        `drone` (east, north, up): up from the ground at the take-off.
-        """
+        """Loss beyond that of level ground, from a drone (east, north, up) to places [dB]."""
         seen = self.seen_from(*(np.array([one]) for one in drone))
         return seen.between(np.intp(0), east_m, north_m)
 

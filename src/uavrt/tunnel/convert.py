@@ -43,10 +43,7 @@ DETECTION_STATUSES: dict[int, DetectionStatus] = {
 
 
 def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
-    """Convert a tag to its message; times are rounded to milliseconds, the frequency to hertz.
-
-    Raises `TunnelError` for more than two rates.
-    """
+    """Convert a tag to its message, in whole ms and Hz; `TunnelError` above two rates."""
     if not 1 <= len(tag.pulse_intervals_s) <= 2:
         raise TunnelError(f"tag {tag.tag_id} needs one or two pulse intervals", b"")
     if tag.coded:

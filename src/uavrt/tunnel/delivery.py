@@ -47,10 +47,7 @@ class PulseDelivery:
         self._news = set(self._unrecorded)
 
     def recorded(self, key: PulseKey) -> bool:
-        """Handle a recorded pulse; False if it must be read from the database.
-
-        This is so if this process has not sent it, or a station appeared since.
-        """
+        """Handle a recorded pulse; False if some station must get it from the database."""
         if key in self._recorded:
             return True
         known = self._unrecorded.pop(key, key) is None

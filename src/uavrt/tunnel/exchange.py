@@ -156,10 +156,7 @@ class Exchange:
     def receive(
         self, payload: bytes, asker: Ids, *, coded_tag: bool = False
     ) -> Command | Answer | None:
-        """Handle a payload of a ground station.
-
-        Returns a command for the supervisor, an answer, or None if no answer is needed.
-        """
+        """Handle a ground station's payload; return a command, an answer or None."""
         try:
             message = CodedTag.decode(payload) if coded_tag else decode(payload)
             if isinstance(message, g2.Requests):

@@ -23,7 +23,7 @@ TAG, size 88::
     80      f64   interval2_deviation
 
 START_DETECTION, begin to search for the uploaded tags, grew: sizes 12, 16, 32 and 40 are all in
-the field and accepted; 40 is what we send::
+the field and accepted; uavrt sends 40::
 
     0       u32   command = 5
     4       u32   radio_center_frequency_hz

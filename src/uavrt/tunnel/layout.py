@@ -58,10 +58,7 @@ class Layout:
         """Number of bytes before the first list."""
 
     def pack(self, record: object = None, **changed: Any) -> bytes:
-        """Write a record's fields as bytes; values given by name replace its own.
-
-        Raises `TunnelError` if a value does not fit into its field.
-        """
+        """Write a record's fields, or values given by name; `TunnelError` if too large."""
 
         def value(name: str) -> Any:
             return changed[name] if name in changed else getattr(record, name)

@@ -51,7 +51,7 @@ class ToDrone:
     payload_type: int | None = None
     """Payload type without a seal; None: accepted only sealed."""
     answers: int = 0
-    """Number of messages in its answer, to limit unsealed requests."""
+    """Number of messages that answer this kind, to limit unsealed requests."""
 
 
 TO_DRONE = (

@@ -174,7 +174,7 @@ def _size(places: int) -> int:
 
 
 def encode_confirmation(confirmation: MotionConfirmation) -> bytes:
-    """Write a confirmation."""
+    """Write the operator's confirmation of a proposed order."""
     return _CONFIRM.pack(confirmation)
 
 
@@ -194,7 +194,7 @@ def is_confirmation(payload: bytes) -> bool:
 
 
 def encode_stop(stop: MotionStop) -> bytes:
-    """Write a stop."""
+    """Write a request to end the drone's automatic flight."""
     return _STOP.pack(stop)
 
 

@@ -31,10 +31,7 @@ ROUGH_BYTES = 137
 
 
 class PulseMemory(Generic[T]):
-    """Pulses in memory that wait for sending or for an acknowledgement.
-
-    `inside`: payload of a burst's content, None for other pulses.
-    """
+    """Pulses that wait to be sent or acknowledged; `inside`: payload of a burst's content."""
 
     def __init__(self, inside: Callable[[T], bytes | None], stores: Stores) -> None:
         self.inside, self._stores = inside, stores

@@ -81,10 +81,7 @@ def seal(
 
 
 def session_of(payload: bytes, key: Key, drone: Ids) -> tuple[Session, int, int]:
-    """Read an announcement: session, newest accepted counter, returned nonce (0: none).
-
-    Raises `TunnelError` for anything else, or another key.
-    """
+    """Read an announcement: session, newest counter, nonce or 0; raises `TunnelError`."""
     head, mac = payload[:-8], payload[-8:]
     sizes = {_VERSION: _SESSION.size, _VERSION_ECHO: _SESSION.size + _NONCE.size}
     if not payload or len(head) != sizes.get(payload[0]):

@@ -147,10 +147,7 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """A store for which pulses may be on disk; None without any.
-
-        `unconfirmed`: True to include stores that have acknowledged nothing.
-        """
+        """A store, or None, for which pulses may be on disk; an unconfirmed one if allowed."""
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number

@@ -16,10 +16,7 @@ _DIGEST = re.compile(r"\blist ([0-9a-f]{8})\b")
 
 
 def tag_list_digest(tags: Iterable[Tag]) -> str:
-    """Eight hexadecimal digits that identify a tag list, whatever its order.
-
-    Names and fractions of a millisecond, which the wire does not carry, do not count.
-    """
+    """Eight hexadecimal digits that identify a tag list, whatever its order and names."""
     encoded = sorted(_of_code(tag) if tag.coded else tag_to_wire(tag).encode() for tag in tags)
     return hashlib.blake2b(b"".join(encoded), digest_size=4).hexdigest()
 

@@ -135,8 +135,8 @@ def rehearse(
     """
     if not any(planned(builds, asked)):
         raise UsageError(
-            f'no flight with "{asked.only}" in its name is asked for',
-            remedy='Ask for others, as --only survey or --only "mode: land"',
+            f'no flight with "{asked.only}" in its name is requested',
+            remedy='Choose others, such as --only survey or --only "mode: land"',
         )
     for build in builds:
         flights = [one for one in planned([build], asked) if one.name not in kept]
@@ -229,7 +229,7 @@ class _Rehearsed:
             outcome |= await self._listened()
         await self._left()
         if flight.takeover is not None and has_arrived(outcome["ended"]):
-            raise _NotTakenError("the order came to its own end after its takeover")
+            raise _NotTakenError("the order ended as planned after its takeover")
         return outcome
 
     async def _ordered(self) -> dict[str, Any]:

@@ -93,7 +93,7 @@ async def run_links(
         return rows
     except TimeoutError:
         raise LinkError(
-            f"{companion}: no autopilot was heard in 20 s", remedy="Check the address"
+            f"{companion}: no autopilot answered within 20 s", remedy="Check the address"
         ) from None
     finally:
         if beat is not None:

@@ -28,12 +28,12 @@ def detection(
     plots: bool = True,
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Measure the pulse detector against its bars, the original, and the bounds of theory.
+    """Measure the pulse detector against requirements, the original, and theoretical bounds.
 
     Prints the table and writes it (results.json, results.csv, results.md) with the curves
     (pd.png, pulses-summed.png, tracking.png, false-alarms.png). Experiments that are not run
-    keep their rows of an earlier run in the same directory. Exits with 1 when a bar lies
-    beyond the 95 % interval of what was measured.
+    keep their rows of an earlier run in the same directory. Exits with 1 if a requirement
+    is missed beyond the 95 % interval of the measurement.
 
     Parameters
     ----------

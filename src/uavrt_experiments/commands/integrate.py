@@ -18,9 +18,9 @@ def integrate(
     case: str = "",
     output: Path | None = None,
 ) -> None:
-    """Measure what judging whole flights reaches: false alarms, range, place and cost.
+    """Measure the evaluation of whole flights: false alarms, range, place and cost.
 
-    Exits with 1 when a bar lies beyond the 95 % interval of what was measured.
+    Exits with 1 if a requirement is missed beyond the 95 % interval of the measurement.
 
     Parameters
     ----------

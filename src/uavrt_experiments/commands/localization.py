@@ -10,7 +10,7 @@ from uavrt.cli.outputs import check_place
 def localization(
     *, runs: Count = 300, seed: Seed = 1, only: str | None = None, output: Path | None = None
 ) -> None:
-    """Measure bearings and positions against their bars and the bounds of theory.
+    """Measure bearings and positions against requirements and theoretical bounds.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ def localization(
         Simulated turns or surveys for each condition; 300 take about half
         an hour of a core.
     seed
-        Seed of everything random; the same for all methods, so that they see the same.
+        Seed of everything random; all methods get the same flights.
     only
         One experiment, such as B1 or L4.
     output

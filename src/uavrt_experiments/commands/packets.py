@@ -48,7 +48,7 @@ def packets(
     loss
         Fraction of the frames lost on the radio link, each way.
     seed
-        Seed of what is random.
+        Random seed.
     model_only
         Only the simulated radios, in virtual time; takes a few seconds.
     flight_dir

@@ -25,7 +25,7 @@ def recovery(
     flight_dir: Path = Path("flights"),
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Kill every process of a simulated flight: how fast is it back, is a pulse lost?
+    """Kill every process of a simulated flight, and measure recovery times and lost pulses.
 
     A pulse that was detected must be in the flight's database, in its log and on the ground.
     Exits with 1 when a limit is not met. In real time: about 20 minutes by default.
@@ -44,7 +44,7 @@ def recovery(
     power_cuts
         Number of times to kill everything at once, at a random moment.
     seed
-        Seed of what is random.
+        Random seed.
     flight_dir
         Directory in which the flight directory is created.
     json_summary

@@ -24,8 +24,8 @@ def resources(
 ) -> None:
     """Measure CPU and memory of each process in a long flight, with the thesis's tables.
 
-    Samples come from a stand-in radio program at 3 MS/s. Afterwards, flights with ever more
-    tags until real time is lost.
+    Samples come from a stand-in radio program at 3 MS/s. Then it flies with more and more
+    tags until the system cannot keep up.
 
     Parameters
     ----------

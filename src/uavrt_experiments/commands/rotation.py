@@ -22,7 +22,7 @@ def rotation(
     seed: Seed = 1,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
-    """Repeat the thesis's rotation test and show where its 50 degrees came from.
+    """Repeat the thesis's rotation test and show the cause of its error of 50 degrees.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def rotation(
     """
     if not 3000.0 <= sample_rate <= 24e6:
         raise UsageError(
-            f"a radio of {sample_rate:g} samples a second", remedy="Give --sample-rate 15000"
+            f"a sample rate of {sample_rate:g} is not possible",
+            remedy="Give --sample-rate between 3000 and 24e6",
         )
     if output is not None:
         check_place(output, overwrite=True)

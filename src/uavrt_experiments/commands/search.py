@@ -36,16 +36,16 @@ def search(
     """Search simulated animals with every planner, against the published tables.
 
     Each table is flown by our planner and by the others, with the same animals and the same
-    fading; a run that does not find every animal counts as failed, with its time limit. With
-    the figures stands what no planner could do better.
+    fading; a run that does not find every animal counts as failed, with its time limit. The
+    tables also give bounds that no planner can beat.
 
-    A run of ours takes 2 s (T3), 5 s (T2), 11 s (T4) or half a minute (T8) of a core, longer
-    over several square kilometres (T5, T6) and for planners that do not find all before the
-    time is over. So 100 runs take from ten minutes (T3) to hours: begin with --runs 10. Ctrl-C
-    prints what there is so far.
+    A run of our planner takes 2 s (T3), 5 s (T2), 11 s (T4) or half a minute (T8) of a core. It
+    takes longer over several square kilometres (T5, T6), and for planners that do not find all
+    animals in time. So 100 runs take from ten minutes (T3) to hours: begin with --runs 10.
+    Ctrl-C prints the finished runs.
 
-    With --processes, a handful of searches by the real processes instead: supervisor, receiver,
-    detectors, guide and connection as in a flight, with simulated radio and autopilot.
+    With --processes, it flies a few searches by the real processes instead: supervisor,
+    receiver, detectors, guide and connection as in a flight. Radio and autopilot are simulated.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def search(
     seed
         Seed of everything random; with --processes that of the first search.
     only
-        One table, such as T2.
+        Fly only this table, such as T2.
     baselines
-        Also fly the other planners; without, only the one that a bar compares with.
+        Also fly the other planners; without, only the one that a requirement compares with.
     particles
         Hypotheses per tag for planners under a paper's stop rule; drones use their own number.
     workers
@@ -66,8 +66,7 @@ def search(
         Number of searches by the real processes, one after another, four to ten minutes
         each; no table is flown.
     kept
-        File (.jsonl) of what every finished run brought: the same command with it goes on where
-        it was stopped.
+        File (.jsonl) of the results of finished runs; the same command continues from it.
     output
         Write every figure with its interval and its bound to this CSV file; the terminal shows
         only the figures that have a target.

@@ -19,7 +19,7 @@ from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.headings import Headings
 from uavrt.localization.heard import PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.planning.coverage import ListeningWay, coverage_of, listening_way
+from uavrt.planning.coverage import AntennaPath, coverage_of, planned_antenna_path
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.flight import Flight, Leg
@@ -97,7 +97,7 @@ class GroupsOverHills:
     def __init__(self, rng: np.random.Generator) -> None:
         self._land = _Land(rng)
         corners = rng.uniform(-900.0, 900.0, (4, 2))
-        way = listening_way(
+        way = planned_antenna_path(
             [(float(east), float(north)) for east, north in corners],
             height_m=_HEIGHT_M,
             speed_m_s=_SPEED_M_S,
@@ -194,13 +194,13 @@ class WholeFlightOverHills:
             for at in range(count)
         )
 
-    def _way(self) -> ListeningWay:
+    def _way(self) -> AntennaPath:
         """Path at the times of the tag's pulses, for the map; the first is at the start of the
         flight.
         """
         poses = self._poses(_SHARP_TAG.pulse_intervals_s[0])
         east, north = PLANE.to_local(poses.latitude_deg, poses.longitude_deg)
-        return ListeningWay(
+        return AntennaPath(
             time_s=(poses.time_ns - poses.time_ns[0]) / NANOSECONDS_PER_SECOND,
             east_m=east,
             north_m=north,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.evidence import evidence, evidence_of_sums, required_evidence
 from uavrt.detection.coded.identity import Sighting, Sightings
-from uavrt.detection.coded.judging import could_be, least_pulses, scores_of
+from uavrt.detection.coded.judging import least_pulses, may_suffice, scores_of
 from uavrt.detection.coded.limits import amplitude_limit, sum_limit
 from uavrt.detection.coded.tuning import IDENTITY, LIKELIHOOD, LIMITS, SHAPE, SUMS
 from uavrt.messages import Tag
@@ -185,7 +185,7 @@ def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: f
     begin_s, offset_hz, levels, away_s = map(np.concatenate, zip(*parts, strict=True))
     noise = _complex_noise(rng, (*levels.shape, _CHOICES))
     most = (np.abs(levels[:, :, None] + noise) ** 2).max(axis=2).astype(np.float32)
-    able = could_be(most, limits)
+    able = may_suffice(most, limits)
     begin_s, offset_hz = begin_s[able], offset_hz[able]
     energies, straight = _searched(levels[able], away_s[able], noise[able], stretch_s)
     judged = evidence(
@@ -280,7 +280,7 @@ def _confirmed(tag: Tag, found: _Found, foreign_per_hour: float) -> bool:
             hit=(),
             start_ns=start_ns,
             starts_ns=[start_ns],
-            heard=np.ones(1),
+            energies=np.ones(1),
             offset_hz=0.0,
             noise=1.0,
             row=int(found.rows[place]),
@@ -290,7 +290,7 @@ def _confirmed(tag: Tag, found: _Found, foreign_per_hour: float) -> bool:
             unlisted=float(found.unlisted[place]),
             required=required,
         )
-        named = sightings.name([sighting], start_ns, last=False)
+        named = sightings.identify([sighting], start_ns, last=False)
         if any(one.tag_id is not None for one, _, _ in named):
             return True
     return False

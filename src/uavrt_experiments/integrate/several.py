@@ -115,7 +115,9 @@ class Flown:
 
     enr_db: float
     alone: bool
-    """True if any flight finds the tag, at an equal part of 1 %."""
+    """True if any single flight finds the tag, at its share of the false-alarm probability of 1
+    %.
+    """
     found: bool
     """True if the tag is found when half of the 1 % is for all flights together."""
     held: bool | None

@@ -117,4 +117,6 @@ def _text(path: Path) -> str:
     try:
         return path.read_text("utf-8", "replace")
     except OSError as error:
-        raise FormatError(f"cannot read {path}: {error.strerror}", remedy="Check it") from error
+        raise FormatError(
+            f"cannot read {path}: {error.strerror}", remedy="Check its path and permissions"
+        ) from error

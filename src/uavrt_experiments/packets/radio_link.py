@@ -82,7 +82,7 @@ class RadioLinkSettings:
 
 @dataclass(slots=True)
 class RadioCounters:
-    """Counts of sent, delivered and lost frames of one radio."""
+    """Counts of the frames given to one radio, carried and lost."""
 
     given: int = 0
     carried: int = 0

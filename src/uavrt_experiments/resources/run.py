@@ -44,7 +44,7 @@ class Plan:
     loads: tuple[int, ...] = (100, 200, 400, 800, 1600)
     """Numbers of tags to try until real time is lost; empty: no such flights."""
     load_s: float = 40.0
-    """Duration of each of these flights [s]."""
+    """Duration of the flight with each number of tags [s]."""
 
 
 def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceReport:

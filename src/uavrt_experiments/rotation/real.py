@@ -20,7 +20,7 @@ HALF_CIRCLE_DEG = 200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RealRotation:
-    """One tag's pulses of a real rotation."""
+    """One tag's pulses in a real rotation, and the results from them."""
 
     tag_id: int
     reading: Reading

@@ -2,7 +2,7 @@
 
 The drone's own objects decide, with the arguments that the guide gives them. A table adds what
 is known of its animals before the flight. One drone flies alone; several get their paths
-assigned by the ground station's `GivenWays`.
+assigned by the ground station's `PathAssignments`.
 """
 
 import math
@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from uavrt.attitude import from_euler_deg
-from uavrt.ground.link.given_ways import GivenWays
+from uavrt.ground.link.path_assignments import PathAssignments
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.neighbours import SEPARATION
 from uavrt.guidance.orders import Limits, Order, VehicleNow
@@ -360,7 +360,7 @@ class Drone:
                     place = (sought.latitude_deg, sought.longitude_deg, sought.radius95_m)
                     self.found[sought.tag_id] = place
 
-    def send_course(self, ways: GivenWays) -> bool:
+    def send_course(self, ways: PathAssignments) -> bool:
         """Send the drone's course to the station when due; True if others need it now."""
         now, shared = self.aircraft.now(), self.shared
         if now is None or not shared.must_report(now.time_s):
@@ -439,7 +439,7 @@ class FlightOfDrones:
             order = self._order(aircraft.vehicle.plane, start.height_m)
             one = replace(equipment, seed=seed * 10 + number)
             self.drones.append(Drone(number, aircraft, order, self._tags, limits, one))
-        self._ways, self._sent_s = GivenWays(), -math.inf
+        self._ways, self._sent_s = PathAssignments(), -math.inf
         self.second = 0
         self.judged: list[Judged] = []
         self.paths = [[(one.state.east_m, one.state.north_m)] for one in self.drones]

@@ -188,7 +188,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     page.click("#act-mark")
     page.wait_for_function("() => window.uavrt.store.positions.length > 0", timeout=WAIT_MS)
     expect(page.locator("#walk-place")).to_contain_text("35.1")
-    watched.caption("Where to go, in digits to be read aloud.", 5)
+    watched.caption("Position of the tag, in digits to be read aloud.", 5)
     page.click('[data-format="mgrs"]')
     expect(page.locator("#walk-place")).to_contain_text("12S VD")
     page.click('[data-format="decimal"]')

@@ -108,11 +108,11 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
     expect(verdicts.nth(0)).to_contain_text("within 80 m (49")
     expect(page.locator("#verdicts img.fold")).to_have_count(1)
     expect(page.locator("#integrate-begin")).to_be_hidden()
-    expect(verdicts.nth(1)).to_contain_text("Tag 4 fox found")
+    expect(verdicts.nth(1)).to_contain_text("Tag 4 fox Found")
     expect(verdicts.nth(1)).to_contain_text("one of 50,000 flights")
     expect(verdicts.nth(1)).to_contain_text("24 pulses found after the flight")
     expect(verdicts.nth(1)).to_contain_text("within 95 m")
-    expect(verdicts.nth(2)).to_contain_text("Tag 6 owl not found")
+    expect(verdicts.nth(2)).to_contain_text("Tag 6 owl Not found")
     expect(verdicts.nth(2)).to_contain_text("do not cover the flight")
     watched.picture("after")
 
@@ -132,7 +132,7 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
         page.mouse.click(box["x"] + right * box["width"], box["y"] + down * box["height"])
         page.wait_for_timeout(350)  # two quick taps zoom
     absence = page.locator("#absence-status")
-    expect(absence).to_contain_text(re.compile(r"Not here with p [=>] 0\.\d{3}"))
+    expect(absence).to_contain_text(re.compile(r"this area: p [=>] 0\.\d{3}"))
     at = (round(box["x"] + 0.3 * box["width"]), round(box["y"] + 0.3 * box["height"]))
     page.wait_for_timeout(500)
     assert colour_at(page, *at)[0] < 200, "bare ground is #eef2f3: the map lies on it"

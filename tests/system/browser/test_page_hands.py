@@ -477,7 +477,7 @@ def test_keys_that_do_something_need_shift_which_caps_lock_is_not(scene: Scene) 
     expect(page.locator(".toast").last).to_contain_text("This is a past flight")
     page.evaluate("() => Object.defineProperty(navigator, 'clipboard', { value: undefined })")
     page.click("#walk-copy")
-    expect(page.locator(".toast").last).to_contain_text("does not let the page copy")
+    expect(page.locator(".toast").last).to_contain_text("does not allow copying")
 
 
 def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(scene: Scene) -> None:

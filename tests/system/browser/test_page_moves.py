@@ -106,7 +106,7 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     hand.click("#show-move")
     hand.click("#move-survey")
     hand.give("#area-import", area)
-    expect(page.locator("#move-hint")).to_have_text("20 corners.")
+    expect(page.locator("#move-hint")).to_have_text("Area with 20 corners.")
     expect(page.locator("#move-plan")).to_contain_text("from home")
     took = {"see the way over an imported area": hand.took()}
     lines = page.locator("#move-plan").inner_text()
@@ -137,11 +137,11 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     page.click("#area-clear")
     for x, y in ((560, 330), (700, 330), (700, 430)):
         page.locator("#map canvas").first.click(position={"x": x - 290, "y": y - 110})
-    expect(page.locator("#move-hint")).to_have_text("3 corners.")
+    expect(page.locator("#move-hint")).to_have_text("Area with 3 corners.")
     page.click("#area-circle")
     for x, y in ((300, 230), (340, 230)):
         page.locator("#map canvas").first.click(position={"x": x, "y": y})
-    expect(page.locator("#move-hint")).to_have_text("20 corners.")
+    expect(page.locator("#move-hint")).to_have_text("Area with 20 corners.")
     area.write_text(kml_of(ring_around(page, 900.0)), encoding="utf-8")
     page.set_input_files("#area-import", str(area))
     expect(page.locator("#move-plan")).to_contain_text("km")
@@ -181,7 +181,7 @@ def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(
         page.keyboard.press("Enter")
         told = page.locator("#before-status")
         expect(told).to_contain_text("on average", timeout=60_000)
-        expect(told).to_contain_text("Best from ")
+        expect(told).to_contain_text("Best height: ")
         expect(told).to_contain_text("the ground is taken as level")
         assert [one for one in axe_findings(page) if one[0] in ("serious", "critical")] == []
         here.watched.picture("before-flat" if flat else "before")
@@ -206,7 +206,7 @@ def test_it_goes_where_the_map_is_tapped(field: Field) -> None:
     page.click("#move-goto")
     page.fill("#move-height", "45")
     page.locator("#map canvas").first.click(position={"x": 380, "y": 260})
-    expect(page.locator("#move-hint")).to_contain_text("To ")
+    expect(page.locator("#move-hint")).to_contain_text("Destination: ")
     here.watched.picture("move-goto")
     told = here.fly()
     assert "fly to" in told

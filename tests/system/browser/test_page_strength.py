@@ -104,8 +104,16 @@ def test_the_strength_of_each_height_is_seen_by_itself(scene: Scene) -> None:
     watched.picture("strength")
     page.select_option("#heights", "")
     page.wait_for_function("() => window.uavrt.store.heights === null")
-    # On a phone, too, the box can be reached beside the replay's bar.
+    # On a phone the position takes one line of the map until it is pressed.
     page.set_viewport_size({"width": 390, "height": 844})
+    card = page.locator("#walk")
+    assert (card.bounding_box() or {"height": 0.0})["height"] <= 60.0
+    expect(page.locator("#walk-place")).to_be_visible()
+    expect(page.locator("#walk-way")).to_be_hidden()
+    page.click("#walk-unfold")
+    expect(page.locator("#walk-way")).to_be_visible()
+    page.click("#walk-unfold")
+    # The layers, too, can be reached next to the replay's bar.
     page.click(".layers summary")
     expect(page.locator("#layer-strength")).to_be_hidden()
     page.click(".layers summary")

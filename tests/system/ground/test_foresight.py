@@ -17,8 +17,8 @@ from uavrt.cli.coverage import coverage
 from uavrt.config.tag_files import write_tags
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.foresight import Foresight, foresight_desk
-from uavrt.ground.web.map_desk import MapDesk, OnStep, Record
+from uavrt.ground.web.map_jobs import MapJobs, OnStep, Record
+from uavrt.ground.web.plan_maps import PlanMapRequest, plan_map_jobs
 from uavrt.messages import Tag
 from uavrt.tangent_plane import TangentPlane
 
@@ -47,7 +47,7 @@ def answered(ask: Callable[[], Record]) -> Record:
 
 
 def foreseen(wanted: Record, antenna: AntennaChoice = WHIP, *tags: Tag) -> Record:
-    desk, asked = foresight_desk(), Foresight.asked(wanted, tags, antenna)
+    desk, asked = plan_map_jobs(), PlanMapRequest.from_request(wanted, tags, antenna)
     return answered(lambda: desk.answer(asked))
 
 
@@ -162,7 +162,7 @@ def test_a_wide_plan_has_wider_squares_that_the_answer_names(
 )
 def test_a_question_that_is_none_is_refused(wrong: Any) -> None:
     with pytest.raises((FormatError, UsageError)):
-        Foresight.asked(wrong, (TAG,), WHIP)
+        PlanMapRequest.from_request(wrong, (TAG,), WHIP)
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_another_map_takes_the_desk_and_the_first_page_is_told() -> None:
             raise
         return asked
 
-    desk = MapDesk(make, lambda found: {"map": found}, "a map of a test")
+    desk = MapJobs(make, lambda found: {"map": found}, "a map of a test")
     assert desk.answer("slow")["state"] == "working"
     done = answered(lambda: desk.answer("quick"))
     assert done == {"state": "done", "map": "quick"}

@@ -57,7 +57,7 @@ MODULES = (
     *("uavrt.ground.web.waterfalls", "uavrt.analysis.report", "uavrt.analysis.positions"),
     *("uavrt.analysis.tracks", "uavrt.cli.ground", "uavrt.cli.report", "uavrt.cli.localize"),
     *("uavrt.cli.fetch", "uavrt.cli.export", "uavrt.cli.bearing", "uavrt.cli.attach"),
-    "uavrt.ground.store.beside_drone",
+    "uavrt.ground.store.drone_directory",
     "uavrt.cli.app",
 )
 

@@ -21,7 +21,7 @@ from uavrt.clock import Clock
 from uavrt.errors import CommandRefused
 from uavrt.ground.commanding_page import Commander
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.web.password_tries import TRIES
+from uavrt.ground.web.password_limit import TRIES
 from uavrt.supervisor.mission.flight_removal import removable
 
 TAG = {

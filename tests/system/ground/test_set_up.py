@@ -205,7 +205,7 @@ def test_a_card_that_takes_nothing_is_named(
 
 
 def test_a_page_without_the_drones_settings_does_not_start(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"no settings .*install\.sh"):
+    with pytest.raises(ConfigError, match=r"settings file .*install\.sh"):
         ground(set_up=tmp_path / "uavrt.toml", page=True, browser=False)
 
 

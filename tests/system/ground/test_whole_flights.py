@@ -9,7 +9,7 @@ import made
 
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.web.integrating import fold_pictures
+from uavrt.ground.web.integration_jobs import fold_pictures
 from uavrt.recording.integrated import FlightFold, IntegratedVerdict, write_integrated
 
 TAG = made.tag(2, 148.7e6, 1.2)

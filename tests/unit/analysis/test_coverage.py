@@ -178,9 +178,9 @@ def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> N
     with pytest.raises(UsageError, match=r"km beyond the map.* are swapped"):
         coverage(plan, tag_power=-50.0, area=elsewhere)
     small = outline(tmp_path / "small.geojson", 3.0, 4.0)
-    with pytest.raises(UsageError, match="no square of the map"):
+    with pytest.raises(UsageError, match="no map cell"):
         coverage(plan, tag_power=-50.0, area=small)
-    with pytest.raises(ConfigError, match="--sea applies outside the files of --dem"):
+    with pytest.raises(ConfigError, match="--sea has no effect without elevation files"):
         coverage(plan, tag_power=-50.0, sea=True)
     (tmp_path / "pictures").mkdir()
     for content in (b"", b"no picture", b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x01"):

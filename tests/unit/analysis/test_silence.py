@@ -19,7 +19,7 @@ from uavrt.clock import iso_intervals
 from uavrt.config.tag_files import write_tags
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.hindsight import Silence, SilenceDesk
+from uavrt.ground.web.flight_maps import CoverageMapJobs, CoverageMapRequest
 from uavrt.localization.antenna import pattern_named
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.integrated import IntegratedVerdict, write_integrated
@@ -31,7 +31,7 @@ WriteFlight = Callable[..., Path]
 ANTENNA = AntennaChoice()
 
 
-def answered(desk: SilenceDesk, asked: Silence) -> dict[str, object]:
+def answered(desk: CoverageMapJobs, asked: CoverageMapRequest) -> dict[str, object]:
     """Ask, and ask again when the map is there or cannot be made."""
     answer = desk.answer(asked)
     joined("map of silence")
@@ -80,10 +80,10 @@ def test_the_report_maps_where_each_tag_would_have_been_heard(
 
 def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(flight: Path) -> None:
     heard, silent = (tag.tag_id for tag in read_flight(flight).info.tags)
-    desk, found = SilenceDesk(), {}
+    desk, found = CoverageMapJobs(), {}
     for tag_id in (silent, heard):
         wanted = {"tag_id": tag_id, "tag_power_dbm": -60}
-        asked = Silence.asked(flight, ANTENNA, wanted)
+        asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
         with pytest.raises(UsageError, match="not ready yet"):
             desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
         found[tag_id] = answered(desk, asked)
@@ -105,16 +105,18 @@ def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(flight: Pa
 
 
 def test_what_cannot_be_mapped_is_told(flight: Path, tmp_path: Path) -> None:
-    unknown = Silence.asked(flight, ANTENNA, {"tag_id": 77, "tag_power_dbm": -25})
-    answer = answered(SilenceDesk(), unknown)
+    unknown = CoverageMapRequest.from_request(
+        flight, ANTENNA, {"tag_id": 77, "tag_power_dbm": -25}
+    )
+    answer = answered(CoverageMapJobs(), unknown)
     assert answer["state"] == "failed"
     assert "was not listed" in str(answer["error"])
     gone = AntennaChoice(dem=str(tmp_path / "gone.hgt"))
-    asked = Silence.asked(flight, gone, {"tag_id": 2, "tag_power_dbm": -25})
-    assert "there is no" in str(answered(SilenceDesk(), asked)["error"])
+    asked = CoverageMapRequest.from_request(flight, gone, {"tag_id": 2, "tag_power_dbm": -25})
+    assert "there is no" in str(answered(CoverageMapJobs(), asked)["error"])
     for wrong in ({}, {"tag_id": 2}, {"tag_id": 2, "tag_power_dbm": 300}, [1]):
         with pytest.raises((FormatError, UsageError)):
-            Silence.asked(flight, ANTENNA, wrong)
+            CoverageMapRequest.from_request(flight, ANTENNA, wrong)
 
 
 def hindsight(
@@ -201,8 +203,8 @@ def test_a_tag_found_in_hindsight_is_not_silent(
     told = covered(flight, area, capsys)[silent]
     assert told["in_hindsight"]
     assert told["not_here"] is None
-    desk, wanted = SilenceDesk(), {"tag_id": silent, "tag_power_dbm": -62}
-    asked = Silence.asked(flight, ANTENNA, wanted)
+    desk, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
+    asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
     assert answered(desk, asked)["in_hindsight"]
     with pytest.raises(UsageError, match="was detected"):
         desk.absence(asked, wanted | {"outline": corners})
@@ -217,10 +219,10 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
     told = covered(flight, area, capsys)[silent]
     assert told["not_here"] is None
     assert any("may be its own" in text for text in told["limitations"])
-    desk, wanted = SilenceDesk(), {"tag_id": silent, "tag_power_dbm": -62}
-    asked = Silence.asked(flight, ANTENNA, wanted)
+    desk, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
+    asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
     assert answered(desk, asked)["state"] == "done"
-    with pytest.raises(UsageError, match="may not be silent"):
+    with pytest.raises(UsageError, match="absence cannot be judged"):
         desk.absence(asked, wanted | {"outline": corners})
 
 

@@ -8,7 +8,7 @@ import pytest
 from some import some
 
 from uavrt.config.tag_corrections import TagCorrection, correction_of, still_holds
-from uavrt.ground.link.command_payloads import Writing
+from uavrt.ground.link.command_payloads import CommandEncoder
 from uavrt.messages import BeepKind, Command
 from uavrt.tunnel.exchange import Exchange
 
@@ -66,7 +66,7 @@ def test_what_is_no_listed_tag_corrects_nothing(kind: BeepKind) -> None:
 def test_a_correction_is_one_message_that_needs_no_open_upload(generation: Any) -> None:
     exchange = Exchange(generation, experimental=True)
     tag = replace(TAG, frequency_hz=148_710_640.0)
-    command = exchange.receive(Writing(generation).correction(tag), (255, 190))
+    command = exchange.receive(CommandEncoder(generation).correction(tag), (255, 190))
     assert isinstance(command, Command)
     assert command.name == "add_tag"
     assert (some(command.tag).tag_id, some(command.tag).frequency_hz) == (2, 148_710_640.0)

@@ -102,7 +102,7 @@ def test_an_impossible_line_is_refused_in_words_that_help(line: str, word: str) 
 
 
 def test_an_empty_file_has_no_tag_and_says_so() -> None:
-    assert faults_of("# nothing yet\n") == ("line 1: there is no tag in this file",)
+    assert faults_of("# nothing yet\n") == ("line 1: this file contains no tag",)
 
 
 def test_a_photo_is_not_a_tag_file() -> None:

@@ -10,7 +10,14 @@ from depth import share
 
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search.thresholds import decision_interval_s
-from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_doubt, log_empty, log_odds
+from uavrt.detection.track.chance import (
+    QUIET,
+    BurstRates,
+    log_begin,
+    log_doubt,
+    log_empty,
+    log_odds,
+)
 from uavrt_experiments.detection.false_alarms import detected_groups
 from uavrt_experiments.detection.on_air import Hopper, Slots
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, noise
@@ -21,8 +28,8 @@ pytestmark = pytest.mark.slow
 FITS = {"width_s": 0.02, "late_s": 0.0, "spread_s": 0.006, "beside_hz": 0.0, "above_db": 0.0}
 
 
-def on_air(per_s: float) -> OnAir:
-    return OnAir(alike_per_s=per_s, hiding_per_s=0.0, begin_per_s=per_s)
+def on_air(per_s: float) -> BurstRates:
+    return BurstRates(alike_per_s=per_s, hiding_per_s=0.0, begin_per_s=per_s)
 
 
 def test_the_more_bursts_there_are_the_less_a_pulse_says() -> None:

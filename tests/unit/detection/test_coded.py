@@ -93,7 +93,11 @@ def test_two_bursts_that_collide_are_told_apart_or_named() -> None:
     _train(samples, one, enr_db=18.0, first_s=13.0, count=1)
     first_s = 13.0 + one.gaps_s[0]
     _train(samples, two, enr_db=18.0, first_s=first_s, offset_hz=90.0, count=1)
-    found = find(CODES, samples, RATE_HZ)
+    detector = CodedDetector(
+        CODES, sample_rate_hz=RATE_HZ, center_frequency_hz=CODES[0].frequency_hz
+    )
+    found = detector.process(samples, START_NS) + detector.flush()
+    assert detector.counters.rejected == {"collision with other bursts": 1}
     apart, named = found[:2], found[2:]
     assert {pulse.tag_id for pulse in apart if pulse.confirmed} == {one.tag_id, two.tag_id}
     assert [pulse.tag_id for pulse in named if pulse.confirmed] == [one.tag_id]

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.detection.coded.cells import Cells
-from uavrt.detection.coded.closely import look
 from uavrt.detection.coded.limits import rayleigh_limit
+from uavrt.detection.coded.refinement import refine
 from uavrt.messages import Tag
 from uavrt_experiments.detection.coded import RATE_HZ, WINDOW_HZ, add_burst, some_codes
 from uavrt_experiments.detection.signals import noise
@@ -52,7 +52,7 @@ def begins_of(cells: Cells) -> NDArray[np.float64]:
 
 def test_a_look_finds_pulses_between_the_cells(cells: Cells) -> None:
     begins = begins_of(cells)
-    found = look(cells, TAG, row=ROW, part=0.0, begins=begins, most=1e9)
+    found = refine(cells, TAG, row=ROW, part=0.0, begins=begins, most=1e9)
     true = (START_S + np.arange(BURSTS)) / cells.column_s
     assert np.abs(found.begins - true).max() < 0.5
     starts = np.concatenate(((0.0,), np.cumsum(TAG.gaps_s))) / cells.column_s
@@ -67,11 +67,11 @@ def test_what_is_hidden_is_noise_and_what_was_not_heard_is_nothing(cells: Cells)
     begins = begins_of(cells)
     kept = cells.kept.copy()
     cells.hide(int(begins[2]) - 9, 18)
-    found = look(cells, TAG, row=ROW, part=0.0, begins=begins, most=1e9)
+    found = refine(cells, TAG, row=ROW, part=0.0, begins=begins, most=1e9)
     cells.kept[:] = kept
     assert found.energies[2, 0] == pytest.approx(0.25 * np.pi)  # its amplitude is noise's
     assert found.energies[2, 1:].min() > 50.0
-    early = look(cells, TAG, row=ROW, part=0.0, begins=begins - begins[1], most=1e9)
+    early = refine(cells, TAG, row=ROW, part=0.0, begins=begins - begins[1], most=1e9)
     assert not early.energies[0].any()
     assert early.energies[1:].mean() > 0.5
 

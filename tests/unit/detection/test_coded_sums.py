@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uavrt import native
 from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.folds import Waiting
-from uavrt.detection.coded.judging import Burst, Covered, could_be, weigh
+from uavrt.detection.coded.judging import Burst, Overlaps, may_suffice, weigh
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold, make_code_book
 from uavrt_experiments.detection.coded import some_codes
 
@@ -151,7 +151,7 @@ def test_nothing_that_would_be_weighed_is_left_out_before(foreign_per_hour: floa
     any_ = rng.gamma(1.0, rng.choice([1.0, 6.0, 14.0, 60.0], (8000, 4)))
     any_[:1600] = rng.uniform(8.0, 13.0, (1600, 1))  # about the limit, all equal
     energies = any_.astype(np.float32)
-    able = could_be(energies, limits)
+    able = may_suffice(energies, limits)
     one_is_hit = np.arange(4) != rng.integers(0, 4, (8000, 1))
     for good in (one_is_hit, np.ones((8000, 4), np.bool_)):
         bursts = _bursts(energies, good)
@@ -186,7 +186,7 @@ def test_pulses_that_lie_on_those_on_air_are_covered_and_the_rest_is_alone() -> 
             )
         )
     claims, on_air = bursts[:30], bursts[30:]
-    covered = Covered(claims, guard=9)
+    covered = Overlaps(claims, guard=9)
     covered.add(*on_air[:4])
     for burst in on_air[4:]:
         covered.add(burst)
@@ -199,10 +199,12 @@ def test_pulses_that_lie_on_those_on_air_are_covered_and_the_rest_is_alone() -> 
         assert np.array_equal(covered.pulses[i, : len(lies)], lies)
         assert covered.count[i] == lies.sum()
         assert covered.alone[i] == (claim.good & ~lies).sum()
-        assert covered.whose(i) == [o for o, hit in zip(on_air, hits, strict=True) if any(hit)]
+        assert covered.overlapped_by(i) == [
+            o for o, hit in zip(on_air, hits, strict=True) if any(hit)
+        ]
         length = claim.columns[-1] - claim.columns[0]
-        assert covered.sends(claim) == any(
+        assert covered.is_sending(claim) == any(
             one.tag_id == claim.tag_id and abs(one.column - claim.column) <= length
             for one in on_air
         )
-    assert 0 < sum(covered.leaves_nothing_of(i) for i in range(30)) < 30
+    assert 0 < sum(covered.too_few_left(i) for i in range(30)) < 30

@@ -70,7 +70,7 @@ def test_the_higher_threshold_ends_when_the_noise_is_known() -> None:
     # of a whole channel, and the threshold of 20 pulses stayed 5 % too high for ever.
     tag = replace(THESIS_TAG, k=5)
     detector = made.detector(tag, RATE_HZ, frequency_window_hz=100.0)
-    (search,) = detector.band.anchor_searches()
+    (search,) = detector.band.anchor_searches
     samples = noise(np.random.default_rng(5), round(20.0 * RATE_HZ))
     margins = {}
     for first in range(0, len(samples), BLOCK):

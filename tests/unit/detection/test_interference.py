@@ -166,7 +166,7 @@ def test_while_many_lines_are_taken_out_a_group_must_be_stronger() -> None:
     for first in range(0, len(samples), 653):
         time_ns = START_NS + round(first / RATE_HZ * 1e9)
         detector.process(samples[first : first + 653], time_ns)
-    [search] = detector.band.anchor_searches()
+    [search] = detector.band.anchor_searches
     before = search.margin
     detector.band.note_cleaning(many_lines=True, whitened=False)
     assert search.margin == pytest.approx(1.025 * before)

@@ -103,7 +103,7 @@ def raised(make: Noise | None, seconds: float) -> float:
     factors = []
     for block, time_ns in blocks_of(samples):
         detector.process(block, time_ns)
-        factors += [one.margin / one.own_margin for one in detector.band.anchor_searches()]
+        factors += [one.margin / one.own_margin for one in detector.band.anchor_searches]
     return float(np.mean(factors[len(factors) // 2 :]))
 
 

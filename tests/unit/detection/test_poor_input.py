@@ -40,7 +40,7 @@ def blocks(samples: Samples) -> list[IQBlock]:
 
 def found(samples: Samples, *tag_hz: float) -> list[str]:
     check = InputCheck([made.tag(2, hz, 1.254) for hz in tag_hz], CENTER_HZ)
-    return [fault for block in blocks(samples) for fault in check.look(block)]
+    return [fault for block in blocks(samples) for fault in check.check(block)]
 
 
 def stepped(samples: Samples, steps: float) -> Samples:

@@ -12,7 +12,7 @@ import pytest
 from depth import share
 
 from uavrt.detection.group import DetectorGroup
-from uavrt.detection.track.senders import part, small_ratio
+from uavrt.detection.track.senders import interval_separation, small_ratio
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.one_band import OneBand
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
@@ -229,15 +229,17 @@ def test_two_of_the_very_same_interval_are_each_told_once() -> None:
 
 
 def test_the_figures_at_which_two_tags_part() -> None:
-    near = part(*TWO)
+    near = interval_separation(*TWO)
     assert not near.certain
     assert near.gap_s == pytest.approx(0.040)
     assert near.uncertainty_s == pytest.approx(0.0196, abs=2e-4)
     assert near.pulses == 3
-    narrow = part(tag_of(2, 1.254, uncertainty_s=0.019), tag_of(4, 1.294, uncertainty_s=0.019))
+    narrow = interval_separation(
+        tag_of(2, 1.254, uncertainty_s=0.019), tag_of(4, 1.294, uncertainty_s=0.019)
+    )
     assert narrow.certain
-    assert part(tag_of(2, 1.254), tag_of(4, 1.255)).pulses is None
-    fine = part(tag_of(2, 1.254), tag_of(4, 1.264))
+    assert interval_separation(tag_of(2, 1.254), tag_of(4, 1.255)).pulses is None
+    fine = interval_separation(tag_of(2, 1.254), tag_of(4, 1.264))
     assert fine.pulses is not None
     assert fine.pulses > 3
     assert fine.seconds == pytest.approx(fine.pulses * 1.264)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import pytest
 
-from uavrt.detection.track.assignment import best_sharing, losses, parts
+from uavrt.detection.track.assignment import best_assignment, losses, parts
 
 Worth = Mapping[int, float]
 
@@ -42,7 +42,7 @@ def test_trains_are_shared_out_as_an_exhaustive_search_would(seed: int) -> None:
     able = some_trains(np.random.default_rng(seed))
     ways = list(every_sharing(able))
     best = max(total(able, way) for way in ways)
-    chosen = best_sharing(able)
+    chosen = best_assignment(able)
     assert tuple(chosen) in ways
     assert total(able, chosen) == pytest.approx(best)
     found = losses(able, chosen)
@@ -63,9 +63,11 @@ def test_parts_are_shared_out_as_the_whole(seed: int) -> None:
     tags = [{to for at in part for to in able[at]} for part in found]
     assert all(not one & two for one, two in itertools.combinations(tags, 2))
     alone = sum(
-        total(some, best_sharing(some)) for part in found if (some := [able[i] for i in part])
+        total(some, best_assignment(some))
+        for part in found
+        if (some := [able[i] for i in part])
     )
-    assert alone == pytest.approx(total(able, best_sharing(able)))
+    assert alone == pytest.approx(total(able, best_assignment(able)))
 
 
 class Counted(dict[int, float]):
@@ -88,7 +90,7 @@ def test_a_chain_of_400_trains_takes_bounded_work(reach: int) -> None:
         for at in range(400)
     ]
     assert len(parts(able)) == 1
-    chosen = best_sharing(able)
+    chosen = best_assignment(able)
     given = [to for to in chosen if to is not None]
     assert len(given) == len(set(given)) > 390
     found = losses(able, chosen)

@@ -102,7 +102,7 @@ def test_the_weakest_level_follows_the_threshold_in_force() -> None:
     detector = made.detector(THESIS_TAG, RATE_HZ)
     band: SearchBand = detector.band
     usual_db = band.weakest_enr_db()
-    for search in band.anchor_searches():
+    for search in band.anchor_searches:
         search.own_margin *= 1.3
     assert 0.8 < band.weakest_enr_db() - usual_db < 1.6
 

@@ -34,7 +34,7 @@ def looked(
             turn = 2.0 * np.pi * offset_hz / rate_hz * n
             samples += (10.0 ** (level_db / 20.0) * on * np.exp(1j * turn)).astype(np.complex64)
         block = made.iq_block(samples, at * count, rate_hz, start_ns=START_NS)
-        carriers.look(block, CENTER_HZ)
+        carriers.check(block, CENTER_HZ)
     return carriers
 
 
@@ -63,5 +63,5 @@ def test_a_carrier_that_ends_is_forgotten() -> None:
     for at in range(30):
         time_ns = START_NS + round((6.0 + at * 0.087) * 1e9)
         block = made.iq_block(noise(rng, count), 0, rate_hz, start_ns=time_ns)
-        carriers.look(block, CENTER_HZ)
+        carriers.check(block, CENTER_HZ)
     assert (len(before), len(carriers.frequencies_hz)) == (1, 0)

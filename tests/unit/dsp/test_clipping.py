@@ -12,7 +12,7 @@ RATE_HZ = 48_000.0
 def share(samples: NDArray[np.complex64]) -> float:
     clipping = Clipping()
     for first in range(0, len(samples), 4800):
-        clipping.look(made.iq_block(samples[first : first + 4800], first, RATE_HZ))
+        clipping.check(made.iq_block(samples[first : first + 4800], first, RATE_HZ))
     return clipping.share
 
 

@@ -9,7 +9,7 @@ import pytest
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link import flying
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.link.motion import confirm
 from uavrt.tunnel.motion import MotionConfirmation, MotionState, encode_confirmation, is_stop
 
@@ -34,7 +34,7 @@ async def test_what_waited_for_another_command_is_not_sent(
     hands = Hands()
     link = GroundLink(hands.now_ns, ack_wait_s=0.01)
     monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
-    monkeypatch.setattr(link._ways, "send", hands.sent.append)
+    monkeypatch.setattr(link._links, "send", hands.sent.append)
     payload = encode_confirmation(MotionConfirmation(request_id=3, order_id=5, nonce=7))
     async with link._exchange._busy:
         waiting = asyncio.create_task(link.motion(payload, 3))
@@ -51,7 +51,7 @@ async def test_an_unsent_confirmation_is_reported_although_the_stop_is_not_answe
     hands = Hands()
     link = GroundLink(hands.now_ns, ack_wait_s=0.01)
     monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
-    monkeypatch.setattr(link._ways, "send", hands.sent.append)
+    monkeypatch.setattr(link._links, "send", hands.sent.append)
     offer = MotionState(
         kind="offer", standing="out", text="", request_id=3, order_id=5, nonce=7
     )
@@ -88,7 +88,7 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     monkeypatch.setattr(flying, "ask", offer)
     monkeypatch.setattr(flying, "confirm", confirm)
     wish = {"order_id": 5, "sticks_unseen": True}
-    page = Flying(vehicle)
+    page = MotionCommands(vehicle)
     if heard:
         page.take(MotionState(kind="state", standing="out", text="x"))
     await page.ask({"action": "hold"}, "page")

@@ -324,7 +324,7 @@ REMARKS = {
         *("_NOT_JUDGED", "_ANTENNA_UNKNOWN", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),
     "uavrt.analysis.whole_flight": ("assumed_in_words",),
-    "uavrt.localization.heard": ("apart_in_words",),
+    "uavrt.localization.heard": ("height_warning",),
     "uavrt.localization.position.common_errors": (
         *("UNCHECKED", "UNKNOWN_SIGMAS", "cautions_of", "_cautions_of_odd", "_contradicting"),
     ),

@@ -143,7 +143,8 @@ def test_a_search_keeps_out_with_its_way_home(flavour: Flavour) -> None:
     assert not vehicle.armed
     north, east = np.array(way).T
     assert (
-        min(float(void.off_m(east, north).min()) for void in area.voids) > 0.3 * SAFETY.margin_m
+        min(float(void.off_m(east, north).min()) for void in area.excluded)
+        > 0.3 * SAFETY.margin_m
     )
     assert any("keep-out 'barn'" in note.reason for note in search.notes)
 
@@ -185,7 +186,7 @@ def test_the_next_way_is_judged_from_where_the_drone_comes_to_a_stand(flavour: F
     planner.wish = Decision(action=FlyTo(east_m=0.0, north_m=55.0), reason="as told")
     now = search.flown.now()
     choice = search.seeker.think(search.time_ns, some(now), idle=False)
-    stand, entered = planner.states[-1], search.seeker.area.entered
+    stand, entered = planner.states[-1], search.seeker.area.entered_area
     assert stand.east_m > was_m + 5.0
     assert entered(np.array([was_m, 0.0]), np.array([0.0, 55.0])) is None
     assert "enters the keep-out 'tent'" in choice.said

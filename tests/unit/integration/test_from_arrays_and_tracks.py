@@ -239,9 +239,9 @@ def test_what_nobody_told_of_a_recording_is_a_limitation(
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        ((lambda a, d: [*a[:1], str(d), *a[1:]]), "has poses of its own"),
+        ((lambda a, d: [*a[:1], str(d), *a[1:]]), "has its own poses"),
         ((lambda a, d: [*a[:5], *a[7:]]), "--track needs --tags"),
-        ((lambda a, d: [*a[:3], *a[5:]]), "there is no flight"),
+        ((lambda a, d: [*a[:3], *a[5:]]), "no flight was given"),
         ((lambda a, d: [*a[:1], a[4], *a[1:3], *a[5:]]), "not the directory of a flight"),
     ],
 )

@@ -11,6 +11,7 @@ from uavrt.localization.position import power_evidence
 from uavrt.localization.position.censored_power import normal_tail
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
+from uavrt.localization.position.tuning import POWER
 
 
 def test_the_table_of_the_normal_distribution_is_as_good_as_its_docstring_says() -> None:
@@ -43,7 +44,7 @@ def test_places_are_fitted_alike_in_parts_and_at_once(
     evidence = PowerEvidence(east, north, track, Propagation())
     places = rng.uniform(0.0, 200.0, (2, 50))
     at_once = evidence.fit(*places)
-    monkeypatch.setattr(power_evidence, "POWER", replace(power_evidence.POWER, together=70))
+    monkeypatch.setattr(power_evidence, "POWER", replace(POWER, together=70))
     in_parts = evidence.fit(*places)
     np.testing.assert_allclose(in_parts.log_likelihood, at_once.log_likelihood, rtol=1e-6)
     np.testing.assert_allclose(in_parts.level_db, at_once.level_db, rtol=1e-6)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from some import some
 
 from uavrt.errors import UsageError
-from uavrt.localization.heard import OverGround, PoseColumns
+from uavrt.localization.heard import FlightGround, PoseColumns
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.level_belief import Listening
@@ -160,9 +160,9 @@ def poses(height_m: float = 0.0, takeoff_amsl_m: float = math.nan) -> PoseColumn
 
 def test_another_datum_and_poses_that_begin_in_the_air_are_told() -> None:
     elevation = elevation_of(ridge)
-    same = OverGround.of(elevation, poses(takeoff_amsl_m=401.0))
-    other = OverGround.of(elevation, poses(takeoff_amsl_m=448.0))
-    up = OverGround.of(elevation, poses(30.0))
+    same = FlightGround.of(elevation, poses(takeoff_amsl_m=401.0))
+    other = FlightGround.of(elevation, poses(takeoff_amsl_m=448.0))
+    up = FlightGround.of(elevation, poses(30.0))
     assert same is not None
     assert same.hills.cautions() == ()
     assert "another datum" in some(other).hills.cautions()[0]

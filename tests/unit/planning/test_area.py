@@ -57,7 +57,9 @@ def test_an_area_beyond_the_batterys_reach_is_refused() -> None:
 
 def test_a_way_is_refused_for_what_lies_between_its_ends() -> None:
     area = SearchArea(
-        search=SQUARE, fence=SQUARE, voids=(Circle(east_m=200.0, north_m=200.0, radius_m=20.0),)
+        search=SQUARE,
+        fence=SQUARE,
+        excluded=(Circle(east_m=200.0, north_m=200.0, radius_m=20.0),),
     )
     reasons = area.refusals(
         (100.0, 200.0), np.array([300.0, 100.0, -20.0]), np.array([200.0, 300.0, 200.0]), 40.0
@@ -90,24 +92,24 @@ SHED = Polygon.rectangle(100.0, 140.0, 90.0, 110.0, name="shed")
 
 @pytest.mark.parametrize("void", [SHED, Circle(east_m=120.0, north_m=100.0, radius_m=20.0)])
 def test_a_way_keeps_its_margin_from_a_building(void: Polygon | Circle) -> None:
-    area = SearchArea(search=SQUARE, voids=(void,), margin_m=5.0)
+    area = SearchArea(search=SQUARE, excluded=(void,), margin_m=5.0)
     past, near = np.array([50.0, 200.0]), np.array([50.0, 96.0])
-    assert area.entered(past, np.array([126.0, 126.0])) is None
-    assert area.entered(near, np.array([100.0, 100.0])) is not None
+    assert area.entered_area(past, np.array([126.0, 126.0])) is None
+    assert area.entered_area(near, np.array([100.0, 100.0])) is not None
     # Blown into the margin it may leave, and not go nearer.
-    assert area.entered(np.array([97.0, 50.0]), np.array([100.0, 100.0])) is None
-    assert area.entered(np.array([97.0, 99.0]), np.array([100.0, 100.0])) is not None
+    assert area.entered_area(np.array([97.0, 50.0]), np.array([100.0, 100.0])) is None
+    assert area.entered_area(np.array([97.0, 99.0]), np.array([100.0, 100.0])) is not None
 
 
 @pytest.mark.parametrize("void", [SHED, Circle(east_m=120.0, north_m=100.0, radius_m=20.0)])
 def test_behind_a_building_there_is_no_straight_way_home(void: Polygon | Circle) -> None:
     area = SearchArea(
-        search=SQUARE, voids=(void,), margin_m=5.0, straight_home=True, home_m=(10.0, 100.0)
+        search=SQUARE, excluded=(void,), margin_m=5.0, straight_home=True, home_m=(10.0, 100.0)
     )
     behind, beside = np.array([200.0, 300.0]), np.array([150.0, 200.0])
-    reason = some(area.entered(behind, np.array([100.0, 100.0])))
+    reason = some(area.entered_area(behind, np.array([100.0, 100.0])))
     assert reason.startswith("leads home over")
-    assert area.entered(beside, np.array([200.0, 300.0])) is None
+    assert area.entered_area(beside, np.array([200.0, 300.0])) is None
     assert (
         area.refusals((10.0, 150.0), np.array([200.0, 10.0]), np.array([100.0, 300.0]), 40.0)[1]
         is None
@@ -115,7 +117,7 @@ def test_behind_a_building_there_is_no_straight_way_home(void: Polygon | Circle)
 
 
 def test_home_is_not_beside_a_building() -> None:
-    area = SearchArea(search=SQUARE, voids=(SHED,), margin_m=5.0, home_m=(97.0, 100.0))
+    area = SearchArea(search=SQUARE, excluded=(SHED,), margin_m=5.0, home_m=(97.0, 100.0))
     with pytest.raises(PlanError, match="home lies in or at the edge of the keep-out 'shed'"):
         area.check_home()
 
@@ -129,7 +131,7 @@ def test_distances_of_ways_from_an_outline_are_those_of_their_nearest_points() -
     share = np.linspace(0.0, 1.0, 4001)[:, None]
     x = start[0] + share * (east - start[0])
     y = start[1] + share * (north - start[1])
-    assert shape.off_ways_m(start, east, north) == pytest.approx(
+    assert shape.path_distance_m(start, east, north) == pytest.approx(
         shape.off_m(x, y).min(axis=0), abs=0.06
     )
 
@@ -148,12 +150,12 @@ def test_no_way_leaves_an_area_to_stay_in_nor_comes_near_its_edge(
     area = SearchArea(search=search, within=(within,), margin_m=5.0)
     area.check_home()
     for north, fits in ((140.0, True), (160.0, isinstance(within, Circle)), (180.0, False)):
-        reason = area.entered(np.array([0.0, 0.0]), np.array([0.0, north]))
+        reason = area.entered_area(np.array([0.0, 0.0]), np.array([0.0, north]))
         assert (reason is None) == fits
     edge = 47.0 if isinstance(within, Polygon) else 117.0
-    assert area.entered(np.array([0.0, edge]), np.array([50.0, 50.0])) is not None
-    assert area.entered(np.array([0.0, edge - 4.0]), np.array([50.0, 50.0])) is None
-    outside = some(area.entered(np.array([200.0, 210.0]), np.array([50.0, 50.0])))
+    assert area.entered_area(np.array([0.0, edge]), np.array([50.0, 50.0])) is not None
+    assert area.entered_area(np.array([0.0, edge - 4.0]), np.array([50.0, 50.0])) is None
+    outside = some(area.entered_area(np.array([200.0, 210.0]), np.array([50.0, 50.0])))
     assert "leaves" in outside
 
 
@@ -163,9 +165,9 @@ def test_the_way_home_stays_within_a_bent_area() -> None:
     bent = Polygon(corners=tuple((float(x), float(y)) for x, y in corners), name="meadow")
     search = Polygon.rectangle(-10.0, 10.0, -10.0, 10.0)
     area = SearchArea(search=search, within=(bent,), margin_m=1.0, home_m=(0.0, 140.0))
-    reason = area.entered(np.array([0.0, 0.0, 100.0]), np.array([140.0, 0.0, 0.0]))
+    reason = area.entered_area(np.array([0.0, 0.0, 100.0]), np.array([140.0, 0.0, 0.0]))
     assert reason == "leads home out of the meadow"
-    assert area.entered(np.array([0.0, 0.0]), np.array([140.0, 0.0])) is None
+    assert area.entered_area(np.array([0.0, 0.0]), np.array([140.0, 0.0])) is None
 
 
 def test_home_outside_of_an_area_to_stay_in_is_refused() -> None:
@@ -183,4 +185,4 @@ def test_the_distance_from_an_edge_within_is_that_of_many_points() -> None:
     share = np.linspace(0.0, 1.0, 2001)[:, None]
     along = [s + share * (e - s) for s, e in zip(start, ends, strict=True)]
     looked = bent.depth_m(along[0], along[1]).min(axis=0)
-    assert np.allclose(bent.depth_ways_m(start, *ends), looked, atol=0.1)
+    assert np.allclose(bent.path_depth_m(start, *ends), looked, atol=0.1)

@@ -9,7 +9,7 @@ from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.level_belief import Listening
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.planning.beliefs import TagBelief
-from uavrt.planning.common_fall import CommonFall
+from uavrt.planning.common_fall import ExponentSharing
 
 AREA = Area(west_m=0.0, east_m=600.0, south_m=0.0, north_m=600.0)
 PRIOR = TagPrior(
@@ -53,7 +53,7 @@ def test_a_tag_flown_round_tells_another_the_exponent_of_the_area() -> None:
     mean, variance = known.tracker.exponent()
     assert mean == pytest.approx(2.2, abs=0.25)
     before = unknown.tracker.exponent()
-    CommonFall().share([known, unknown])
+    ExponentSharing().share([known, unknown])
     after = unknown.tracker.exponent()
     assert abs(after[0] - mean) < 0.3 * abs(before[0] - mean)
     assert variance < after[1] < 0.25 * before[1]
@@ -62,7 +62,7 @@ def test_a_tag_flown_round_tells_another_the_exponent_of_the_area() -> None:
 def test_what_a_tag_was_told_is_never_told_back_to_it() -> None:
     known, unknown = belief_of(1), belief_of(2)
     fly_round(known)
-    fall = CommonFall()
+    fall = ExponentSharing()
     fall.share([known, unknown])
     own, told = known.tracker.exponent(), unknown.tracker.exponent()
     for _ in range(50):
@@ -75,14 +75,14 @@ def test_a_tag_of_which_nobody_knows_where_it_is_tells_nothing() -> None:
     one, other = belief_of(1), belief_of(2)
     fly_round(one, seconds=6)
     before = other.tracker.exponent()
-    CommonFall().share([one, other])
+    ExponentSharing().share([one, other])
     assert other.tracker.exponent() == before
 
 
 def test_hypotheses_that_start_over_keep_what_others_told() -> None:
     known, unknown = belief_of(1), belief_of(2)
     fly_round(known)
-    CommonFall().share([known, unknown])
+    ExponentSharing().share([known, unknown])
     told = unknown.tracker.exponent()
     unknown.tracker.replace_at_random(1.0)
     again = unknown.tracker.exponent()
@@ -93,7 +93,7 @@ def test_hypotheses_that_start_over_keep_what_others_told() -> None:
 def test_an_exponent_that_is_given_learns_from_nobody() -> None:
     known, given = belief_of(1), belief_of(2, exponent_sigma=0.0)
     fly_round(known)
-    CommonFall().share([known, given])
+    ExponentSharing().share([known, given])
     mean, variance = given.tracker.exponent()
     assert mean == pytest.approx(3.0, abs=1e-5)
     assert variance < 1e-10

@@ -11,7 +11,13 @@ from some import some
 from uavrt.detection.sensitivity import enr_needed_db
 from uavrt.localization.antenna import pattern_named
 from uavrt.localization.headings import Headings
-from uavrt.planning.coverage import Coverage, ListeningWay, absence, coverage_of, listening_way
+from uavrt.planning.coverage import (
+    AntennaPath,
+    Coverage,
+    absence,
+    coverage_of,
+    planned_antenna_path,
+)
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.flight import Flight, Leg
@@ -41,9 +47,9 @@ def land(height_m: NDArray[np.floating], cell_m: float = 50.0) -> GroundGrid:
     )
 
 
-def hovering(count: int, **more: object) -> ListeningWay:
+def hovering(count: int, **more: object) -> AntennaPath:
     zero = np.zeros(count)
-    return ListeningWay(
+    return AntennaPath(
         time_s=1.254 * np.arange(count, dtype=np.float64),
         east_m=zero,
         north_m=zero,
@@ -118,7 +124,7 @@ def test_where_the_ground_is_not_known_there_is_no_figure() -> None:
 
 
 def test_a_way_is_flown_at_its_speed_and_nose_first() -> None:
-    way = listening_way(
+    way = planned_antenna_path(
         [(0.0, 0.0), (100.0, 0.0), (100.0, -50.0)],
         height_m=40.0,
         speed_m_s=10.0,

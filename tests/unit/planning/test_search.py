@@ -129,7 +129,7 @@ def test_the_same_seed_gives_the_same_flight() -> None:
 
 def test_the_drone_goes_round_a_building() -> None:
     building = Circle(east_m=150.0, north_m=150.0, radius_m=60.0)
-    area = SearchArea(search=AREA.search, voids=(building,))
+    area = SearchArea(search=AREA.search, excluded=(building,))
     search = search_with("mi_rate", area=area)
     states = fly(search, 300)
     places = np.array([(one.east_m, one.north_m) for one in states])
@@ -147,7 +147,7 @@ def test_animals_are_kept_away_from_and_found_ones_too() -> None:
 
 def test_an_excluded_area_named_after_animals_is_not_entered_as_the_safest_path() -> None:
     named = Circle(east_m=20.0, north_m=20.0, radius_m=400.0, name="animal shelter")
-    search = search_with("mi_rate", area=SearchArea(search=AREA.search, voids=(named,)))
+    search = search_with("mi_rate", area=SearchArea(search=AREA.search, excluded=(named,)))
     decision = search.decide(START)
     assert isinstance(decision.action, Hold)
     assert decision.reason == "no path is allowed"
@@ -308,7 +308,7 @@ def test_squares_by_one_product_are_those_of_the_differences() -> None:
 
 def test_a_way_that_is_refused_is_not_weighed() -> None:
     building = Circle(east_m=150.0, north_m=150.0, radius_m=60.0)
-    area = SearchArea(search=AREA.search, voids=(building,))
+    area = SearchArea(search=AREA.search, excluded=(building,))
     search = search_with("mi_rate", area=area)
     decision = search.decide(replace(START, east_m=60.0, north_m=150.0))
     refused = [one for one in decision.candidates if one.refused is not None]

@@ -29,7 +29,9 @@ async def test_a_station_that_appears_after_the_faults_reads_them_and_reads_them
         async with bay.ground_station() as (_, events):
 
             def times() -> int:
-                return min(sum(event == text for event in events) for text in (RADIO, CARD))
+                return min(
+                    sum(bool(event == text) for event in events) for text in (RADIO, CARD)
+                )
 
             await until(times)
             first_ns = bay.clock.now_ns()

@@ -157,15 +157,15 @@ def test_the_loss_of_the_confirmer_is_noticed_though_others_send_under_its_ids(
         noticed_s = []
         async with flying(make_bay, key_file(tmp_path), line) as (drone, link):  # noqa: SIM117
             async with attack(drone, link, line):
-                write = link._ways._shared.write
+                write = link._links._shared.write
                 for _ in range(max(2, TRIALS // 2)):
                     await take_off_orders(drone, link)
                     await asyncio.sleep(1.0)
                     lost_s = drone.bay.clock.now_ns() / 1e9
-                    link._ways._shared.write = lambda message, number: None
+                    link._links._shared.write = lambda message, number: None
                     await until(lambda: drone.lost_s is not None)
                     noticed_s.append(some(drone.lost_s) - lost_s)
-                    link._ways._shared.write = write
+                    link._links._shared.write = write
                     await stop(link)
                     await until(lambda: drone.standing == "out")
         return noticed_s
@@ -293,7 +293,7 @@ async def test_without_a_key_a_second_station_with_the_same_ids_keeps_the_order_
         await until(lambda: drone.report is not None and drone.report.fault is None)
         await asyncio.sleep(4.0)  # it identifies the autopilot
         await take_off_orders(drone, link)
-        link._ways._shared.write = lambda message, number: None
+        link._links._shared.write = lambda message, number: None
         second = FrameWriter(*CONFIRMER)
         with socket.socket(type=socket.SOCK_DGRAM) as laptop:
             laptop.connect(("127.0.0.1", drone.bay.companion_port))

@@ -69,7 +69,7 @@ async def test_a_command_is_answered_by_the_link_that_it_came_by(two_link_bay: B
         await until(lambda: bay.process._link.tunnel.link == 1)
         before = bay.autopilot.counters()["forwarded_to_ground"]
         await by_wifi.stop_detection()
-        by_radio = by_wifi._ways
+        by_radio = by_wifi._links
         by_radio.best = lambda: [1, 0]  # as if Wi-Fi were silent
         await by_wifi.stop_detection()
         await until(lambda: len(bay.commands) == 2)
@@ -115,7 +115,7 @@ def test_after_any_cut_the_radio_is_taken_within_one_and_a_half_seconds(
     for now_ns in range(0, 15 * SECOND, 50_000_000):
         while heard and heard[0][0] <= now_ns:
             at_ns, link = heard.pop(0)
-            routes.heard(STATION, link, at_ns)
+            routes.received(STATION, link, at_ns)
         link = routes.link_to(STATION, now_ns)
         if 4 * SECOND < now_ns < cut_ns:
             assert link == 1
@@ -129,9 +129,9 @@ def test_a_link_that_comes_and_goes_is_not_taken_again_until_it_is_steady() -> N
     routes = Routes(2)
     for tenth in range(300):
         now_ns = tenth * SECOND // 10
-        routes.heard(STATION, 0, now_ns)
+        routes.received(STATION, 0, now_ns)
         if tenth % 25 < 8:  # 0.8 s of Wi-Fi in every 2.5 s
-            routes.heard(STATION, 1, now_ns)
+            routes.received(STATION, 1, now_ns)
         if now_ns > STEADY_NS:
             assert routes.link_to(STATION, now_ns) == 0
 
@@ -140,7 +140,7 @@ def test_a_link_on_which_nothing_is_answered_is_left_for_a_while() -> None:
     routes = Routes(2)
     for second in range(30):
         for link in (0, 1):
-            routes.heard(STATION, link, second * SECOND)
+            routes.received(STATION, link, second * SECOND)
         if second == 10:
             assert routes.link_to(STATION, second * SECOND) == 1
             routes.doubt(1, second * SECOND)
@@ -151,8 +151,8 @@ def test_a_link_on_which_nothing_is_answered_is_left_for_a_while() -> None:
 
 def test_when_all_links_are_silent_the_one_heard_last_is_used() -> None:
     routes = Routes(3)
-    routes.heard(STATION, 1, 1 * SECOND)
-    routes.heard(STATION, 2, 3 * SECOND)
-    routes.heard(STATION, 0, 2 * SECOND)
+    routes.received(STATION, 1, 1 * SECOND)
+    routes.received(STATION, 2, 3 * SECOND)
+    routes.received(STATION, 0, 2 * SECOND)
     assert routes.link_to(STATION, 60 * SECOND) == 2
     assert routes.links_to([], 60 * SECOND) == ()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from uavrt.commands import CommandId
 from uavrt.errors import LinkError, TunnelError
-from uavrt.ground.link.command_payloads import Writing
+from uavrt.ground.link.command_payloads import CommandEncoder
 from uavrt.messages import Command
 from uavrt.tunnel.codec import decode
 from uavrt.tunnel.coded_tag import CodedTag
@@ -53,7 +53,7 @@ def test_the_bytes_are_those_of_the_manual() -> None:
 
 
 def test_a_list_goes_to_the_drone_and_is_the_same_there() -> None:
-    exchange, writing = Exchange(), Writing("G1")
+    exchange, writing = Exchange(), CommandEncoder("G1")
     begin, coded, end = writing.upload([replace(TAG, name="hen")])
     accept(exchange, exchange.receive(begin, GROUND))
     command, ack = accept(exchange, exchange.receive(coded, GROUND, coded_tag=True))
@@ -64,11 +64,11 @@ def test_a_list_goes_to_the_drone_and_is_the_same_there() -> None:
     accept(exchange, exchange.receive(end, GROUND))
     assert tag_list_digest([TAG]) == tag_list_digest([CodedTag.decode(coded).tag])
     with pytest.raises(LinkError, match="thesis's software"):
-        Writing("G0").upload([TAG])
+        CommandEncoder("G0").upload([TAG])
 
 
 def test_a_numbered_upload_is_complete_with_its_coded_tags() -> None:
-    exchange, writing = Exchange("G2", experimental=True), Writing("G2")
+    exchange, writing = Exchange("G2", experimental=True), CommandEncoder("G2")
     begin, coded, end = writing.upload([TAG])
     accept(exchange, exchange.receive(begin, GROUND))
     early = exchange.receive(end, GROUND)

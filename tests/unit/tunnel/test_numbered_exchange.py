@@ -11,7 +11,7 @@ from some import some
 
 from uavrt.commands import CommandId, Generation, SystemState
 from uavrt.errors import ConfigError
-from uavrt.ground.link.command_payloads import Writing
+from uavrt.ground.link.command_payloads import CommandEncoder
 from uavrt.messages import Command, Operation, PulsePose
 from uavrt.tunnel.codec import decode
 from uavrt.tunnel.convert import ack_to_wire, pulse_to_wire
@@ -122,7 +122,7 @@ def test_the_last_sixteen_requests_are_kept_for_two_minutes_and_id_0_never() -> 
 
 def test_an_upload_is_complete_only_with_every_tag() -> None:
     one = drone()
-    first, *inside, last = Writing("G2").upload(TAGS)
+    first, *inside, last = CommandEncoder("G2").upload(TAGS)
     assert one.hear(first).result == SUCCESS  # type: ignore[union-attr]
     assert one.hear(inside[0]).result == SUCCESS  # type: ignore[union-attr]
     incomplete = some(one.hear(last))
@@ -148,7 +148,7 @@ def test_an_upload_is_complete_only_with_every_tag() -> None:
 
 def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> None:
     one = drone()
-    first, tag, _ = Writing("G2").upload(TAGS[:1])
+    first, tag, _ = CommandEncoder("G2").upload(TAGS[:1])
     no_upload = some(one.hear(tag))
     assert "no upload is open" in no_upload.message
     one.hear(first)
@@ -217,7 +217,7 @@ def test_inferred_layouts_are_used_only_where_the_settings_say_so() -> None:
     with pytest.raises(ConfigError, match="tunnel_experimental"):
         Exchange("G2")
     one = drone(generation="auto", experimental=False)
-    first, tag, last = Writing("G2").upload(TAGS[:1])
+    first, tag, last = CommandEncoder("G2").upload(TAGS[:1])
     assert one.hear(first).result == SUCCESS  # type: ignore[union-attr]
     refused = some(one.hear(tag))
     assert "inferred layout" in refused.message
@@ -234,7 +234,7 @@ def test_version_1_speaks_as_g1_with_a_number_and_a_longer_pulse() -> None:
     read = decode(payload, "G2v1")
     assert isinstance(read, PulseG2v1)
     assert (read.collection_id, read.pulse.detection_status) == (0, 3)
-    start, tag, _ = Writing("G2v1").upload(TAGS[:1])
+    start, tag, _ = CommandEncoder("G2v1").upload(TAGS[:1])
     assert isinstance(exchange.receive(start, GROUND), Command)
     assert isinstance(exchange.receive(tag, GROUND), Command)
     refusal = exchange.receive(tag[:50], GROUND)

@@ -114,12 +114,13 @@ async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minut
         refused = await press(page, CORRECT)
         assert refused.status == 409
         assert "No contact" in refused.json["message"]
-        assert "alone can be corrected after 5 min" in refused.json["message"]
+        assert "After 5 min without contact" in refused.json["message"]
         await asyncio.sleep(181.0)
         answer = await press(page, CORRECT)
         assert answer.status == 200
         assert (
-            "In the list alone: send the tags when the drone is back" in answer.json["message"]
+            "Only the list was corrected: send the tags when the drone is back"
+            in answer.json["message"]
         )
         assert (listed(page).frequency_hz, world.mission.upload.tags[2].frequency_hz) == (
             AWAY_HZ,

@@ -85,7 +85,7 @@ def _on_grid(
     gaps = np.diff(np.concatenate([[0.0], angles, [180.0]]))
     if gaps.max() > _WIDEST_GAP_DEG:
         raise FormatError(
-            f"{os.fspath(path)} has no gains over {gaps.max():.0f}°",
+            f"{os.fspath(path)} has a gap of {gaps.max():.0f}° without gains",
             remedy="Give gains from 0° to 180° off boresight, at least each 45°",
         )
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)

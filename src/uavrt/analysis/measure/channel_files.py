@@ -49,7 +49,7 @@ def plan_channels(
         sample_rate_hz=rate_hz, center_frequency_hz=center_hz, frequencies_hz=(), mode=mode
     )
     if mode == "compatible":
-        _check_as_the_original(whole)
+        _check_compatible(whole)
     count, spacing_hz = whole.plan.channel_count, whole.plan.channel_spacing_hz
     for channel in channels:
         if not 1 <= abs(channel) <= count:
@@ -69,7 +69,7 @@ def plan_channels(
     )
 
 
-def _check_as_the_original(front_end: FrontEnd) -> None:
+def _check_compatible(front_end: FrontEnd) -> None:
     """Reject settings that the original's programs misread; raises `ConfigError`."""
     plan = front_end.plan
     count, rate_hz = plan.channel_count, plan.channel_rate_hz
@@ -86,7 +86,7 @@ def _check_as_the_original(front_end: FrontEnd) -> None:
 def ports_of(
     front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
 ) -> dict[int, list[int]]:
-    """UDP ports of each channel; raises `ConfigError` for a second in the thesis's plan."""
+    """UDP ports of each channel; raises `ConfigError` if the plan has no second port."""
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(

@@ -123,9 +123,9 @@ class DetectionChain:
 
     def process(self, block: IQBlock) -> list[Pulse]:
         """Process the next block; returns the pulses that are final by now."""
-        self.clipping.look(block)
-        self.input_faults += self._input_check.look(block)
-        self._carriers.look(block, self._center_frequency_hz)
+        self.clipping.check(block)
+        self.input_faults += self._input_check.check(block)
+        self._carriers.check(block, self._center_frequency_hz)
         self._group.carriers_hz = self._carriers.frequencies_hz
         # A value that is no number runs through the filters, and stops here: the detectors'
         # noise levels would never get rid of it.

@@ -1,10 +1,9 @@
 """Find the intervals in a set of pulse times: which pulses belong to a tag, and its interval.
 
 Every pair of pulses votes for its distance. A tag with interval T makes votes at T, 2 T, 3 T …;
-the first strong one is its interval. Random pulses give equal votes at any distance, which
-defines the threshold. A chain may run on through the tag's other rate, since 1333 ms meets
-every second pulse of 2000 ms; it is cut there. Explained pulses are removed, and the rest may
-hold another chain: the tag's second rate, or another tag.
+the first strong one is its interval. A chain may run on through the tag's other rate, since
+1333 ms meets every second pulse of 2000 ms; it is cut there. Explained pulses are removed, and
+the rest may hold another chain: the tag's second rate, or another tag.
 """
 
 from collections.abc import Iterable
@@ -110,7 +109,6 @@ def _without_strays(
 
 
 def _others(interval_s: float, candidates_s: Iterable[float]) -> list[float]:
-    """Remove candidates that equal the interval or each other."""
     others: list[float] = []
     for one in candidates_s:
         new = all(abs(one - other) > 0.5 * INTERVALS.tolerance_s for other in others)
@@ -136,7 +134,7 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses less half of the missing ones, which half the interval has more of."""
+    """Number of pulses less half of the missing ones, so that half an interval loses."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
@@ -174,8 +172,7 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     """Expected number of such chains among random pulses.
 
     After two pulses that set the interval, each further place contains a pulse with probability
-    p = density × tolerance. The first two can be chosen in `pairs` combinations; missed places
-    add further ones.
+    p = density × tolerance. `pairs`: choices of the first two; missed places add further ones.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)

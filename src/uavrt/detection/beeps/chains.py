@@ -1,4 +1,4 @@
-"""Follow points from pulse to pulse, at one interval or at two in turn."""
+"""Follow the pulses of a sender, at one interval or at two in turn."""
 
 from itertools import pairwise
 

@@ -10,14 +10,14 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beat:
-    """A line through pulse times, ``t = first + interval · number``."""
+    """Straight line through pulse times, ``t = first + interval · number``."""
 
     interval_s: float
     sigma_s: float
     """Standard deviation of `interval_s` [s]; infinite for two pulses."""
     first_s: float
     numbers: NDArray[np.int64]
-    """(n,) number of each pulse, from 0, missing ones counted."""
+    """(n,) number of each pulse, from 0, counting missing ones."""
     residuals_s: NDArray[np.float64]
     """(n,) delay of each pulse against the line [s]."""
 
@@ -32,9 +32,8 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
     """Number pulses in intervals, counting missing ones.
 
     The running interval follows the recent pulses: this allows for an error of the first guess
-    of up to a fifth, slow drift, and jitter, if not many consecutive pulses are missing.
-    `times_s` (n,): ascending. Returns (n,), zero for the first; two pulses have equal numbers
-    if they are closer than half an interval.
+    of up to a fifth, and slow drift. `times_s` (n,): ascending. Returns (n,), from zero; two
+    pulses closer than half an interval have equal numbers.
     """
     numbers = np.zeros(times_s.size, dtype=np.int64)
     current = interval_s

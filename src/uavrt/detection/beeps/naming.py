@@ -21,8 +21,8 @@ def name_trains(
 ) -> list[Beep]:
     """Identify trains as listed tags, their images, or unlisted senders.
 
-    `trains`: at absolute frequencies. `center_hz`: the radio's frequency, about which a
-    spectrum is mirrored if I and Q are swapped.
+    `trains`: at absolute frequencies. `center_hz`: the radio's, the mirror if I and Q are
+    swapped.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
     listed_ids = {
@@ -105,7 +105,7 @@ def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
 def _mirrored(
     one: Beep, train: Train, silent: Sequence[Tag], window_hz: float, center_hz: float
 ) -> Beep:
-    """Recognise a tag on the other side of the centre that is not found at its own."""
+    """Recognise a tag that appears on the other side of the radio's centre."""
     if one.kind is not BeepKind.UNLISTED:
         return one
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)
@@ -130,8 +130,6 @@ def _twice(interval_s: float, tag: Tag) -> str:
 
 
 def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
-    """Beeping tags listed within a distance of a train, the nearest first."""
-
     def away_hz(tag: Tag) -> float:
         return abs(train.frequency_hz - tag.frequency_hz)
 
@@ -140,7 +138,6 @@ def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
 
 
 def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (1.0,)) -> bool:
-    """True if the interval, times one of the ratios, is one of a tag's intervals."""
     allowed_s = 3.0 * min(train.interval_sigma_s, 0.01 * interval_s) + NAMING.timing_s
     return any(keeps_interval(tag, ratio * interval_s, ratio * allowed_s) for ratio in ratios)
 

@@ -1,9 +1,8 @@
 """Find strong pulses anywhere in a band, without knowing any tag.
 
-A cell of the spectrogram is a point if it stands above three levels. The level of its own
-frequency at other times removes carriers. That of other frequencies at its own time removes
-impulses, noise in bursts and voice. That 0.6 to 1.1 kHz away removes the spectrum that a strong
-pulse's keying spreads. The cost is proportional to the samples.
+A cell of the spectrogram is a point if it stands above three levels: its frequency's at other
+times (carriers), those of other frequencies at its time (impulses, voice), and those 0.6 to 1.1
+kHz away (the spectrum of a strong pulse's keying).
 """
 
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.beeps.tuning import POINTS
 from uavrt.dsp.fourier import transform_columns
+from uavrt.dsp.plan import fast_length
 from uavrt.dsp.sliding_medians import medians
 
 
@@ -70,7 +70,7 @@ class PointSearch:
         self._rate_hz = sample_rate_hz
         length = max(16, round(POINTS.window_s * sample_rate_hz))
         self._hop = max(4, round(POINTS.hop_s * sample_rate_hz))
-        self._size = _fast_length(length)
+        self._size = fast_length(length)
         self._window = np.hanning(length + 2)[1:-1].astype(np.float32)
         self._step_hz = sample_rate_hz / self._size
         half = self._size // 2
@@ -265,8 +265,7 @@ class PointSearch:
 def _without_edges(points: Points) -> Points:
     """Remove points that are only the edges of a strong pulse.
 
-    Edges of a rectangular pulse have at most 1 / (pi df T)^2 of its power in a window of T;
-    twice the amplitude is allowed, for noise.
+    These have at most 1 / (pi df T)^2 of its power in a window of T; doubled in amplitude.
     """
     keep = np.ones(len(points), dtype=bool)
     for at in np.flatnonzero(points.levels_db >= POINTS.strong_db):
@@ -280,19 +279,6 @@ def _without_edges(points: Points) -> Points:
         weak = points.levels_db[near] <= level_db + 6.0 - 20.0 * np.log10(apart)
         keep[near] &= ~(weak & (points.levels_db[near] < level_db - 6.0))
     return points.take(keep)
-
-
-def _fast_length(least: int) -> int:
-    """Return the next length without a prime factor above 11, which is fast to transform."""
-    length = least
-    while True:
-        rest = length
-        for prime in (2, 3, 5, 7, 11):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return length
-        length += 1
 
 
 def _peak(

@@ -22,8 +22,7 @@ from uavrt.units import ns_from_s
 class _Band:
     """Searches a band for part of the time.
 
-    `turns`: durations [s] of searching at the start and at the end of each period, and the
-    period.
+    `turns`: durations of searching at the start and at the end of each period, and the period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
@@ -48,7 +47,6 @@ class _Band:
         return at_s < self._first_s or turn_s >= self._period_s - self._listen_s
 
     def take(self, block: IQBlock, center_hz: float, share: float) -> None:
-        """Search a block."""
         rate_hz = block.sample_rate_hz
         if self._search is None:
             self.center_hz, self.half_hz = center_hz, share * rate_hz
@@ -66,12 +64,10 @@ class _Band:
 
     @property
     def start_ns(self) -> int:
-        """Time of the first searched sample [ns]."""
         return self._times.start_ns
 
     @property
     def dropped(self) -> int:
-        """Number of strong cells not examined because there were too many at once."""
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
@@ -95,8 +91,7 @@ class _Band:
 class BeepSearch:
     """Finds and identifies all senders of regular pulses.
 
-    `receiver`: centre and rate of the radio. `live`: report while the stream runs, at a lower
-    cost.
+    `receiver`: centre and rate of the radio. `live`: report while the stream runs.
     """
 
     def __init__(

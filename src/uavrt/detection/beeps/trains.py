@@ -165,7 +165,6 @@ def _scatter_hz(points: Points) -> float:
 
 
 def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> list[Train]:
-    """Mark trains as doubtful if most points at their frequency belong to none."""
     weakest_db = min(train.level_db for train in trains)
     strong = here.levels_db >= weakest_db - 3.0
     explained = float((used & strong).sum()) / max(float(strong.sum()), 1.0)
@@ -191,7 +190,6 @@ def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
 
 
 def _alike(train: Train, other: Train) -> bool:
-    """True if equally strong pulses at two frequencies always coincide."""
     return (
         abs(train.interval_s - other.interval_s) <= TRAINS.one_device_s
         and abs(train.level_db - other.level_db) <= TRAINS.one_device_db
@@ -203,7 +201,6 @@ def _alike(train: Train, other: Train) -> bool:
 def _is_image(
     train: Train, other: Train, stronger: Sequence[Train], receiver: Receiver
 ) -> bool:
-    """True if the receiver may have produced a train from a stronger one."""
     below_db = other.level_db - train.level_db
     if below_db < TRAINS.image_db or not _coincide(train, other):
         return False
@@ -214,7 +211,6 @@ def _is_image(
 
 
 def _coincide(train: Train, other: Train) -> bool:
-    """True if nearly every pulse of a train coincides with one of another."""
     theirs_s, times_s = other.points.times_s, train.points.times_s
     place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
     gap_s = np.minimum(np.abs(theirs_s[place - 1] - times_s), np.abs(theirs_s[place] - times_s))
@@ -236,7 +232,6 @@ def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundB
 
 
 def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> bool:
-    """True if two trains overlap in time; one or two false points may extend one."""
     inside = (
         int(((one >= other[0]) & (one <= other[-1])).sum())
         for one, other in ((first_s, second_s), (second_s, first_s))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointTuning:
-    """How single pulses are found in a band."""
+    """Constants for finding single pulses in a band."""
 
     window_s: float = 0.016
     """Length of the Hann window [s]; the loss is 3 to 5 dB for pulses of 2.5, 20 and 30 ms."""
@@ -16,8 +16,7 @@ class PointTuning:
     most_cells: int = 12_500_000
     """Most cells of the spectrogram searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
-    """Noise cells accepted as points in a band of `false_band_hz` or less [1/s]; in proportion
-    more in wider bands, which have more frequencies."""
+    """Noise cells accepted as points in `false_band_hz` [1/s]; more in wider bands."""
     false_band_hz: float = 100e3
     """Widest band in which no more than `false_per_s` noise cells are accepted [Hz]."""
     segment_bins: int = 64
@@ -42,7 +41,7 @@ class PointTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntervalTuning:
-    """How the interval of a sender is found from the times of points."""
+    """Constants for finding the interval of a sender from the times of points."""
 
     # Range of intervals searched [s]; tags on the market have 0.5 to 4 s.
     shortest_s: float = 0.25
@@ -63,18 +62,18 @@ class IntervalTuning:
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse where the tag has one rate."""
+    """Cost of a missing pulse where the tag has one rate [values of a pulse]."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse where the tag may have switched its rate."""
+    """Cost of a missing pulse where the tag may have switched [values of a pulse]."""
     switch_cost: float = 2.0
-    """Cost of a change of interval."""
+    """Cost of a change of interval in a chain [values of a pulse]."""
     recent_pulses: int = 40
     """Number of recent pulses that give the running interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainTuning:
-    """How points are sorted into trains, each of one sender."""
+    """Constants for sorting points into trains, each of one sender."""
 
     gather_hz: float = 150.0
     """Range of frequencies that may belong to one tag as it warms up [Hz]."""
@@ -87,8 +86,7 @@ class TrainTuning:
     most_scatter_hz: float = 30.0
     """Largest scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
-    """Least share of the points at a frequency that are in trains; with less they are
-    doubtful."""
+    """Least share of a frequency's points in trains; with less they are doubtful."""
     same_time_s: float = 0.012
     """Largest difference between the times of simultaneous pulses [s]."""
     image_share: float = 0.8
@@ -102,8 +100,7 @@ class TrainTuning:
     one_device_s: float = 0.001
     """Largest difference between the intervals of the tones of one device [s]."""
     flank_hz: float = 20_000.0
-    """Distance within which an image is not reported [Hz]: it is the spectrum of the stronger
-    pulses, or a product of the receiver."""
+    """Distance within which an image is not reported, but taken as a flank or product [Hz]."""
     burst_gap_s: float = 0.25
     """Distance above which two pulses belong to two bursts [s]."""
     fewest_bursts: int = 3
@@ -118,7 +115,7 @@ class TrainTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamingTuning:
-    """How trains are compared with the listed tags."""
+    """Constants for comparing trains with the listed tags."""
 
     reach_ppm: float = 70.0
     """Error of a dongle without a temperature-compensated crystal [ppm]."""
@@ -153,17 +150,16 @@ class NamingTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListeningTuning:
-    """When a stream is searched for unlisted senders, and how much of it."""
+    """Times and amounts of the search of a stream for unlisted senders."""
 
-    # Times of searching [s]: at the start, at the end of each period, and the period.
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
-    """Times of searching the tags' band of a recording [s]."""
+    """Search of the tags' band of a recording: first time, time per period, period [s]."""
     tags_band_live_s: tuple[float, float, float] = (60.0, 45.0, 90.0)
-    """Times of searching the tags' band of a live stream [s]."""
+    """Search of the tags' band of a live stream: first time, time per period, period [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
-    """Times of searching the radio's wider band [s]: 0.8 % of a core at 3 MS/s."""
+    """Search of the radio's wider band: first time, time per period, period [s]."""
     whole_band_live_s: tuple[float, float, float] = (20.0, 20.0, 540.0)
-    """Times of searching the radio's wider band of a live stream [s]."""
+    """Search of that band of a live stream: first time, time per period, period [s]."""
     live_cells: int = 4_000_000
     """Most cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0

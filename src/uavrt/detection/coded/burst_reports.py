@@ -34,7 +34,7 @@ class BurstReporter:
         self._sample_rate_hz = sample_rate_hz
         self._center_frequency_hz = center_frequency_hz
         self._sequence = dict.fromkeys(tracks.tags, 0)
-        self._told: dict[int, list[int]] = {tag_id: [] for tag_id in tracks.tags}
+        self._burst_times_ns: dict[int, list[int]] = {tag_id: [] for tag_id in tracks.tags}
         self._pulses: list[Pulse] = []
         self._reports: list[SearchReport] = []
         self._reported_ns = 0
@@ -64,12 +64,12 @@ class BurstReporter:
         others: tuple[int, ...],
     ) -> None:
         """Report a burst, unless it was reported before."""
-        reported = self._told[tag.tag_id]
+        reported = self._burst_times_ns[tag.tag_id]
         if any(abs(start_ns - other) < ns_from_s(IDENTITY.same_burst_s) for other in reported):
             return
         reported.append(start_ns)
         del reported[:-64]
-        track = self._tracks.hear(tag.tag_id, start_ns, row) if confirmed else None
+        track = self._tracks.add(tag.tag_id, start_ns, row) if confirmed else None
         interval_s = tag.pulse_intervals_s[0] if track is None else track.interval_s
         error_s = tag.interval_uncertainty_s if track is None else track.error_s
         self._sequence[tag.tag_id] += 1
@@ -131,14 +131,13 @@ def sighting_of(
 ) -> Sighting:
     """Measure a burst: its time, frequency, energies.
 
-    `time_ns`: time of a column. `width_s`: width of a pulse [s]. `tags`: all tags by their ids.
-    `required`: evidence that it needs.
+    `time_ns`: time of a column. `tags`: all tags by their ids. `required`: needed evidence.
     """
     good = burst.good
     tag = burst.book.tags[burst.code]
     columns = burst.columns[good]
     offsets = burst.offsets[good] - burst.offsets[0]
-    places = columns + _beside(cells, burst.row, columns)
+    places = columns + _offsets(cells, burst.row, columns)
     start = float(np.mean(places - offsets))
     energies = _energies(cells, burst.row, start + offsets)
     offset_hz, gained = _frequency(cells, burst.row, columns, width_s)
@@ -148,7 +147,7 @@ def sighting_of(
         hit=tuple(burst.hit_by),
         start_ns=time_ns(start),
         starts_ns=[time_ns(place) for place in places.tolist()],
-        heard=np.maximum(energies * gained - 1.0, 0.05),
+        energies=np.maximum(energies * gained - 1.0, 0.05),
         offset_hz=offset_hz,
         noise=float(cells.noise[burst.row]),
         row=burst.row,
@@ -160,11 +159,10 @@ def sighting_of(
     )
 
 
-def _beside(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
+def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
     """Offset of the pulses from the columns with their largest cells [columns].
 
-    The matched filter of a rectangular pulse decays linearly on both sides: the amplitudes next
-    to the maximum give the offset.
+    The filter of a rectangular pulse decays linearly: amplitudes on both sides give the offset.
     """
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)
@@ -186,7 +184,7 @@ def _energies(cells: Cells, row: int, places: NDArray[np.float64]) -> NDArray[np
 def _frequency(
     cells: Cells, row: int, columns: NDArray[np.intp], width_s: float
 ) -> tuple[float, float]:
-    """Frequency [Hz from the channel's centre], and the energy lost between rows."""
+    """Frequency from the channel's centre [Hz], and factor for the energy lost between rows."""
     rows = len(cells.offsets_hz)
     if rows < 3:
         return float(cells.offsets_hz[row]), 1.0

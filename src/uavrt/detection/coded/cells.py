@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from uavrt.detection.coded.tuning import CELLS
 
 STEP = 0.25
-"""Resolution of cells stored as bytes [noise energies]."""
+"""Step of the cells stored as bytes [noise energies]."""
 CLIP = 63
-"""Largest stored cell: the sum of four fits a byte."""
+"""Largest stored cell [steps]: the sum of four fits a byte."""
 NEUTRAL = round(1.0 / STEP)
 """Stored value of a cell with the mean energy of noise."""
 UNIT = 16.0
@@ -24,8 +24,7 @@ UNIT = 16.0
 class Cells:
     """Computes and stores the cells of one channel.
 
-    `kept_s`, `recent_s`: durations for which cells are kept as bytes, and in full precision
-    [s].
+    `kept_s`, `recent_s`: durations for which cells are kept as bytes, and in full precision.
     """
 
     def __init__(
@@ -101,11 +100,10 @@ class Cells:
         return count
 
     def _level(self, energy: NDArray[np.float64]) -> None:
-        """Update the noise; cells of lost samples are left out."""
-        heard = energy[:, energy.max(axis=0) > 0.0]
-        if heard.shape[1] < 4 * self.pulse:
+        received = energy[:, energy.max(axis=0) > 0.0]
+        if received.shape[1] < 4 * self.pulse:
             return
-        now = np.median(heard, axis=1) / math.log(2.0)
+        now = np.median(received, axis=1) / math.log(2.0)
         self._medians = [*self._medians, now][-CELLS.noise_pieces :]
         usual = np.median(self._medians, axis=0)
         self.shape = usual / max(float(np.median(usual)), 1e-30)

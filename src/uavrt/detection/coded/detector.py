@@ -18,7 +18,7 @@ from uavrt.detection.coded.evidence import required_evidence
 from uavrt.detection.coded.folds import Folds, Found
 from uavrt.detection.coded.foreign import Foreign
 from uavrt.detection.coded.identity import Sightings
-from uavrt.detection.coded.judging import Burst, OnAir, decide, least_pulses, measure
+from uavrt.detection.coded.judging import AcceptedBursts, Burst, decide, least_pulses, measure
 from uavrt.detection.coded.limits import limit, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
 from uavrt.detection.coded.tracks import Tracks
@@ -137,8 +137,8 @@ class CodedDetector:
         self._claims: list[Burst] = []
         self._ahead: list[Burst] = []
         """Accepted bursts that later ones may still explain."""
-        self._on_air = OnAir(self._cells)
-        self._foreign = Foreign(self._cells, self._span, self._on_air.guard)
+        self._accepted = AcceptedBursts(self._cells)
+        self._foreign = Foreign(self._cells, self._span, self._accepted.guard)
         self._folds = [
             Folds(
                 *(book, self._cells),
@@ -218,9 +218,9 @@ class CodedDetector:
         for folds in self._folds:
             folds.note(max(seeds_from, 0), seeds_to - max(seeds_from, 0))
             for found in folds.complete(whole, foreign_per_hour=rate, last=last):
-                self._tell_several(found)
+                self._report_several(found)
         self._searched = whole
-        self._on_air.forget(whole - 3 * self._span)
+        self._accepted.drop_before(whole - 3 * self._span)
 
     def _claimed(self, book: CodeBook, whole: int) -> list[Burst]:
         limits = self._least[book.pulses]
@@ -237,7 +237,7 @@ class CodedDetector:
     def _expected(self, whole: int) -> list[Burst]:
         cells, found = self._cells, []
         upto_ns = self._time_ns(whole)
-        self._tracks.forget(upto_ns)
+        self._tracks.drop_silent(upto_ns)
         for track in self._tracks.alive.values():
             book, code = self._place[track.tag.tag_id]
             limits = {n: limit(n, 1.0, LIMITS.expected_false) for n in self._least[book.pulses]}
@@ -263,15 +263,15 @@ class CodedDetector:
         ahead_s = (time_ns - self._stamps[1][at]) / NANOSECONDS_PER_SECOND
         return (self._stamps[0][at] + ahead_s * self.sample_rate_hz) / self._cells.hop
 
-    def _tell_several(self, found: Found) -> None:
+    def _report_several(self, found: Found) -> None:
         required = self._required(self._foreign.per_hour)
         if found.unlisted < required - IDENTITY.doubt_log:
             return
         over = found.energies.mean(axis=1) - 1.0
         # Before the tag came and after it went there are none.
         own = np.flatnonzero(over >= 0.5 * over.mean())
-        heard = np.flatnonzero(over >= LIMITS.least_energy)
-        for place in heard[(heard >= own[0]) & (heard <= own[-1])].tolist():
+        strong = np.flatnonzero(over >= LIMITS.least_energy)
+        for place in strong[(strong >= own[0]) & (strong <= own[-1])].tolist():
             columns, energies = found.columns[place], found.energies[place]
             if columns[0] < 0:
                 continue
@@ -290,9 +290,8 @@ class CodedDetector:
             )
 
     def _decide(self, sure: int, *, last: bool) -> None:
-        """Accept bursts that begin before a column; later ones may still be explained."""
         accepted, lost = decide(
-            *(self._claims, self._on_air, self._least),
+            *(self._claims, self._accepted, self._least),
             before=sure,
             foreign_per_hour=self._foreign.per_hour,
         )
@@ -300,14 +299,14 @@ class CodedDetector:
             self.counters.reject("collision with other bursts", lost)
         explained = [
             one
-            for one in (*self._on_air.bursts, *accepted)
+            for one in (*self._accepted.bursts, *accepted)
             if one.unlisted + one.prior >= self._required(self._foreign.per_hour)
         ]
         self._foreign.note(explained, sure)
         new = []
         for burst in accepted:
             if burst.column < sure:
-                self._on_air.bursts.append(burst)
+                self._accepted.bursts.append(burst)
                 required = 0.0
                 if not burst.prior:
                     required = self._required(self._foreign.about(burst))
@@ -321,12 +320,12 @@ class CodedDetector:
                     )
                 )
         now_ns = self._time_ns(sure)
-        for sighting, tag, others in self._sightings.name(new, now_ns, last=last):
+        for sighting, tag, others in self._sightings.identify(new, now_ns, last=last):
             self._reporter.burst(
                 tag,
                 start_ns=sighting.start_ns,
                 starts_ns=sighting.starts_ns,
-                energies=sighting.heard,
+                energies=sighting.energies,
                 offset_hz=sighting.offset_hz,
                 noise=sighting.noise,
                 row=sighting.row,
@@ -341,7 +340,6 @@ class CodedDetector:
         return required_evidence(foreign_per_hour, self._false_per_hour)
 
     def _hide(self, first: int, upto: int) -> None:
-        """Replace single or strong bursts by noise in sums of several bursts."""
         cells = self._cells
         recent = cells.recent[:, first - cells.recent_from : upto - cells.recent_from]
         tall = recent.max(axis=0, initial=0.0)
@@ -350,11 +348,11 @@ class CodedDetector:
             for column in (np.flatnonzero(tall > level) + first).tolist():
                 cells.hide(column - reach, reach + min(reach + 1, upto - column))
         required = self._required(self._foreign.per_hour)
-        for burst in (*self._on_air.bursts, *self._ahead):
+        for burst in (*self._accepted.bursts, *self._ahead):
             if burst.unlisted + burst.prior < required:
                 continue
             for column in burst.columns.tolist():
-                begin, end = column - self._on_air.guard, column + self._on_air.guard + 1
+                begin, end = column - self._accepted.guard, column + self._accepted.guard + 1
                 if begin < upto:
                     cells.hide(begin, min(end, upto) - begin)
 

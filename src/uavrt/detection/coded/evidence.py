@@ -1,9 +1,8 @@
 """Evidence that the pulses at a listed code's places are that code's.
 
-One likelihood ratio: the listed code, whose pulses are equally strong, against an unlisted one
-with some pulses at these places by chance, or against noise. An unlisted code explains all
-places but one at the price of the coincidences; the place that it explains worst must then show
-a pulse by itself.
+The listed code, whose pulses are equally strong, is compared with an unlisted one that has some
+pulses at these places by chance, and with noise. An unlisted code explains all places but one
+at the price of the coincidences; that place must show a pulse by itself.
 """
 
 import math
@@ -105,8 +104,7 @@ def evidence_of_sums(
 ) -> NDArray[np.float64]:
     """Log-likelihood ratio against unlisted codes of bursts that are found only together.
 
-    `energies` (n, bursts, places) [noise energies]. `in_step`: chance that an unlisted tag's
-    interval is the listed one.
+    `energies` (n, bursts, places). `in_step`: chance of an unlisted tag with this interval.
     """
     # One unlisted tag is in step by chance, or the pulses of several are.
     by_one, by_several = (

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.coded.cells import CLIP, STEP, Cells
-from uavrt.detection.coded.closely import look
 from uavrt.detection.coded.evidence import evidence_of_sums
 from uavrt.detection.coded.limits import amplitude_limit, longest, sum_limit
+from uavrt.detection.coded.refinement import refine
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold
 from uavrt.detection.coded.tuning import SUMS
 from uavrt.messages import Tag
@@ -23,8 +23,7 @@ from uavrt.messages import Tag
 class Found:
     """Several bursts of a code whose sum exceeds noise.
 
-    `score`: sum of amplitudes over the required one. `also_possible`: ids of other tags that
-    may have sent them.
+    `score`: sum of amplitudes over the required. `also_possible`: ids of other tags.
     """
 
     tag: Tag
@@ -126,7 +125,7 @@ class Folds:
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
         """Sum around the seeds whose later bursts have all arrived.
 
-        `whole`: column before which bursts are complete.
+        `whole`: column before which all bursts are complete.
         """
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
@@ -156,7 +155,6 @@ class Folds:
         return [one for one in found if one.score >= 1.0 and self._steady(one)]
 
     def _clip_of(self, bursts: int) -> int:
-        """Largest cell that counts; pulses visible in three bursts are stronger."""
         return self._clip_of_three if bursts == SUMS.few_bursts else self._clip
 
     def _least(self, bursts: int) -> NDArray[np.float64]:
@@ -182,14 +180,14 @@ class Folds:
         interval_s = interval * self._cells.column_s
         places = np.arange(first, first + bursts)
         begins = column + np.floor(places * interval + 0.5) + np.floor(places * off + 0.5)
-        closely = look(
+        refined = refine(
             *(self._cells, self._book.tags[code]),
             row=row,
             part=SUMS.stretches[stretch],
             begins=begins,
             most=self._clip_of(bursts) * STEP,
         )
-        energies = np.minimum(closely.energies, self._clip_of(bursts) * STEP)
+        energies = np.minimum(refined.energies, self._clip_of(bursts) * STEP)
         (unlisted,) = evidence_of_sums(
             energies[None],
             foreign_per_hour=foreign_per_hour,
@@ -205,7 +203,7 @@ class Folds:
         return Found(
             tag=self._book.tags[code],
             row=row,
-            columns=np.rint(closely.columns).astype(np.int64),
+            columns=np.rint(refined.columns).astype(np.int64),
             energies=energies,
             score=float(np.sqrt(energies).sum()) / least,
             total=float(energies.sum()),
@@ -220,7 +218,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Select the best of hits with common pulses, and name those nearly as good."""
+        """Select the best of hits with common pulses; add the tags of hits nearly as good."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [
@@ -237,15 +235,14 @@ class Folds:
                     one.total > other.total - SUMS.clear_lead
                 )
                 if near and one.tag.tag_id not in (other.tag.tag_id, *other.also_possible):
-                    chosen[place] = _with_rival(other, one.tag.tag_id)
+                    chosen[place] = _with_alternative(other, one.tag.tag_id)
         return chosen
 
 
 def _common(one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
-    """Share of one's pulses that are also the other's."""
     apart = np.abs(one.reshape(-1, 1) - other.reshape(1, -1))
     return float((apart <= SUMS.same_columns).any(axis=1).mean())
 
 
-def _with_rival(found: Found, tag_id: int) -> Found:
+def _with_alternative(found: Found, tag_id: int) -> Found:
     return replace(found, also_possible=(*found.also_possible, tag_id))

@@ -1,4 +1,4 @@
-"""Count the bursts on a channel that no listed code explains."""
+"""Count the bursts on a channel that no listed code explains, as foreign bursts."""
 
 import math
 from collections.abc import Sequence
@@ -14,8 +14,7 @@ from uavrt.detection.coded.tuning import FOREIGN
 class Foreign:
     """Counts bursts that no listed code explains.
 
-    `span`: columns of the longest listed burst. `guard`: columns on either side of a pulse that
-    belong to it.
+    `span`: columns of the longest listed burst. `guard`: columns around a pulse.
     """
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
@@ -29,14 +28,13 @@ class Foreign:
     @property
     def per_hour(self) -> float:
         """Foreign bursts averaged over the last minutes [1/h]."""
-        heard_s = min(FOREIGN.memory_s, self._upto * self._cells.column_s) + FOREIGN.start_s
-        return FOREIGN.least_per_hour + 3600.0 * self._count / heard_s
+        received_s = min(FOREIGN.memory_s, self._upto * self._cells.column_s) + FOREIGN.start_s
+        return FOREIGN.least_per_hour + 3600.0 * self._count / received_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
-        """Find the foreign pulses among the recent cells, and count their bursts.
+        """Find the foreign pulses among the recent cells; count their bursts before `upto`.
 
-        `explained`: bursts of listed codes. `upto`: column before which foreign bursts are
-        counted.
+        `explained`: bursts of listed codes.
         """
         cells = self._cells
         loudest = cells.recent.max(axis=0)

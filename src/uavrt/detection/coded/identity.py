@@ -50,19 +50,18 @@ def likeliest(
     tags: Sequence[Tag],
     others_s: Sequence[NDArray[np.float64]],
     *,
-    heard_s: tuple[float, float],
+    searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
     """Decide which of several tags sent a burst, by their intervals.
 
-    `others_s`: times of the other bursts that each tag may have sent. `heard_s`: start and end
-    of the searched time. Returns indices of the tags, the likeliest first; more than one if
-    undecided.
+    `others_s`: times of the other bursts that each tag may have sent. `searched_s`: start and
+    end of the search. Returns indices of possible tags, the likeliest first.
     """
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
-        searched = (expected_s >= heard_s[0]) & (expected_s <= heard_s[1])
+        searched = (expected_s >= searched_s[0]) & (expected_s <= searched_s[1])
         scores.append(
             float(gains.sum() - IDENTITY.missed_log * (searched & (gains == 0.0)).sum())
         )
@@ -83,7 +82,7 @@ class Sighting:
     start_ns: int
     starts_ns: list[int]
     """Start times of the received pulses [ns]."""
-    heard: NDArray[np.float64]
+    energies: NDArray[np.float64]
     """Energies of these pulses over the noise [noise energies]."""
     offset_hz: float
     noise: float
@@ -121,7 +120,7 @@ class Sightings:
         self._waiting: list[Sighting] = []
         self._begun_ns = 0
 
-    def name(
+    def identify(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
         """Add new bursts; return those to be reported, with their senders.
@@ -179,7 +178,7 @@ class Sightings:
             0.0,
             one.tags,
             [_times_s(self._others(one, tag), one) for tag in one.tags],
-            heard_s=(one.seconds_to(self._begun_ns), one.seconds_to(now_ns)),
+            searched_s=(one.seconds_to(self._begun_ns), one.seconds_to(now_ns)),
             timing_s=IDENTITY.timing_s,
         )
         return [one.tags[place] for place in places]

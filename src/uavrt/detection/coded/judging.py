@@ -2,8 +2,7 @@
 
 The pulses of a burst come from one tag within a quarter of a second: they are equally strong
 (`evidence`), each is where its cell is largest, and each is as short as a pulse. Signals within
-a stronger burst are explained by it; codes are distinguished by the likelihood of the pulses
-that they do not share.
+a stronger burst are explained by it; codes are distinguished by pulses that they do not share.
 """
 
 from dataclasses import dataclass, field, replace
@@ -72,8 +71,7 @@ def measure(
 ) -> list[Burst]:
     """Measure the pulses of seeds among the recent cells; drop seeds that are no burst.
 
-    `seeds` (n, 5): all pulses lie among the recent cells. `prior`: log odds that a burst is
-    sent now, over any other time.
+    `seeds` (n, 5): all pulses lie among the recent cells. `prior`: log odds of a burst now.
     """
     if not len(seeds):
         return []
@@ -83,10 +81,10 @@ def measure(
     at = seeds[:, 3:4] + offsets - cells.recent_from
     # What counts lies exactly at the gaps: each further column would be one more chance.
     energies = cells.recent[seeds[:, 1][:, None], np.clip(at, 0, last)]
-    able = np.flatnonzero(could_be(energies, limits))
+    able = np.flatnonzero(may_suffice(energies, limits))
     seeds, offsets, at, energies = seeds[able], offsets[able], at[able], energies[able]
     rows = seeds[:, 1][:, None]
-    aside, highest = _aside(cells, rows, at)
+    off_place, highest = _off_place(cells, rows, at)
     near, shift = _best(cells.recent, rows, at, SHAPE.pool_columns)
     at = at + shift
     tall = np.maximum(
@@ -104,8 +102,8 @@ def measure(
     around = np.sqrt(np.maximum(before, after))
     good = np.sqrt(tall) <= amplitude * (1.0 + LIKELIHOOD.fading) + SHAPE.higher_amplitude
     good &= around <= SHAPE.beside_amplitude * amplitude + SHAPE.higher_amplitude
-    aside &= amplitude < SHAPE.flank_amplitude * np.sqrt(highest)
-    good &= ~aside
+    off_place &= amplitude < SHAPE.flank_amplitude * np.sqrt(highest)
+    good &= ~off_place
     # A much stronger signal at another frequency leaks into all rows.
     everywhere = sliding_window_view(
         np.pad(cells.recent.max(axis=0), cells.pulse), 2 * cells.pulse + 1
@@ -124,7 +122,7 @@ def measure(
     tops = np.sqrt(highest)
     usual = _median(tops, good)[:, np.newaxis]
     alike = np.abs(tops - usual) <= 3.0 * LIKELIHOOD.fading * tops + SHAPE.higher_amplitude
-    enough &= ~((aside & alike) | (good & (tops < SHAPE.hit_amplitude * usual))).any(axis=1)
+    enough &= ~((off_place & alike) | (good & (tops < SHAPE.hit_amplitude * usual))).any(axis=1)
     for i in np.flatnonzero(enough).tolist():
         seed = seeds[i].tolist()
         burst = Burst(
@@ -173,7 +171,7 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
 
 
 def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Offsets (n, pulses) from the seeds' columns: the best near the searched ones."""
+    """(n, pulses) columns of the pulses from the seed's: the best near the searched ones."""
     shifts = np.array([0, -1, 1], np.int32)
     tried = book.fine[seeds[:, 0], seeds[:, 2]][:, None] + shifts[:, None, None]
     tried = tried.reshape(len(seeds), -1, book.pulses)
@@ -184,14 +182,13 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
     return best
 
 
-def _aside(
+def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
     """Find pulses that deviate from their places, unlike the burst's others.
 
-    Also returns the energies at their maxima, within a pulse width and at near frequencies. In
-    a row near a tag's frequency its pulses have two maxima, up to half a pulse from the middle;
-    the strongest row shows the true position.
+    Also returns the energies at their maxima, within a pulse width and at near frequencies:
+    only the strongest row shows the true position.
     """
     around = cells.recent.copy()
     for apart in range(1, cells.rows_of_a_bin + 1):
@@ -221,7 +218,6 @@ def least_pulses(pulses: int) -> int:
 
 
 def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Medians of the selected values of each row; infinite without any."""
     ordered = np.sort(np.where(of, values, np.inf).astype(np.float64), axis=1)
     count = of.sum(axis=1)
     rows = np.arange(len(ordered))
@@ -262,7 +258,7 @@ def scores_of(
     return np.asarray((counted / limit).sum(axis=1))
 
 
-def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
+def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
     """True for seeds that `weigh` would keep with some of their pulses: few of many."""
     pulses = energies.shape[1]
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
@@ -275,8 +271,8 @@ def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray
     return able
 
 
-class OnAir:
-    """Accepted bursts, which explain everything within their pulses."""
+class AcceptedBursts:
+    """Accepted bursts, which explain all signals within their pulses."""
 
     def __init__(self, cells: Cells) -> None:
         self.guard = cells.pulse + round(SHAPE.guard_s / cells.column_s)
@@ -284,12 +280,12 @@ class OnAir:
         self.bursts: list[Burst] = []
         self._cells = cells
 
-    def forget(self, before: int) -> None:
+    def drop_before(self, before: int) -> None:
         """Drop the bursts that ended before a column."""
         self.bursts = [one for one in self.bursts if one.columns[-1] >= before]
 
 
-class Covered:
+class Overlaps:
     """Overlap of possible bursts' pulses with accepted bursts, and what remains of them.
 
     `guard`: columns on either side of a pulse that belong to it.
@@ -310,7 +306,7 @@ class Covered:
         self.pulses = np.zeros(shape, np.bool_)
         """(claims, pulses) True for pulses that overlap with accepted bursts."""
         self._by: list[tuple[Burst, NDArray[np.bool_]]] = []
-        self._on_air: dict[int, list[Burst]] = {}
+        self._accepted: dict[int, list[Burst]] = {}
         self._sum()
 
     def add(self, *bursts: Burst) -> None:
@@ -320,7 +316,7 @@ class Covered:
             hit = (apart <= self._guard).any(axis=2)
             self.pulses |= hit
             self._by.append((burst, hit.any(axis=1)))
-            self._on_air.setdefault(burst.tag_id, []).append(burst)
+            self._accepted.setdefault(burst.tag_id, []).append(burst)
         self._sum()
 
     def _sum(self) -> None:
@@ -333,20 +329,20 @@ class Covered:
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
 
-    def leaves_nothing_of(self, claim: int) -> bool:
-        """True if too few pulses remain for an identification, and for a report."""
+    def too_few_left(self, claim: int) -> bool:
+        """True if too few pulses remain for an identification or a report."""
         alone = self.alone[claim]
         return alone < self._least[claim] and (
             alone < SHAPE.sure_pulses or self.weakest[claim] < SHAPE.sure_energy
         )
 
-    def whose(self, claim: int) -> list[Burst]:
+    def overlapped_by(self, claim: int) -> list[Burst]:
         """Accepted bursts that a claim's pulses overlap."""
         return [burst for burst, hit in self._by if hit[claim]]
 
-    def sends(self, burst: Burst) -> bool:
+    def is_sending(self, burst: Burst) -> bool:
         """True if the tag of a burst already has an accepted one at that time."""
-        own = self._on_air.get(burst.tag_id)
+        own = self._accepted.get(burst.tag_id)
         if own is None:
             return False
         length = int(burst.columns[-1] - burst.columns[0])
@@ -355,7 +351,7 @@ class Covered:
 
 def decide(
     claims: list[Burst],
-    on_air: OnAir,
+    accepted_bursts: AcceptedBursts,
     limits: dict[int, dict[int, float]],
     *,
     before: int,
@@ -365,10 +361,10 @@ def decide(
 
     The likeliest comes first; then each is removed on trial to see whether the others explain
     more: a third code may share pulses with two interleaved bursts. `claims`: weighed; each
-    sent burst has several versions and codes. `on_air`: previously accepted bursts.
+    sent burst has several versions and codes. `accepted_bursts`: previously accepted bursts.
     """
     without: frozenset[int] = frozenset()
-    best, lost = _greedy(claims, on_air, limits, before, foreign_per_hour, without)
+    best, lost = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, without)
     for _ in range(SHAPE.most_swaps):
         collided = [
             one for one in best if not one.good.all() or one.also_possible or one.hit_by
@@ -377,7 +373,7 @@ def decide(
         others = []
         for tag_id in around:
             tried = without | {tag_id}
-            found = _greedy(claims, on_air, limits, before, foreign_per_hour, tried)
+            found = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, tried)
             others.append((*found, tried))
         better = max(others, key=lambda one: _total(one[0]), default=None)
         if better is None or _total(better[0]) <= _total(best):
@@ -396,7 +392,7 @@ def _meet(one: Burst, other: Burst) -> bool:
 
 def _greedy(
     claims: list[Burst],
-    before_now: OnAir,
+    before_now: AcceptedBursts,
     limits: dict[int, dict[int, float]],
     before: int,
     foreign_per_hour: float,
@@ -404,20 +400,20 @@ def _greedy(
 ) -> tuple[list[Burst], int]:
     ordered = [one for one in claims if one.tag_id not in without]
     ordered.sort(key=lambda one: -one.likelihood)
-    covered = Covered(ordered, before_now.guard)
+    covered = Overlaps(ordered, before_now.guard)
     covered.add(*before_now.bursts)
     accepted: list[Burst] = []
     lost = 0
     for i, claim in enumerate(ordered):
-        if covered.sends(claim):
+        if covered.is_sending(claim):
             continue
         if covered.count[i]:
             pulses = len(claim.columns)
-            for other in covered.whose(i) if covered.count[i] >= pulses - 1 else ():
+            for other in covered.overlapped_by(i) if covered.count[i] >= pulses - 1 else ():
                 near = claim.likelihood > other.likelihood - SHAPE.clear_log
                 if near and claim.tag_id not in other.also_possible:
                     other.also_possible.append(claim.tag_id)
-            if covered.leaves_nothing_of(i):
+            if covered.too_few_left(i):
                 lost += covered.alone[i] > 0 and claim.column < before
                 continue
         burst = claim.renewed()
@@ -429,7 +425,7 @@ def _greedy(
                 if len(alone) < SHAPE.sure_pulses or alone.min() < SHAPE.sure_energy:
                     continue
                 # Too much of it is hit; it is named, and others may not have its pulses.
-                burst.hit_by += [other.tag_id for other in covered.whose(i)]
+                burst.hit_by += [other.tag_id for other in covered.overlapped_by(i)]
         accepted.append(burst)
         covered.add(burst)
     return accepted, lost

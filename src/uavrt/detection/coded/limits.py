@@ -51,7 +51,6 @@ def amplitude_limit(
 
 
 def _share(bursts: int) -> float:
-    """Share of the false alarms for sums of a number of bursts."""
     shares = {1: LIMITS.share_of_one, 3: LIMITS.share_of_three}
     return shares.get(bursts, 1.0 - sum(shares.values()))
 

@@ -2,8 +2,7 @@
 
 A burst is the noncoherent sum of the cells of its pulses at the gaps of its code. The tag's
 crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
-burst interval around a seed, a sum that stands out: nearly always one of three or ten
-detectable bursts does.
+burst interval around a seed, a sum that stands out, as one of three bursts nearly always does.
 """
 
 from dataclasses import dataclass
@@ -26,8 +25,7 @@ class CodeBook:
     """Codes with equal numbers of pulses, in columns of cells.
 
     `offsets` (codes, stretches, pulses): columns of the pulses from the first. `fine` (codes,
-    stretches, 3, pulses): the same slightly shorter, exact, and slightly longer. `intervals`
-    (codes,): columns from burst to burst.
+    stretches, 3, pulses): a little shorter, exact, longer. `intervals` (codes,): columns.
     """
 
     tags: tuple[Tag, ...]
@@ -67,8 +65,7 @@ def find_seeds(
     """Find the sums of bursts that reach a level.
 
     `first`, `count`: first column and number of columns at which the bursts start. `clip`:
-    largest cell that counts. `level`, `clip`: in steps of the stored cells. Returns (seeds, 5):
-    code, row, stretch, column, sum.
+    largest cell that counts. Returns (seeds, 5): code, row, stretch, column, sum.
     """
     at = first - cells.base
     if at < SUMS.apart_columns:

@@ -22,8 +22,8 @@ class BurstTrack:
     interval_s: float
     error_s: float
 
-    def hear(self, time_ns: int, row: int) -> None:
-        """Update with a burst that follows the newest."""
+    def add(self, time_ns: int, row: int) -> None:
+        """Update the prediction with a burst after the newest."""
         passed_s = (time_ns - self.time_ns) / NANOSECONDS_PER_SECOND
         count = round(passed_s / self.interval_s)
         if count >= 1:
@@ -50,7 +50,7 @@ class Tracks:
         self.tags = {tag.tag_id: tag for tag in tags}
         self.alive: dict[int, BurstTrack] = {}
 
-    def hear(self, tag_id: int, time_ns: int, row: int) -> BurstTrack:
+    def add(self, tag_id: int, time_ns: int, row: int) -> BurstTrack:
         """Add a burst of a tag; return its prediction."""
         track = self.alive.get(tag_id)
         if track is None:
@@ -64,10 +64,10 @@ class Tracks:
             )
             self.alive[tag_id] = track
         elif time_ns > track.time_ns:
-            track.hear(time_ns, row)
+            track.add(time_ns, row)
         return track
 
-    def forget(self, now_ns: int) -> None:
+    def drop_silent(self, now_ns: int) -> None:
         """Drop tags that have been silent too long."""
         self.alive = {
             tag_id: track

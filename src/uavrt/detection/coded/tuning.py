@@ -1,7 +1,6 @@
 """Constants of the detection of coded tags: one frozen record for each step.
 
-Energies are in units of the mean energy of noise in a cell. Measurements:
-docs/explanation/coded-tags.md.
+Energies are in units of a noise cell's mean. Measurements: docs/explanation/coded-tags.md.
 """
 
 import math
@@ -10,11 +9,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellTuning:
-    """How the energies of a channel are computed and kept."""
+    """Constants for computing and keeping the energies of a channel."""
 
     row_spacing: float = 0.3125
-    """Spacing of the frequencies, in units of the inverse pulse width: 125 Hz for 2.5 ms, which
-    loses 0.3 dB half-way."""
+    """Spacing of the frequencies [1 / pulse width]: 125 Hz for 2.5 ms, 0.3 dB lost half-way."""
     columns_per_pulse: float = 9.0
     """Number of columns per pulse width."""
     noise_pieces: int = 25
@@ -31,20 +29,19 @@ class CellTuning:
     echoing: float = 200.0
     """Energy above which a cell leaves an echo of the filters."""
     echo_widths: int = 5
-    """Duration of such an echo [pulse widths]."""
+    """Duration of an echo of the filters [pulse widths]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SumTuning:
-    """How cells are summed at the gaps of the codes, and over several bursts."""
+    """Constants for summing cells at the gaps of the codes, and over several bursts."""
 
     stretches: tuple[float, ...] = (0.0, -0.5, 0.5, -1.0, 1.0)
     """Stretches of all gaps that are tried, as shares of their common tolerance."""
     apart_columns: int = 4
     """Range in which a seed is the largest sum of its row and code [columns]."""
     most_cell: float = 10.0
-    """Largest cell that counts in a sum of many bursts [noise energies]: three times that of a
-    tag found only there."""
+    """Largest cell that counts [noise energies]: three times that of a tag found only so."""
     # Mean cell of a seed. Three of four sums of bursts at the limit contain one so large; noise
     # has few.
     seed_of_many: float = 3.5
@@ -65,7 +62,7 @@ class SumTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefineTuning:
-    """How nearly sufficient sums of bursts are refined on the samples."""
+    """Constants for refining nearly sufficient sums of bursts on the samples."""
 
     turns_hz: tuple[float, ...] = (-42.0, 0.0, 42.0)
     """Offsets tried from the frequency of the row [Hz]: a third of the rows' spacing."""
@@ -85,7 +82,7 @@ class RefineTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitTuning:
-    """How the required sums follow from the allowed false identifications."""
+    """Constants that relate required sums to the allowed false identifications."""
 
     false_per_hour: float = 1e-4
     """False identifications allowed from noise, per code [1/h]."""
@@ -97,7 +94,7 @@ class LimitTuning:
     per_interval: float = 1.0
     """Independent burst intervals per pulse width of the last burst's uncertainty."""
     per_refinement: float = 14.0
-    """Independent sums in a refinement."""
+    """Number of independent sums in a refinement."""
     expected_false: float = 1e-6
     """Chance of noise in a cell where a burst of an identified tag is expected."""
     expected_log: float = 6.0
@@ -108,7 +105,7 @@ class LimitTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LikelihoodTuning:
-    """Assumptions of the evidence that pulses are a listed code's."""
+    """Assumptions of the evidence that pulses are those of a listed code."""
 
     fading: float = 0.12
     """Standard deviation of the amplitude within a burst, relative, without the noise's."""
@@ -132,16 +129,16 @@ class LikelihoodTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapeTuning:
-    """What a sum's pulses must look like to be a burst."""
+    """Constants that decide whether the pulses of a sum are a burst."""
 
     pool_columns: int = 1
     """Range around the place of a pulse in which its cell is the largest [columns]."""
     leak_amplitude: float = 0.35
     """Largest amplitude that may be leakage, relative to the strongest at any frequency."""
     loud_energy: float = 20.0
-    """Least energy for which leakage is considered [noise energies]."""
+    """Least energy of a signal whose leakage is considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
-    """Share of the least sum at which seeds are dropped early, so that rounding does not."""
+    """Share of the least sum below which seeds are dropped early; 1 but for rounding."""
     least_amplitude: float = 0.33
     """Least amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5
@@ -149,19 +146,16 @@ class ShapeTuning:
     higher_amplitude: float = 2.3
     """Excess that noise may give a cell near a pulse [noise amplitudes]."""
     beside_amplitude: float = 0.6
-    """Largest amplitude at the nearer or farther end of a pulse, relative to it, without
-    noise."""
+    """Largest amplitude at an end of a pulse, relative to it, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
     """Distances at which a pulse must have ended, at one of the two [pulse widths]."""
     aside_s: float = 0.75e-3
-    """Largest deviation of a strong pulse from its place, relative to the burst's others [s]:
-    half of the gaps' tolerance. At 20 dB the flanks of a code's pulses matched one whose gaps
-    differ by 4.5 ms in total."""
+    """Largest deviation of a strong pulse from its place, relative to the burst's others [s].
+    At 20 dB the flanks of a code matched one whose gaps differ by 4.5 ms in total."""
     aside_noise_s: float = 3e-3
-    """Deviation in addition to `aside_s` at an amplitude of one [s], in inverse proportion to
-    the amplitude."""
+    """Deviation that noise adds to `aside_s`, over the pulse's amplitude [s]."""
     flank_amplitude: float = 0.8
-    """Largest amplitude of a flank relative to its pulse; more is a pulse itself."""
+    """Largest amplitude of a flank relative to its pulse; a larger one is a pulse."""
     guard_s: float = 0.5e-3
     """Duration of the filters' ringing beyond a pulse width [s]."""
     clear_log: float = 10.0
@@ -171,7 +165,7 @@ class ShapeTuning:
     sure_pulses: int = 2
     """Least number of undisturbed pulses of a burst that is reported without identification."""
     sure_energy: float = 12.0
-    """Least energy of each of these pulses [noise energies]."""
+    """Least energy of pulses of a burst reported without identification [noise energies]."""
     nowhere: int = -(2**40)
     """Column that stands for no pulse."""
     saturated_energy: float = 12.0
@@ -180,7 +174,7 @@ class ShapeTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentityTuning:
-    """How bursts in step identify a tag, and predict its next burst."""
+    """Constants for identifying a tag by bursts in step, and predicting its next burst."""
 
     steps: int = 8
     """Number of intervals, before and after, over which bursts are compared."""
@@ -195,7 +189,7 @@ class IdentityTuning:
     doubt_log: float = math.log(100.0)
     """Evidence that a reported burst may lack; it is then not confirmed."""
     rows: int = 1
-    """Largest difference between bursts of one tag [rows]."""
+    """Largest difference in frequency between bursts of one tag [rows]."""
     most_missed: int = 8
     """Most bursts that may be missed before a tag must be identified again."""
     own_error: float = 5e-6
@@ -206,7 +200,7 @@ class IdentityTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForeignTuning:
-    """How bursts that no listed code explains are counted."""
+    """Constants for counting bursts that no listed code explains."""
 
     least_per_hour: float = 0.02
     """Rate of foreign bursts assumed before any is observed on a channel [1/h]."""
@@ -221,7 +215,7 @@ class ForeignTuning:
     beside_share: float = 0.25
     """Least energy of a foreign pulse that contradicts a burst, relative to its mean."""
     rows: int = 2
-    """Largest difference between pulses of one sender [rows]."""
+    """Largest difference in frequency between pulses of one sender [rows]."""
 
 
 CELLS = CellTuning()

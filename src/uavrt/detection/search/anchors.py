@@ -94,11 +94,10 @@ class AnchorSearch(RateSearch):
         """Number of cells in the ring buffer."""
         return self.rows * self.width
 
-    def settle_in(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
+    def move_to(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
         """Move the ring buffer into `memory` (n,), from index `base` on.
 
-        Its beginning is repeated behind its end, so that every stretch of a row is contiguous.
-        `empty`: the memory is all zeros.
+        Its beginning is repeated behind its end, to make every stretch of a row contiguous.
         """
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
         if len(self.cells):
@@ -107,14 +106,14 @@ class AnchorSearch(RateSearch):
             cells[:] = 0.0
         self.memory, self.base, self.cells = memory, base, cells
 
-    def settle(self) -> None:
+    def allocate(self) -> None:
         """Allocate the ring buffer if it has no memory."""
         if not len(self.memory):
-            self.settle_in(np.zeros(self.size, np.float32), 0, empty=True)
+            self.move_to(np.zeros(self.size, np.float32), 0, empty=True)
 
     def append(self, power: NDArray[np.float32]) -> None:
         """Write new columns (rows, columns) into the ring buffer."""
-        self.settle()
+        self.allocate()
         count, cells, length = power.shape[1], self.cells, self.length
         at = self.pushed % length
         cells[:, at : at + count] = power
@@ -174,8 +173,7 @@ class AnchorSearch(RateSearch):
     ) -> list[Candidate]:
         """Make candidates of the tested anchors in `part`, all of this search.
 
-        `least`: least sum of a candidate. `shorter`: columns by which the tested intervals were
-        shorter than the tag's.
+        `least`: least sum of a candidate. `shorter`: columns by which intervals were shortened.
         """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
@@ -200,8 +198,8 @@ class AnchorSearch(RateSearch):
     ) -> list[Candidate]:
         """Make candidates of the anchors that the compiled kernel found above the threshold.
 
-        `hits`: their indices, best sums, strengths [noise powers], and intervals. `shorter`:
-        columns by which the tested intervals were shorter than the tag's.
+        `hits`: their indices, best sums, strengths, and intervals, shortened by `shorter`
+        columns.
         """
         hits = sorted(hits, key=lambda hit: -hit[2])[: GROUPS.candidates_at_once]
         which, score, strength, interval = zip(*hits, strict=True)
@@ -299,11 +297,10 @@ def search_together(
 def _search_by_kernel(
     search: AnchorSearch, power: NDArray[np.float32], level: NDArray[np.float32]
 ) -> list[Candidate]:
-    """Run `search_together` for one search by the compiled kernel."""
     native = kernels()
     if power.strides[1] != power.itemsize:
         power = np.ascontiguousarray(power)
-    search.settle()
+    search.allocate()
     at, first = search.pushed % search.length, search.columns
     search.pushed += power.shape[1]
     fresh = search.fresh
@@ -403,7 +400,6 @@ def _test_all(
     noise: NDArray[np.float32],
     found: list[list[Candidate]],
 ) -> None:
-    """Test anchors in parts of `GROUPS.anchors_at_once`; add candidates to `found`."""
     member = np.array(due.members)
     column, row = np.array(due.columns), np.array(due.rows)
     place, power = np.array(due.places), np.array(due.powers, np.float32)

@@ -122,7 +122,6 @@ def _ratios(strength: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
-    """Weights that average over a pulse's jitter, shape (points, points)."""
     away = np.arange(2 * side + 1)
     apart = away[:, np.newaxis] - away[np.newaxis, :]
     if sigma <= 0.2:

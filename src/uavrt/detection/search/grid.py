@@ -1,16 +1,16 @@
 """The time-frequency grid of the search: a spectrogram of windows one pulse long.
 
 For a rectangular pulse the matched filter bank is the discrete-time Fourier transform of each
-window. The original's hop is half a pulse and its rows half a bin apart, which costs 1.0 dB.
-Here the hop is an eighth of a pulse and the rows a quarter of a bin apart, at any sample rate.
+window. The hop is an eighth of a pulse and the rows a quarter of a bin apart, at any sample
+rate; half of each, as in the original, costs 1.0 dB.
 
-The columns of a row are contiguous in memory, because an anchor reads about fifty neighbouring
-columns of one row for each other pulse. Shifted maxima are taken over all rows as one long row;
-what runs over into the next row is cut off with the margins.
+The columns of a row are contiguous in memory, because an anchor reads about fifty of them.
+Shifted maxima are taken over all rows as one long row, without the margins.
 """
 
 import cmath
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -126,43 +126,65 @@ class Grid:
     def _power_by_halves(
         self, samples: NDArray[np.complex64], result: NDArray[np.float32]
     ) -> None:
-        """Compute rows at ± f together: a quarter of the multiplications, and real ones.
-
-        With e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n) around a window's middle the transform
-        at ± f is A ∓ jB, A the sum of e cos and B that of o sin.
-        """
         assert self.halves is not None
-        cosines, sines = self.halves
-        hop, half = self.hop // self.decimation, self.length // 2
-        parts = np.empty((2, len(samples)), np.float32)
-        parts[0], parts[1] = samples.real, samples.imag
-        middle, columns = self.rows // 2, result.shape[1]
-        chunk = max(1, GRID.blas_product // cosines.size)
-        for first in range(0, columns, chunk):
-            count = min(chunk, columns - first)
-            frames = np.ndarray(
-                (2, self.length, count),
-                np.float32,
-                parts,
-                4 * first * hop,
-                (4 * len(samples), 4, 4 * hop),
-            )
-            late, early = frames[:, self.length - half :], frames[:, half - 1 :: -1]
-            even = np.empty((2, cosines.shape[1], count), np.float32)
-            np.add(late, early, out=even[:, :half])
-            even[:, half:] = frames[:, half : self.length - half]
-            a0, a1 = np.matmul(cosines, even)
-            b0, b1 = np.matmul(sines, late - early)
-            # Written to last: strided rows are slow, everything else is contiguous.
-            below = result[middle::-1, first : first + count]
-            above = result[middle:, first : first + count]
-            for out, one, two in (
-                (below, np.subtract(a0, b1), np.add(a1, b0)),
-                (above, np.add(a0, b1, out=a0), np.subtract(a1, b0, out=a1)),
-            ):
-                np.multiply(one, one, out=one)
-                np.multiply(two, two, out=two)
-                np.add(one, two, out=out)
+        parts = np.empty((2, 1, len(samples)), np.float32)
+        parts[0, 0], parts[1, 0] = samples.real, samples.imag
+        chunk = max(1, GRID.blas_product // self.halves[0].size)
+        for first in range(0, result.shape[1], chunk):
+            power = result[np.newaxis, :, first : first + chunk]
+            power_by_halves(self, parts, power, first, _allocate)
+
+
+def _allocate(_name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    return np.empty(shape, np.float32)
+
+
+def power_by_halves(
+    grid: Grid,
+    parts: NDArray[np.float32],
+    power: NDArray[np.float32],
+    first: int,
+    take: Callable[[str, tuple[int, ...]], NDArray[np.float32]],
+) -> None:
+    """Compute rows at ± f together: a quarter of the multiplications, and real ones.
+
+    With e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n) around a window's middle the transform at
+    ± f is A ∓ jB, A the sum of e cos and B that of o sin. `parts` (2, tags, samples): real and
+    imaginary parts. `power` (tags, rows, columns): the result from column `first` on. `take`:
+    allocates arrays by name and shape.
+    """
+    assert grid.halves is not None
+    cosines, sines = grid.halves
+    hop, half, length = grid.hop // grid.decimation, grid.length // 2, grid.length
+    tags, total = parts.shape[1:]
+    columns, middle = power.shape[2], grid.rows // 2
+    frames = np.ndarray(
+        (2, tags, length, columns),
+        np.float32,
+        parts,
+        4 * first * hop,
+        (4 * total * tags, 4 * total, 4, 4 * hop),
+    )
+    late, early = frames[:, :, length - half :], frames[:, :, half - 1 :: -1]
+    even = take("even", (2, tags, length - half, columns))
+    odd = take("odd", (2, tags, half, columns))
+    np.add(late, early, out=even[:, :, :half])
+    even[:, :, half:] = frames[:, :, half : length - half]
+    np.subtract(late, early, out=odd)
+    shape = (2, tags, middle + 1, columns)
+    a = np.matmul(cosines, even, out=take("a", shape))
+    b = np.matmul(sines, odd, out=take("b", shape))
+    one, two = take("one", shape[1:]), take("two", shape[1:])
+    # Written to last: strided rows are slow, everything else is contiguous.
+    for out, join, part in (
+        (power[:, middle::-1], np.subtract, np.add),
+        (power[:, middle:], np.add, np.subtract),
+    ):
+        join(a[0], b[1], out=one)
+        part(a[1], b[0], out=two)
+        np.multiply(one, one, out=one)
+        np.multiply(two, two, out=two)
+        np.add(one, two, out=out)
 
 
 class Spectrogram:
@@ -175,7 +197,6 @@ class Spectrogram:
         self.consumed = 0
         """Number of narrow-band samples made so far."""
         self._turns = np.zeros((0, 1), np.complex64)
-        """Phase of each row of filter outputs relative to the first."""
 
     @property
     def begun(self) -> int:
@@ -326,7 +347,7 @@ def half_transforms(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cosines and sines of the rows from the tag's frequency up, shared by all tags.
 
-    `length`: samples of a window. Returns (cosines, sines): (rows, length - length
+    Returns (cosines, sines): (rows, length - length
 
     2), for the pairs of samples from the middle outwards, an odd window's middle last; (rows,
     length
@@ -368,8 +389,7 @@ def _windows(
 ) -> NDArray[np.complex64]:
     """View of overlapping windows of contiguous samples, without a copy.
 
-    The constructor is much faster than `numpy.lib.stride_tricks.as_strided`, and checks that
-    the windows lie inside the buffer.
+    Much faster than `numpy.lib.stride_tricks.as_strided`, and checks that they fit the buffer.
     """
     size = samples.itemsize
     return np.ndarray(shape, np.complex64, samples, first * size, (step * size, size))
@@ -378,8 +398,7 @@ def _windows(
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
     """Maximum over ± `reach` columns, for columns where all of these exist.
 
-    Returns (columns - 2 * reach, rows), computed by doubling: the work grows with the logarithm
-    of `reach`.
+    Returns (columns - 2 * reach, rows). The work grows with the logarithm of `reach`.
     """
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous

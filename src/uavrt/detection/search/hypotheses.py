@@ -4,15 +4,7 @@ A hypothesis is a row, an anchor cell, the anchor's place among the K pulses, an
 Its statistic is the anchor's power plus, for each other place, the largest power within the
 jitter around the expected pulse; all relative to the row's noise and none above a limit. A sum
 of K terms that reaches T has a term that reaches T/K, so only cells above T/K need be anchors:
-a few in a second of noise at K = 3. Only the columns near an anchor are maximised over the
-jitter; the work is linear in K.
-
-The anchor is at its own peak and the others are within the jitter of it, so pulses whose errors
-differ by more than the bound lose a part of their energy.
-
-The limit is 14 noise powers per cell. At equal false alarms it costs nothing (Pd .553 against
-.549 at 9 dB), because the threshold falls with it. A log-likelihood would gain .008 more but
-let one impulse carry a group. The strength without the limit decides between equal sums.
+a few in a second of noise at K = 3. The work is linear in K.
 """
 
 import math
@@ -56,9 +48,8 @@ class RateSearch(ABC):
     `uncertainty_s`, `jitter_s`: bounds of the interval's constant error and of each pulse's
     own.
 
-    `first_threshold`, `first_columns`: threshold for this number of first columns. Few groups
-    can have begun in the first decision interval, so that a lower one gives as many false
-    alarms.
+    `first_threshold`, `first_columns`: threshold for this number of first columns. It may be
+    lower, since few groups can have begun in the first decision interval.
     """
 
     def __init__(
@@ -134,8 +125,8 @@ class RateSearch(ABC):
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Add new columns and test every hypothesis that they complete.
 
-        `noise` (rows,): noise power of each row, in the units of `power`. Returns candidates,
-        best first; several may be of the same pulses.
+        `noise` (rows,): noise power of each row. Returns candidates, best first; several may be
+        equal.
         """
         found: list[Candidate] = []
         for first in range(0, len(power), self.piece):
@@ -168,8 +159,7 @@ def interval_grid(
 ) -> NDArray[np.float64]:
     """Intervals to try [columns].
 
-    Between two of them no pulse moves by more than the jitter's reach or half a column,
-    whichever is larger.
+    Between two, no pulse moves by more than the jitter's reach, or half a column.
     """
     middle = interval_s / hop_s
     if k == 1:

@@ -30,8 +30,7 @@ class KnownPulses:
     ) -> NDArray[np.bool_]:
         """Find the candidates that contain a known pulse or its leakage.
 
-        `strength` (candidates,): sums of powers [noise powers]. `reach`: columns searched for
-        the jitter on either side.
+        `strength` (candidates,): sums of powers. `reach`: columns of jitter on either side.
         """
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window

@@ -1,8 +1,7 @@
 """Follow sudden changes of the noise: throttle, a transmitter near by.
 
-`uavrt.detection.search.noise` estimates each row's noise over tens of seconds. A rise common to
-many rows is detected within a tenth of a second. Cells are divided by the level before any sum,
-so that pulses in quiet and in loud noise get their proper weight.
+A rise common to many rows is detected within a tenth of a second. Cells are divided by the
+level before any sum, so that pulses in quiet and in loud noise get their proper weight.
 
 A slot of time is half a pulse, a band of frequency one bin. A level is a mean over the longest
 stretch of slots that agrees with all shorter ones (the intersection of confidence intervals:
@@ -33,7 +32,6 @@ class _Stretch:
 
     first: int
     common: NDArray[np.float32]
-    """(slots,) common level of all bands."""
     bands: NDArray[np.float32] | None
     """(bands, slots) level of each band over the common one; None where bands do not differ."""
 
@@ -56,7 +54,6 @@ class _Levels:
     """Noise levels of some slots."""
 
     common: NDArray[np.float32]
-    """(slots,) common level of all bands."""
     margin: NDArray[np.float32]
     """(slots,) factor on `common` for the search, because the level is uncertain."""
     bands: NDArray[np.float32] | None
@@ -103,8 +100,7 @@ class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
     `keep`: number of columns whose levels are kept. `steepness`: threshold of the search over
-    K, the exponent with which false alarms grow with a cell's error. `circular`: the last row
-    is adjacent to the first.
+    K: false alarms grow so much faster than a level's error. `circular`: rows form a circle.
     """
 
     def __init__(
@@ -123,7 +119,6 @@ class Leveller:
         self._usual = np.ones(count, np.float32)
         """(bands,) level of each band, averaged since its last change."""
         self._stayed = 0
-        """Number of calls since the last change."""
         # The rows' noise was just learnt from what came before.
         self._past = np.ones((count, LEVEL.learnt_slots), np.float32)
         self._whole = np.ones(LEVEL.learnt_slots, np.float32)
@@ -147,8 +142,7 @@ class Leveller:
     ) -> None:
         """Divide new columns (rows, columns) by their level, in place.
 
-        `noise` (rows,): noise of each row at a level of one. `whole` (columns,): columns
-        without lost samples; None: all.
+        `noise` (rows,): noise at a level of one. `whole` (columns,): True without lost samples.
         """
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
@@ -228,14 +222,12 @@ class Leveller:
         return least > LEVEL.steady_ratio * max(float(common.max()), float(bands.max()))
 
     def _average(self) -> None:
-        """Average the newest level with earlier equal ones."""
         self._stayed = min(self._stayed + 1, LEVEL.most_averaged)
         if bool((np.abs(self._now - self._usual) > LEVEL.same_share * self._usual).any()):
             self._stayed = 1
         self._usual = self._usual + (self._now - self._usual) / np.float32(self._stayed)
 
     def _common(self, bands: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(slots,) mean over the bands, weighted by their rows."""
         return np.asarray(self._members @ bands / self._members.sum(), np.float32)
 
     def _robust(
@@ -273,8 +265,7 @@ class Leveller:
     ) -> _Followed:
         """Levels of the present slots, for the search and for measuring.
 
-        A rise among the newest slots may be a strong pulse: the search treats it as a rise,
-        measuring as a pulse.
+        A rise among the newest slots may be a strong pulse: only the search counts it as noise.
         """
         if kernels() is not None:
             return self._follow_by_kernel(both, weights, past)
@@ -375,7 +366,6 @@ def _take_out_bursts(
 
 
 def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Cumulative sums along the last axis, from zero, one more than the values."""
     zero = np.zeros((*values.shape[:-1], 1))
     return np.concatenate((zero, np.cumsum(values, axis=-1, dtype=np.float64)), axis=-1)
 

@@ -22,8 +22,7 @@ class LongSearch(RateSearch):
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
         self._backs = self._offsets[0].tolist()
-        """(k, intervals): columns back from the last pulse to each pulse, the last one
-        first."""
+        """(k, intervals): columns from the last pulse back to each, the last one first."""
         self._cells = np.zeros((self.span + self.piece + 2, self.rows), np.float32)
         """Ring buffer of maxima over the jitter; column c is at c modulo the length."""
         self._tail = np.zeros((self.rows, 0), np.float32)

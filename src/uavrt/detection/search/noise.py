@@ -42,20 +42,18 @@ def _truncated(
 
 @lru_cache(maxsize=64)
 def _neighbours(rows: int, reach: int, mode: Literal["wrap", "reflect"]) -> NDArray[np.intp]:
-    """(rows, 2 × reach + 1) indices of the rows around each row."""
     padded = np.pad(np.arange(rows), reach, mode=mode)
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).copy()
 
 
-def _beside_an_edge(
+def _noise_near_edge(
     noise: NDArray[np.float32], around: NDArray[np.intp], error: float
 ) -> NDArray[np.float32]:
     """Noise of rows where the spectrum is steep.
 
     At a corner, the median of both sides is the lowest of the flat side: 2 to 3.5 times the
     nominal false alarms. If one side is flat and includes the row, only that side is used; on
-    the slope itself, the nearest rows and their uncertainty. `around` (steep, 2 × reach + 1):
-    the rows on both sides of each.
+    the slope itself, the nearest rows. `around` (steep, 2 × reach + 1): the rows on both sides.
     """
     windows = noise[around]
     reach = windows.shape[1] // 2
@@ -89,11 +87,9 @@ class RowNoise:
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
-        """True while rows rise differently: their estimates, biased near edges, may only
-        rise."""
+        """True while rows rise differently: estimates, biased near edges, may only rise."""
         self.ragged = False
-        """True while many carriers are removed: the rows between them then exceed the
-        median."""
+        """True while many carriers are removed: the rows between exceed the median."""
 
     @property
     def ready(self) -> bool:
@@ -209,7 +205,7 @@ class RowNoise:
         steep |= self._long < smooth * np.float32(1.0 - 3.0 * self._row_error)
         if steep.any():
             smooth = smooth.copy()
-            smooth[steep] = _beside_an_edge(self._long, around[steep], self._row_error)
+            smooth[steep] = _noise_near_edge(self._long, around[steep], self._row_error)
         return smooth
 
     def _straight(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32] | None:

@@ -2,8 +2,7 @@
 
 For a rectangular pulse of unknown phase in white noise the likelihood is the squared magnitude
 of the matched filter. It is evaluated at every sample and, around the best, at a continuous
-frequency (Newton). Cramér–Rao bound of the frequency: sqrt(6 / ENR) / (2 pi tp), 1.95 Hz for 20
-ms at 20 dB.
+frequency (Newton). Bound of the frequency (Cramér–Rao): 1.95 Hz for 20 ms at 20 dB.
 """
 
 import math
@@ -99,8 +98,7 @@ class Refiner:
         `starts` (pulses,): expected index of the first sample of each, searched ± `half_width`.
         `offset_hz`, `half_band_hz`: middle and half-width of the frequencies searched. `climb`:
         follow a peak at the limit of these times. `spread`: standard deviation of the starts
-        [samples]; of several peaks the likeliest is taken. Returns None if the samples are not
-        available.
+        [samples], by which peaks are weighted. Returns None if the samples are not available.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -154,8 +152,8 @@ class Refiner:
     ) -> Measured | None:
         """Find a pulse in whose middle samples are missing, so that its phase breaks there.
 
-        Parameters as in `search`. Returns the pulse at the given frequency, which a broken
-        pulse does not show, with its power reduced by the gain from the free phase.
+        Parameters as in `search`. Returns the pulse at the given frequency, since its own
+        cannot be measured, with its power reduced by the gain from the free phase.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -247,7 +245,6 @@ class Refiner:
         offset_hz: float,
         turns: NDArray[np.complex128],
     ) -> NDArray[np.complex128]:
-        """Cumulative sums of the samples, shifted down by the given frequencies."""
         stretch = np.stack([self._buffer.view(int(a), int(a) + length) for a in first])
         radian = -2j * np.pi / self._grid.sample_rate_hz * offset_hz
         still = stretch * np.exp(radian * np.arange(length))
@@ -338,10 +335,10 @@ class Refiner:
         """
         if not self._looks_like_impulse(pulse, floor):
             return False
-        around = self._floor_beside(pulse)
+        around = self._floor_around(pulse)
         return around <= floor or self._looks_like_impulse(pulse, around)
 
-    def _floor_beside(self, pulse: Measured) -> float:
+    def _floor_around(self, pulse: Measured) -> float:
         """Mean power around a pulse; if before and after differ, that at the pulse."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
@@ -408,7 +405,6 @@ class Refiner:
 def _turns(
     rate_hz: float, half_band_hz: float, count: int, length: int
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Frequencies around zero, and their complex exponentials, shape (count, length)."""
     frequencies = np.linspace(-half_band_hz, half_band_hz, count)
     radians = (-2j * np.pi / rate_hz) * frequencies[:, np.newaxis] * np.arange(length)
     return frequencies, np.exp(radians)

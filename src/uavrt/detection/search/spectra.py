@@ -1,10 +1,8 @@
 """Spectrograms of several tags at once.
 
 Tags with equal pulse width and search window share the transform, since their narrow bands are
-shifted to put each tag at zero. Each window is then split into sums and differences of samples
-that mirror each other around its middle. Two real matrix products give the rows at + f and - f
-together, with a quarter of the multiplications of one complex product. The complex product
-remains where rows are not symmetric: at a channel's edge, or for the whole channel.
+shifted to put each tag at zero. Where rows are not symmetric, at a channel's edge or for the
+whole channel, each tag has its own.
 """
 
 import math
@@ -13,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.grid import OUTPUTS_PER_ROW, Grid, Spectrogram
+from uavrt.detection.search.grid import OUTPUTS_PER_ROW, Spectrogram, power_by_halves
 from uavrt.detection.search.tuning import GRID
 
 
@@ -50,8 +48,7 @@ def push_together(
     """Add channel samples to several spectrograms, each from index `needed` on.
 
     `spectrograms`: with the same `halves` and the same number of unused samples. `stretches`:
-    of equal length, for at least one column. Returns the new columns' power (spectrograms,
-    rows, columns), in the workspace.
+    of equal length. Returns the new columns' power (spectrograms, rows, columns).
     """
     grid = spectrograms[0].grid
     count = columns_ahead(spectrograms[0], len(stretches[0]))
@@ -76,43 +73,5 @@ def push_together(
         parts = workspace.take("parts", shape)
         for index, block in enumerate(blocks):
             parts[0, index], parts[1, index] = block.real, block.imag
-        _power(grid, parts, power[some], workspace)
+        power_by_halves(grid, parts, power[some], 0, workspace.take)
     return power
-
-
-def _power(
-    grid: Grid, parts: NDArray[np.float32], power: NDArray[np.float32], workspace: Workspace
-) -> None:
-    """Power of every cell, as `Grid.power`, into shape (tags, rows, columns)."""
-    assert grid.halves is not None
-    cosines, sines = grid.halves
-    hop, half, length = grid.hop // grid.decimation, grid.length // 2, grid.length
-    tags, total = parts.shape[1:]
-    columns, middle = power.shape[2], grid.rows // 2
-    frames = np.ndarray(
-        (2, tags, length, columns),
-        np.float32,
-        parts,
-        0,
-        (4 * total * tags, 4 * total, 4, 4 * hop),
-    )
-    late, early = frames[:, :, length - half :], frames[:, :, half - 1 :: -1]
-    even = workspace.take("even", (2, tags, length - half, columns))
-    odd = workspace.take("odd", (2, tags, half, columns))
-    np.add(late, early, out=even[:, :, :half])
-    even[:, :, half:] = frames[:, :, half : length - half]
-    np.subtract(late, early, out=odd)
-    shape = (2, tags, middle + 1, columns)
-    a = np.matmul(cosines, even, out=workspace.take("a", shape))
-    b = np.matmul(sines, odd, out=workspace.take("b", shape))
-    one = workspace.take("one", shape[1:])
-    two = workspace.take("two", shape[1:])
-    for out, join, part in (
-        (power[:, middle::-1], np.subtract, np.add),
-        (power[:, middle:], np.add, np.subtract),
-    ):
-        join(a[0], b[1], out=one)
-        part(a[1], b[0], out=two)
-        np.multiply(one, one, out=one)
-        np.multiply(two, two, out=two)
-        np.add(one, two, out=out)

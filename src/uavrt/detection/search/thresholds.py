@@ -3,11 +3,6 @@
 The expected number of false groups in a decision interval is the number of effective hypotheses
 times the chance that one of them passes. The chance is the tail of a sum of one exponential
 (the anchor) and K - 1 maxima over the jitter, each limited.
-
-The search begins as soon as a threshold can be reached (1 s at K = 3). Until 2.5 s, the noise
-is measured again with each batch, and the threshold raised by 1 + T (s² - s0²) / 2 for its
-error s, s0 being the error after 2.5 s. Waiting for 2.5 s would report a tag that is already
-sending up to 1.35 s after its last pulse, where 0.5 s are allowed.
 """
 
 import math
@@ -135,8 +130,7 @@ def young_margin(threshold: float, noise_error: float) -> float:
     """Factor on a threshold while the noise estimate is less accurate than usual.
 
     A tail falls as exp(-T), so an error s of the scale multiplies the false alarms by exp((T
-    s)^2 / 2); a factor 1 + T s^2 / 2 compensates. The calibrated factors include the usual
-    error.
+    s)^2 / 2); a factor 1 + T s^2 / 2 compensates. The tables include the usual error.
     """
     more = max(0.0, noise_error**2 - THRESHOLDS.noise_error**2)
     return 1.0 + 0.5 * threshold * more

@@ -1,7 +1,6 @@
 """Constants of the search for groups of pulses: one frozen record for each step.
 
-Tables by K are calibrated, and false alarms measured: docs/explanation/detection.md. Powers of
-cells are in units of the noise power.
+Tables by K are calibrated (docs/explanation/detection.md). Powers are in noise powers.
 """
 
 from dataclasses import dataclass
@@ -9,11 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridTuning:
-    """How the spectrogram of a narrow band is computed."""
+    """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
-    """Largest matrix product that stays on one thread in OpenBLAS (its limit is 262 144). Two
-    threads that wake for 50 us of work cost 50 times as much."""
+    """Largest matrix product on one thread in OpenBLAS; two may take 50 times as long."""
     least_window: int = 24
     """Least length of a pulse after decimation [samples]; with less, the hop is too coarse."""
     stopband_db: float = 55.0
@@ -26,7 +24,7 @@ class GridTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseTuning:
-    """How the noise of each row of the grid is estimated."""
+    """Constants for estimating the noise of each row of the grid."""
 
     excluded_ratio: float = 4.0
     """Power above which cells are excluded: 1.8 % of noise, all of a pulse [noise powers]."""
@@ -37,17 +35,15 @@ class NoiseTuning:
     short_s: float = 1.0
     """Time constant of the average that shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of recent to steady noise above which the recent one is used; 3 % of pulses give
-    1.3."""
+    """Ratio of recent to steady noise at which the recent is used; 3 % of pulses give 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row with its neighbours [s]."""
     young_s: float = 8.0
     """Duration at the start in which the rows are averaged over `young_reach` [s]."""
     young_reach: int = 24
-    """Number of rows averaged on each side at the start: an error of 5 % doubles the false
-    alarms."""
+    """Number of rows averaged on each side at the start; 5 % of error double false alarms."""
     reach: int = 8
-    """Number of rows on each side, two bins, whose median is the broadband noise."""
+    """Number of rows on each side, two bins, from which the broadband noise is taken."""
     flat_ratio: float = 1.2
     """Spread of the medians over their error up to which a spectrum counts as flat. A tilt of
     0.4 dB over the band may be missed, no more than the error of the medians."""
@@ -55,28 +51,26 @@ class NoiseTuning:
     """Difference of the medians on both sides of a row that marks an edge [standard errors].
     If all rows lie on a line there is none: the median is right there."""
     least_steep: float = 0.15
-    """Least relative difference of these medians at an edge: 0.7 dB."""
+    """Least relative difference of the medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
     """Spread of the rows on one side over the error of a row up to which that side is flat."""
     hum_sigmas: float = 0.5
     """Excess over the median at which a row's own noise is used between lines of hum [standard
     deviations]: 3 to 5 % more noise than the median, which gave 3.4 times the false groups."""
     usual_threshold: float = 25.0
-    """Typical threshold of a group, for the effect of uncertain noise on false alarms [noise
-    powers]."""
+    """Typical threshold of a group, for the effect of uncertain noise [noise powers]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelTuning:
-    """How sudden changes of the noise are followed, in slots of half a pulse."""
+    """Constants for following sudden changes of the noise, in slots of half a pulse."""
 
     most_power: float = 4.0
     """Largest power of a cell that counts for a level [noise powers]."""
     past_slots: int = 80
-    """Number of past slots that are used."""
+    """Number of past slots from which levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
-    """Numbers of slots over which a level is averaged; a step is located to within the
-    shortest."""
+    """Numbers of slots over which a level is averaged; the shortest locates steps."""
     most_splits: int = 4
     """Most divisions of the bands into groups of different levels."""
     split_log: float = 6.5
@@ -86,19 +80,17 @@ class LevelTuning:
     slot_variance: float = 1.5
     """Variance of a slot in one bin over its squared mean; windows overlap by half."""
     doubt_sigmas: float = 3.0
-    """Deviation of all bands together at which a level is no longer steady [standard
-    deviations]."""
+    """Deviation of all bands together at which a level has changed [standard deviations]."""
     band_doubt_sigmas: float = 3.6
-    """Deviation of single bands at which a level is no longer steady [standard deviations]."""
+    """Deviation of single bands at which a level has changed [standard deviations]."""
     piece_slots: int = 11
     """Number of slots in the shortest piece that is compared with the level."""
     pulse_ratio: float = 1.7
     """Ratio of a slot to the slots on both sides at which it is a strong pulse, not noise."""
     pulse_sigmas: float = 2.6
-    """Height of three slots above their neighbours that marks a weak pulse [standard
-    deviations]."""
+    """Excess of three slots over others that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
-    """Nearest and farthest neighbours of a pulse, which takes three or four slots [slots]."""
+    """Distances of the slots compared with a pulse, which takes three or four [slots]."""
     median_slots: int = 11
     """Number of slots whose median limits the cells of a band."""
     newest_slots: int = 10
@@ -112,14 +104,14 @@ class LevelTuning:
     learnt_slots: int = 40
     """Number of slots with a level of one that are assumed before the first."""
     steady_ratio: float = 0.5
-    """Least ratio of the lowest to the highest level at which the limit of a cell holds."""
+    """Least ratio of the lowest to the highest level at which cells need no new limits."""
     least_level: float = 1e-9
     """Least level, since a receiver may be silent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupTuning:
-    """How cells are summed to groups, and candidates chosen."""
+    """Constants for summing cells to groups, and choosing candidates."""
 
     cell_limit: float = 14.0
     """Largest contribution of a cell to a sum of several [noise powers]: half of the threshold
@@ -128,21 +120,20 @@ class GroupTuning:
     piece_s: float = 0.46
     """Longest piece of columns searched at once [s]; a detector's pieces are of 0.44 s."""
     measured_columns: int = 4
-    """Number of columns, half a pulse width, that must follow the last pulse of a group. A
-    strong pulse begins with a flank at the limit, which is 3 dB below its top."""
+    """Number of columns, half a pulse width, that must follow the last pulse of a group: a
+    strong one begins with a flank at the limit, 3 dB below its top."""
     score_digits: int = 4
     """Number of decimal places of a score that count. Strong groups share one score because
     cells are limited before the sum; rounding must not choose between them."""
     anchors_at_once: int = 96
     """Number of anchors tested by one call of NumPy."""
     candidates_at_once: int = 24
-    """Most candidates measured at once: the strongest. A neighbour 10 dB above the tag fills
-    eight with its flanks; 36 pulses were once missed next to it."""
+    """Most candidates measured at once: the strongest. Flanks of a neighbour 10 dB above the
+    tag fill eight; 36 pulses were once missed next to it."""
     long_from_k: int = 9
     """Number of pulses of a group from which every cell is tried, not only strong ones."""
     long_candidates_at_once: int = 8
-    """Most candidates of long groups measured at once: each takes up to 10 ms, and a tag of
-    50 dB makes many."""
+    """Most candidates of long groups measured at once: each takes up to 10 ms."""
     same_bins: float = 1.5
     """Distance of two frequencies below which a known pulse explains any other [bins]."""
     leak_share: float = 0.2
@@ -151,11 +142,10 @@ class GroupTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThresholdTuning:
-    """How thresholds are computed for white noise."""
+    """Constants of the thresholds for white noise."""
 
     least_power: float = 13.0
-    """Least power of a burst [noise powers]; noise reaches it each six seconds in a channel of
-    3.75 kHz."""
+    """Least power of a burst [noise powers]; noise in 3.75 kHz reaches it each six seconds."""
     tail_step: float = 0.01
     """Resolution of the distribution of a sum [noise powers]."""
     original_rate_hz: float = 3750.0
@@ -165,12 +155,11 @@ class ThresholdTuning:
     least_begun: float = 0.25
     """Least share of an interval in which a group can begin; it is larger up to K = 40."""
     first_share: float = 0.8
-    """Share of the groups that can begin within the first decision: calibrated. Groups near its
-    ends extend beyond the samples."""
+    """Share of groups that lie within the samples of the first decision, calibrated."""
     noise_error: float = 0.033
     """Relative error of the noise after 2.5 s, with which the tables were calibrated."""
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
-    """Numbers of pulses K of the tables below."""
+    """Numbers of pulses K of `hypotheses` and `interval_powers`."""
     hypotheses: tuple[float, ...] = (19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0)
     """Effective hypotheses per independent cell and interval, by K."""
     interval_powers: tuple[float, ...] = (1.0, 1.40, 1.40, 1.42, 1.36, 1.57, 1.60, 1.60)
@@ -179,7 +168,7 @@ class ThresholdTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NullTuning:
-    """How the groups that the present noise makes are counted, and raise the threshold."""
+    """Constants for counting groups that the present noise makes, which raise the threshold."""
 
     counted_share: float = 0.93
     """Share of the threshold at which groups are counted. They are then frequent enough to
@@ -199,7 +188,7 @@ class NullTuning:
     eager_gain: float = 0.7
     """Rise of the threshold by the first group in new coloured noise [noise powers]."""
     eager_groups: float = 3.0
-    """Number of groups after which this rise is halved."""
+    """Number of further groups in coloured noise after which the rise by each is halved."""
     by_chance: float = 0.4
     """Rise that white noise reaches by chance [noise powers]; only an excess counts."""
     most_share: float = 0.85
@@ -217,11 +206,10 @@ class NullTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvidenceTuning:
-    """How candidates near the threshold are tested by their likelihood."""
+    """Constants for testing candidates near the threshold by their likelihood."""
 
     power_limit: float = 16.0
-    """Largest power that counts for one pulse [noise powers]; it keeps one impulse from
-    carrying a group."""
+    """Largest power that counts [noise powers], so that no impulse carries a group."""
     table_step: float = 0.02
     """Step of the table of likelihood ratios by power [noise powers]."""
     steps_per_pulse: int = 25
@@ -246,31 +234,26 @@ class EvidenceTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureTuning:
-    """How single pulses are measured in the samples."""
+    """Constants for measuring single pulses in the samples."""
 
     track_band_hz: float = 20.0
     """Largest distance of a followed pulse from its track [Hz]."""
     newton_steps: int = 3
     """Most steps of Newton's method for a frequency."""
     burst_sigmas: float = 9.0
-    """Excess energy of a quarter of a window that marks an impulse [standard deviations of
-    noise]."""
+    """Excess energy of a quarter window that marks an impulse [standard deviations]."""
     burst_share: float = 0.65
     """Least share of the energy of a window in the quarter that marks an impulse."""
     wide_sigmas: float = 6.0
-    """Excess energy at which the spectrum of a window is checked [standard deviations of
-    noise]."""
+    """Excess energy of a window at which its spectrum is checked [standard deviations]."""
     narrow_share: float = 0.35
-    """Least share of the energy of a window in its strongest row if it is a pulse; noise bursts
-    have 0.1 to 0.3."""
+    """Least share of a pulse's energy in its strongest row; noise bursts have 0.1 to 0.3."""
     around_widths: float = 4.0
-    """Time before and after a pulse whose median power is the noise around it [pulse widths];
-    bursts of a pulse or two do not change it."""
+    """Time around a pulse whose median power is the noise there [pulse widths]."""
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
     """Places in a pulse at which its phase may break, as shares of its width."""
     break_gain: float = 3.5
-    """Power that noise gains by a free break of the phase [noise powers]; subtracted to keep
-    the false alarms."""
+    """Power that noise gains by a free break of the phase; subtracted [noise powers]."""
     losing_s: float = 0.3
     """Distance of lost samples within which the phase of a pulse may break [s]."""
 

@@ -67,8 +67,7 @@ class Intake:
         """Add a block at the position of its time.
 
         `after`: first index at which a gap can still be filled. Returns ``later`` or
-        ``earlier`` if the time jumped too far: the block was not added, since it begins another
-        stream.
+        ``earlier`` if the block was not added, because it begins another stream.
         """
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:

@@ -1,10 +1,8 @@
 """Remove carriers from the samples before the search.
 
-A window one pulse long has side lobes: a carrier 60 dB above the noise of a bin hides a tag 100
-Hz away even if each row has its own noise estimate. A transform 25 times as long as a pulse
-finds carriers. They are subtracted with slowly varying amplitudes (modulation, drift), fitted
-jointly by least squares. A window with low side lobes would always cost a rectangular pulse 1.8
-dB (Hann). A tag exactly on a carrier loses a part of its energy.
+By the side lobes of a window one pulse long, a carrier of 60 dB hides a tag 100 Hz away. A
+transform 25 times as long finds carriers; they are subtracted with slowly varying amplitudes,
+fitted jointly by least squares. A tag exactly on a carrier loses a part of its energy.
 """
 
 import math
@@ -30,9 +28,8 @@ class LineCanceller:
         """(lines,) frequencies of the subtracted carriers from the channel's centre [Hz]."""
         self._ratios = np.zeros(0)
         """(lines,) power of each carrier over the median of the bins around it."""
-        self._looks_left = np.zeros(0, np.intp)
-        """(lines,) number of calls for which a carrier is still subtracted without being
-        found."""
+        self._searches_left = np.zeros(0, np.intp)
+        """(lines,) number of calls for which a carrier not found is still subtracted."""
 
     @property
     def idle(self) -> bool:
@@ -65,8 +62,8 @@ class LineCanceller:
         over = power > np.maximum(
             np.repeat(CARRIERS.threshold_ratio * floor, CARRIERS.group_bins), least
         )
-        self._looks_left -= 1
-        self._keep(self._looks_left > 0)
+        self._searches_left -= 1
+        self._keep(self._searches_left > 0)
         if not over.any():
             return
         peaks = np.flatnonzero(
@@ -93,12 +90,11 @@ class LineCanceller:
         within_hz: float,
         samples: NDArray[np.complex64],
     ) -> None:
-        """Update the carriers found again, and add new steady ones, the strongest first."""
         apart = np.abs(frequencies[:, np.newaxis] - self.frequencies_hz)
         near = apart <= within_hz
         found, line = np.nonzero(near)
         self.frequencies_hz[line], self._ratios[line] = frequencies[found], ratios[found]
-        self._looks_left[line] = CARRIERS.held_searches
+        self._searches_left[line] = CARRIERS.held_searches
         room = CARRIERS.most_lines - self.frequencies_hz.size
         others = np.flatnonzero(~near.any(axis=1))
         if not room or not others.size:
@@ -106,14 +102,14 @@ class LineCanceller:
         new = others[self._steady(samples, frequencies[others])][:room]
         self.frequencies_hz = np.concatenate((self.frequencies_hz, frequencies[new]))
         self._ratios = np.concatenate((self._ratios, ratios[new]))
-        self._looks_left = np.concatenate(
-            (self._looks_left, np.full(new.size, CARRIERS.held_searches))
+        self._searches_left = np.concatenate(
+            (self._searches_left, np.full(new.size, CARRIERS.held_searches))
         )
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:
         if not kept.all():
             self.frequencies_hz, self._ratios = self.frequencies_hz[kept], self._ratios[kept]
-            self._looks_left = self._looks_left[kept]
+            self._searches_left = self._searches_left[kept]
 
     def _steady(
         self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
@@ -160,9 +156,8 @@ class LineCanceller:
 class _Waves:
     """Sinusoids at given frequencies whose amplitudes follow polynomials.
 
-    All are fitted together, since neighbours share a part of their power, by conjugate
-    gradients: the cost is that of a few products of small matrices. Within a block an amplitude
-    is linear.
+    All are fitted together by conjugate gradients, since neighbours share a part of their
+    power: a few products of small matrices. Within a block an amplitude is linear.
     """
 
     def __init__(
@@ -197,7 +192,6 @@ class _Waves:
         return np.asarray(shares * self._used)
 
     def removed(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Return samples (count, block) without the fitted sinusoids."""
         rest = samples
         shares = direction = self._shares(rest)
         power = _power(shares)
@@ -219,7 +213,6 @@ def _power(values: NDArray[np.complex64]) -> float:
 
 @lru_cache(maxsize=8)
 def _window(length: int) -> NDArray[np.float32]:
-    """Hann's window, cached for all tags with one length: 16 kB."""
     return np.hanning(length).astype(np.float32)
 
 
@@ -227,8 +220,8 @@ def _window(length: int) -> NDArray[np.float32]:
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Make orthonormal polynomials over a number of blocks.
 
-    Returns (values, changes), both (count, degree + 1): values at the centres of the blocks,
-    and changes from block to block.
+    Returns (values, changes), both (count, degree + 1): at the blocks' centres, and from block
+    to block.
     """
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre

@@ -1,8 +1,7 @@
 """Compare frequencies of a sampled channel, which are periodic in the sample rate.
 
-A signal beyond one edge of a channel appears at the other. Single pulses of a tag at an edge
-scatter across it. They are compared around the circle, and reported at the frequency nearest to
-that of their track.
+A signal beyond one edge of a channel appears at the other, and pulses of a tag at an edge
+scatter across it. They are reported at the frequency nearest to that of their track.
 """
 
 import math

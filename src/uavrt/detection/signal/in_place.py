@@ -17,8 +17,7 @@ class Surroundings:
         """Join `reach` neighbours to either side of new samples.
 
         `before`: earlier samples, as the last call left them. `samples` (n,): those after the
-        last call's. `after`: later samples; missing ones count as zero. Returns shape (n + 2
-        reach,).
+        last call's. `after`: later samples. Returns shape (n + 2 reach,), zero where missing.
         """
         zeros = np.zeros(2 * reach, np.complex64)
         past = before if self._past is None else self._past

@@ -34,7 +34,7 @@ class Occupancy:
         self._quiet = math.inf
         self._usable = self._looked = self._calls = 0
 
-    def look(self, samples: NDArray[np.complex64]) -> None:
+    def count(self, samples: NDArray[np.complex64]) -> None:
         """Count the free instants of new samples without carriers; lost samples are zero."""
         count = len(samples) // self._length
         if not count:

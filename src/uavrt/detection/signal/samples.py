@@ -30,7 +30,7 @@ class Counters:
     samples_blanked: int = 0
     """Samples blanked as impulses."""
     blocks_stale: int = 0
-    """Refused blocks whose time had already passed."""
+    """Refused blocks from before samples already received."""
     restarts: int = 0
     """Jumps of time too long to bridge, at which the detector began again."""
     pulses: int = 0
@@ -116,8 +116,7 @@ class SampleBuffer:
     def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
         """Add blocks while each continues the last; return the number of blocks added.
 
-        With a hundred tags blocks come a thousand times a second, nearly all of them here.
-        `blocks`: samples, and the time of the first.
+        With a hundred tags nearly all of a thousand blocks a second are added here.
         """
         if not self._stamp_index:
             return 0
@@ -204,8 +203,7 @@ class SampleBuffer:
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
         """Factors on the power of windows that compensate their lost samples.
 
-        Returns one over the received share of each; 0 below `CHANNEL.least_received`. None: all
-        samples were received.
+        One over each received share; 0 below `CHANNEL.least_received`. None: all received.
         """
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None
@@ -238,9 +236,9 @@ class SampleBuffer:
             size = self._data.itemsize
             data[: kept * size] = data[(used - kept) * size : used * size]
         self.start = self.end - kept
-        self._forget()
+        self._drop_old()
 
-    def _forget(self) -> None:
+    def _drop_old(self) -> None:
         at = max(0, bisect.bisect_right(self._stamp_index, self.start) - 1)
         del self._stamp_index[:at], self._stamp_ns[:at]
         self.holes = [(a, b) for a, b in self.holes if b > self.start]

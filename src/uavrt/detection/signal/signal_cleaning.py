@@ -49,18 +49,14 @@ class Cleaner:
             self._steady_ahead = self._limiter.reach
             self._ahead = self._steady_ahead + self._whitener.reach
         self._without_lines = 0
-        """Index up to which carriers are removed."""
         self._blanked = 0
-        """Index up to which impulses are blanked."""
         self._white = 0
-        """Index up to which the noise is made white."""
         self._steady = 0
-        """Index up to which the noise is made steady."""
         self.flank = max(2, round(0.35 * pulse_width_s * sample_rate_hz))
         """Number of samples examined on either side of an impulse."""
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
         self._every = round(CARRIERS.search_every_s * sample_rate_hz)
-        self._look_at = 0
+        self._search_from = 0
         """Index from which carriers are searched again."""
         self.floor = 0.0
         """Median power of a sample; zero before the first call."""
@@ -110,7 +106,7 @@ class Cleaner:
         self._blanked = end
         self._whitener.learn(buffer.view(begin, end))
         if self.occupancy is not None:
-            self.occupancy.look(buffer.view(begin, end))
+            self.occupancy.count(buffer.view(begin, end))
         self._whiten(self._whitener, buffer, last)
         self._make_steady(self._limiter, buffer, last)
         if self._whitener.active or self._limiter.active:
@@ -138,7 +134,7 @@ class Cleaner:
         self._steady = last
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
-        look = self._lines.frequencies_hz.size > 0 or last >= self._look_at
+        look = self._lines.frequencies_hz.size > 0 or last >= self._search_from
         if not look and self._lines.idle:
             return
         first = max(first, buffer.start)
@@ -147,14 +143,13 @@ class Cleaner:
         if look:
             self._lines.find(before, new)
             if last - buffer.start >= self._lines.needed:
-                self._look_at = last + self._every
+                self._search_from = last + self._every
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Blank impulses in [first, last), examining a flank on either side.
 
-        White noise is examined: a strong neighbour's peaks of power are no impulses, and the
-        cuts would leak into the band of the tag.
+        White noise is examined, where a strong neighbour's peaks of power are no impulses.
         """
         margin = self._beyond
         low = max(buffer.start, first - margin)

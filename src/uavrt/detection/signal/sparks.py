@@ -1,13 +1,11 @@
 """Divide the samples by the level of their instant where noise comes in bursts.
 
-Power lines spark at twice the mains frequency: noise for a millisecond or five of each ten. A
-window one pulse long holds two or three such bursts, so cells of few independent parts make
-several times the false groups of steady noise, and a tag is lost in bursts that leave most of
-its pulse clean. In noise whose power changes the matched filter weighs each sample by its
-noise; dividing by the standard deviation makes the noise steady.
+Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
+It makes several times the false groups of steady noise. In noise whose power changes the
+matched filter weighs each sample by its noise.
 
 The level of an instant is the harmonic mean of those of the frequencies on both sides of the
-band that is searched: neither a tag's pulse nor a neighbour on one side is a burst.
+searched band: neither a tag's pulse nor a neighbour on one side is a burst.
 """
 
 import numpy as np

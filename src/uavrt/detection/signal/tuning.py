@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelTuning:
-    """How the blocks of a channel join, and how its frequencies compare."""
+    """Constants for joining the blocks of a channel, and comparing its frequencies."""
 
     reorder_s: float = 0.1
     """Longest wait for a block that one later block has overtaken [s]."""
     recent_blocks: int = 64
-    """Least number of recent blocks whose greatest length bounds that of the next."""
+    """Least number of recent blocks from which the greatest length of the next is taken."""
     restart_blocks: int = 3
-    """Number of consecutive blocks with past times that means a clock set back: restart."""
+    """Number of consecutive blocks with past times after which the stream restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
     shortest_loss_samples: int = 4
@@ -32,7 +32,7 @@ class ChannelTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarrierTuning:
-    """How carriers are found and subtracted."""
+    """Constants for finding and subtracting carriers."""
 
     transform_s: float = 0.55
     """Length of the transform that finds carriers [s]: bins of 1.8 Hz."""
@@ -57,8 +57,7 @@ class CarrierTuning:
     floor_scale: float = 2.0
     """Ratio of the median of a group of noise to its bin of `floor_rank`."""
     most_lines: int = 240
-    """Most carriers subtracted: mains hum has a line every 50 or 100 Hz of a channel, a frame
-    of 60 ms one every 16.7 Hz."""
+    """Most carriers subtracted: a transmitter's frame of 60 ms has one every 16.7 Hz."""
     few_lines: int = 6
     """Most carriers that are all subtracted at the full degree."""
     many_lines: int = 100
@@ -82,21 +81,18 @@ class CarrierTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WhiteningTuning:
-    """How the noise density is tracked, and made flat."""
+    """Constants for tracking the noise density and making it flat."""
 
     reach_s: float = 0.008
     """Half-length of the filter [s], which resolves 100 Hz."""
     segment_s: float = 0.034
-    """Length of the windows that measure the density [s]: bins of 29 Hz, widened to 44 Hz by
-    Hann's taper."""
+    """Length of the windows that measure the density [s]: 44 Hz wide with Hann's taper."""
     memory_s: float = 10.0
     """Duration over which the density is averaged [s]."""
     most_weight: float = 6.0
-    """Largest power of a window that counts [densities]: pulses last for a fiftieth of the
-    time."""
+    """Largest power of a window that counts [densities], since windows may hold pulses."""
     rise_ratio: float = 2.2
-    """Ratio of the median of new windows to the density above which the median replaces it.
-    Noise alone errs by a quarter."""
+    """Ratio of the newest median to the density at which it replaces the density."""
     suppressed_ratio: float = 10.0
     """Ratio of a density to that of the tag's band above which the filter divides by its square
     root. The power of a neighbour after the filter is one over this."""
@@ -111,24 +107,23 @@ class WhiteningTuning:
     young_coloured_ratio: float = 6.0
     """Ratio of densities at which filtering begins within `young_s` of the start."""
     check_every: int = 4
-    """Number of steps between checks of white noise, and between new filters otherwise: a check
-    takes a tenth of a step."""
+    """Number of steps between checks of white noise, or between new filters."""
     fewest_windows: int = 12
     """Least number of windows whose median is accurate enough to show a rise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SparkTuning:
-    """How bursts of mains noise are recognized and made steady."""
+    """Constants for recognizing bursts of mains noise and making them steady."""
 
     side_s: float = 0.0013
     """Half-length of the filters for the frequencies on both sides of the searched band [s]."""
     smooth_s: float = 0.0011
-    """Half-length of the mean over time [s]: three independent values in a kilohertz."""
+    """Half-length of the mean of levels over time [s]: three values in a kilohertz."""
     guard_hz: float = 50.0
-    """Distance of these filters from the searched band [Hz]."""
+    """Distance of the filters on both sides from the searched band [Hz]."""
     least_width_hz: float = 300.0
-    """Least width of each side [Hz]; narrower ones cannot be measured within a millisecond."""
+    """Least width of the band on each side [Hz]; a millisecond cannot show a narrower one."""
     quiet_quantile: float = 0.2
     """Quantile of the levels that represents the time between bursts."""
     mean_ratio: float = 1.8
@@ -137,8 +132,7 @@ class SparkTuning:
     """Level of a burst over the quiet quantile. Of steady noise 0.8 % is higher, with the edges
     of pulses of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
     sparking_share: float = 0.135
-    """Share of high levels at which limiting begins. Rarer bursts are blanked as impulses; ten
-    of 5 ms in a second make 10 %."""
+    """Share of high levels at which limiting begins; ten 5 ms bursts in a second make 0.1."""
     steady_share: float = 0.11
     """Share of high levels below which limiting ends."""
     check_every: int = 8
@@ -149,7 +143,7 @@ class SparkTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OccupancyTuning:
-    """How the share of usable time of a frequency is measured."""
+    """Constants for measuring the share of usable time of a frequency."""
 
     apart_bins: float = 1.0
     """Distance of the examined frequencies on each side of the tag's [bins]."""
@@ -159,9 +153,8 @@ class OccupancyTuning:
     """Power of an occupied instant over the quiet level. The lowest quartile of a minute is
     about 0.3 of the mean noise, which hardly ever reaches this."""
     above_channel: float = 4.0
-    """Largest ratio of the quiet level to that of the channel's quietest frequencies. Noise
-    falls by half at the channel's edges, and the lowest of many measurements by as much; more
-    is a steady signal."""
+    """Largest ratio of the quiet level to that of the channel's quietest frequencies, as noise
+    at its edges is lower. More is a steady signal."""
     channel_every: int = 4
     """Number of calls between two measurements of the channel's quietest frequencies."""
     group_bins: int = 8

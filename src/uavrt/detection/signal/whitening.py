@@ -1,16 +1,13 @@
 """Make the noise of a channel white: suppress noise-like neighbours.
 
-A window one pulse long has side lobes, and leakage from a band of noise near the tag comes from
-the window's two ends: such cells change within a fraction of a pulse, agree a pulse apart, and
-make ten times the false groups of white noise of their power. The matched filter for noise of
-density S is the pulse divided by S: the samples are divided by S up to ten times the noise of
-the searched band, and by the square root of any excess. A neighbour is left 10 dB below that
-noise, so that its keying is invisible, and later stages may assume white noise.
+Leakage from a band of noise near the tag would make ten times the false groups of white noise.
+The matched filter for noise of density S is the pulse divided by S: the samples are divided by
+S up to ten times the noise of the searched band, and by the square root of any excess.
 
-The density is a mean over ten seconds that follows a rise at once. The filter is symmetric, so
-that no pulse is shifted, and has a gain of one at the tag's frequency. It comes from linear
-prediction (J. Makhoul, Linear prediction: a tutorial review, Proc. IEEE 63, 1975): a predictor
-of noise with a density D leaves it white, and its output filtered backwards has the gain 1 / D.
+The filter is symmetric, so that no pulse is shifted, and has a gain of one at the tag's
+frequency. It comes from linear prediction (J. Makhoul, Linear prediction: a tutorial review,
+Proc. IEEE 63, 1975): a predictor of noise with a density D leaves it white, and its output
+filtered backwards has the gain 1 / D.
 """
 
 import math
@@ -25,8 +22,7 @@ from uavrt.detection.signal.tuning import WHITENING
 class Whitener:
     """Tracks the noise density of a channel and filters the samples to make it flat.
 
-    `offset_hz`, `half_width_hz`: the searched band, from the channel's centre. Higher densities
-    are reduced to the lowest of this band.
+    `offset_hz`, `half_width_hz`: the searched band, to whose lowest density others are reduced.
     """
 
     def __init__(

@@ -1,16 +1,13 @@
 """Assign trains to tags by likelihood, at most one to one, and price the alternatives.
 
 Trains and tags that may belong together make a graph with few edges; its connected parts are
-assigned one by one. In each, trains are added one after the other, and the assignment changes
-along the path that loses least, which keeps it the best so far (successive shortest paths with
-Dijkstra's algorithm: Edmonds and Karp, Journal of the ACM 19, 1972). The loss of giving a train
-another tag is the shortest path back to the assignment, for all at once by Floyd and Warshall's
-algorithm. The work grows with the cube of the trains of one part, not with the number of
-assignments.
+assigned one by one. Trains are added one after the other, and the assignment changes along the
+path that loses least (successive shortest paths with Dijkstra's algorithm: Edmonds and Karp,
+Journal of the ACM 19, 1972). The loss of giving a train another tag is the shortest path back
+to the assignment, by Floyd and Warshall's algorithm.
 
 Not `scipy.optimize.linear_sum_assignment`: it does not give the second best, without which no
-pulse can name the other tags it may be, and would load more of SciPy into the drone's
-processes.
+pulse can name the other tags it may be.
 """
 
 import heapq
@@ -47,23 +44,21 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
     return found
 
 
-def best_sharing(able: Sequence[Mapping[int, float]]) -> list[int | None]:
-    """Assign trains to tags with the largest sum of values.
+def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
+    """Assign trains to tags with the largest sum of values; None: no tag.
 
-    `able`: positive value of each train for each possible tag. Returns the tag of each train;
-    None: no tag.
+    `able`: positive value of each train for each possible tag.
     """
-    made = _Sharing(able)
+    made = _AssignmentSoFar(able)
     for start in range(len(able)):
         made.add(start)
     return made.chosen
 
 
-class _Sharing:
+class _AssignmentSoFar:
     """The best assignment of the trains so far.
 
-    Each tag has a price: a train's tag gives it at least as much value above the price as any
-    other tag, or none.
+    Each tag has a price: no other tag, or none, gives a train more value above the price.
     """
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
@@ -74,7 +69,6 @@ class _Sharing:
         self._gain = [0.0] * len(able)
 
     def add(self, start: int) -> None:
-        """Add a train, and change the assignment along the path that loses least."""
         price, gain = self._price, self._gain
         gains = (worth - price.get(to, 0.0) for to, worth in self._able[start].items())
         gain[start] = max(0.0, max(gains, default=0.0))
@@ -129,7 +123,7 @@ def losses(
     Returns it for each train and possible tag; 0 for the assigned one.
     """
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
-    back = _ways(able, chosen, owner)
+    back = _path_losses(able, chosen, owner)
     free = len(able)
     found = []
     for at, worth in enumerate(able):
@@ -144,7 +138,7 @@ def losses(
     return found
 
 
-def _ways(
+def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
     """Least loss on the path from a train that lost its tag to a tag that is freed.
@@ -152,17 +146,17 @@ def _ways(
     The last row and column stand for unassigned tags and for trains without a tag.
     """
     free = len(able)
-    ways = np.full((free + 1, free + 1), np.inf)
-    np.fill_diagonal(ways, 0.0)
-    ways[free, :] = 0.0
+    loss_of = np.full((free + 1, free + 1), np.inf)
+    np.fill_diagonal(loss_of, 0.0)
+    loss_of[free, :] = 0.0
     for at, worth in enumerate(able):
         own = chosen[at]
         now = 0.0 if own is None else worth[own]
-        ways[at, free] = now
+        loss_of[at, free] = now
         for to, value in worth.items():
             other = owner.get(to, free)
             if other != at:
-                ways[at, other] = min(ways[at, other], now - value)
+                loss_of[at, other] = min(loss_of[at, other], now - value)
     for via in range(free + 1):
-        np.minimum(ways, ways[:, via, np.newaxis] + ways[via], out=ways)
-    return ways
+        np.minimum(loss_of, loss_of[:, via, np.newaxis] + loss_of[via], out=loss_of)
+    return loss_of

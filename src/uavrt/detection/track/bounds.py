@@ -100,8 +100,7 @@ class Bounds:
     def leaves_open(self, track: Track) -> bool:
         """True if a long group's interval is so uncertain that it may be another train's.
 
-        If a train began before the stream, only its last pulses exist, and pulses of a train 2
-        ms off fit the same lattice for some places.
+        Of a train that began before the stream, the last pulses may fit a lattice 2 ms off.
         """
         if self.tag.k <= FOLLOW.most_alone:
             return False
@@ -118,7 +117,6 @@ class Bounds:
         )
 
     def _line(self, pulses: list[tuple[int, float, float]]) -> tuple[float, float]:
-        """Interval of the straight line through pulses, and its standard deviation [s]."""
         # In plain numbers: of the few pulses of a track NumPy takes four times as long.
         jitter_s = self.tag.interval_jitter_s / math.sqrt(3.0)
         width_s, begin_s = self.tag.pulse_width_s, pulses[0][1]

@@ -16,14 +16,13 @@ from uavrt.detection.search.grid import ROWS_PER_BIN, Grid
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.search.thresholds import effective_hypotheses
 from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
-from uavrt.detection.track.chance import QUIET, OnAir
+from uavrt.detection.track.chance import QUIET, BurstRates
 from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BURSTS
 
 Known = tuple[float, float, float]
 """A known pulse: index of its first sample, offset [Hz] and power."""
 _Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
-"""Times [s], rows and powers of strong cells."""
 
 
 class Bursts:
@@ -62,7 +61,7 @@ class Bursts:
             for own in self._pending:
                 del own[: -BURSTS.most_pending]
 
-    def look(
+    def update(
         self,
         fresh: tuple[Sequence[int], Sequence[int], Sequence[float]],
         noise: NDArray[np.float32],
@@ -75,7 +74,7 @@ class Bursts:
 
         `fresh`: columns, rows and powers of the search's open anchors. `now_column`,
         `begin_column`: last searched column, and the stream's first. `known`: pulses of
-        confirmed tags, which are not bursts.
+        confirmed tags.
         """
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
@@ -105,7 +104,7 @@ class Bursts:
             held = time_s, row, power
         self._kept = held
 
-    def around(self, track: Track, found: Measured) -> OnAir:
+    def around(self, track: Track, found: Measured) -> BurstRates:
         """Rates of bursts around an expected pulse of a track.
 
         `found`: the strongest signal at that place. The track's own pulses are excluded.
@@ -132,24 +131,25 @@ class Bursts:
         begin, chance = 0.0, 0.0
         for window_s in BURSTS.windows_s:
             since_s = max(self._begin_s, self._now_s - window_s)
-            heard_s = max(self._now_s - since_s, 1.0)
+            received_s = max(self._now_s - since_s, 1.0)
             late = time_s >= since_s
             all_like = late & alike
             count = np.count_nonzero(all_like)
-            pooled = count / heard_s / bands
+            pooled = count / received_s / bands
             here = self._distinct(time_s[all_like & own])
-            begin = max(begin, beyond_noise(int(count), noise_per_s * heard_s) / heard_s)
+            begin = max(begin, beyond_noise(int(count), noise_per_s * received_s) / received_s)
             chance = max(
-                chance, (here + BURSTS.pooled_s * pooled) / (heard_s + BURSTS.pooled_s)
+                chance, (here + BURSTS.pooled_s * pooled) / (received_s + BURSTS.pooled_s)
             )
-            if heard_s < window_s:
+            if received_s < window_s:
                 break
         mine = time_s[own & alike]
         paired = self._paired(mine, track.interval_s, chance)
-        heard_s = max(self._now_s - self._begin_s, 1.0)
-        return OnAir(
+        received_s = max(self._now_s - self._begin_s, 1.0)
+        return BurstRates(
             alike_per_s=max(chance, paired),
-            hiding_per_s=self._distinct(time_s[own & (2.0 * power >= found.power)]) / heard_s,
+            hiding_per_s=self._distinct(time_s[own & (2.0 * power >= found.power)])
+            / received_s,
             begin_per_s=begin,
         )
 
@@ -173,7 +173,6 @@ class Bursts:
         return own
 
     def _distinct(self, time_s: NDArray[np.float64]) -> int:
-        """Number of pulse widths of time that contain a burst; times in any order."""
         return len(set((time_s / self._width_s).astype(np.intp).tolist()))
 
     def _paired(

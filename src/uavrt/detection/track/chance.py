@@ -13,7 +13,7 @@ from uavrt.detection.track.tuning import CHANCE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OnAir:
+class BurstRates:
     """Rates of other transmitters' bursts around an expected pulse [1/s]."""
 
     alike_per_s: float
@@ -24,7 +24,7 @@ class OnAir:
     """Rate in the whole band with similar power, of which each may begin a group [1/s]."""
 
 
-QUIET = OnAir(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
+QUIET = BurstRates(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
 
 
 def log_begin(per_s: float) -> float:
@@ -42,7 +42,7 @@ def log_doubt(allowed: float, decision_s: float) -> float:
 
 
 def log_odds(
-    on_air: OnAir,
+    rates: BurstRates,
     *,
     width_s: float,
     late_s: float,
@@ -52,11 +52,10 @@ def log_odds(
 ) -> float:
     """Log-likelihood ratio of a detection at an expected place: a tag's pulse to a burst.
 
-    `late_s`, `spread_s`: delay from the expected time, and its standard deviation for a tag
-    [s]. `beside_hz`: distance from the track's frequency [Hz]. `above_db`: power over that of
-    the track's last pulses [dB].
+    `late_s`, `spread_s`: delay from the expected time, and its standard deviation for a tag.
+    `beside_hz`, `above_db`: distance from the track's frequency, and from the last powers.
     """
-    seen = _seen(on_air, width_s)
+    seen = _seen(rates, width_s)
     likely = math.exp(
         -0.5
         * (
@@ -65,15 +64,15 @@ def log_odds(
             + (above_db / CHANCE.power_db) ** 2
         )
     ) / (math.sqrt(2.0 * math.pi) * spread_s)
-    return math.log(1.0 - seen + seen * likely / max(on_air.alike_per_s, CHANCE.quiet_per_s))
+    return math.log(1.0 - seen + seen * likely / max(rates.alike_per_s, CHANCE.quiet_per_s))
 
 
-def log_empty(on_air: OnAir, *, width_s: float) -> float:
+def log_empty(rates: BurstRates, *, width_s: float) -> float:
     """Log-likelihood ratio of a place without a pulse, or only with a burst."""
-    return math.log(1.0 - _seen(on_air, width_s))
+    return math.log(1.0 - _seen(rates, width_s))
 
 
-def _seen(on_air: OnAir, width_s: float) -> float:
+def _seen(rates: BurstRates, width_s: float) -> float:
     return CHANCE.received_share * math.exp(
-        -CHANCE.hidden_widths * width_s * on_air.hiding_per_s
+        -CHANCE.hidden_widths * width_s * rates.hiding_per_s
     )

@@ -10,15 +10,15 @@ from uavrt.detection.search.refine import Measured, Refiner
 from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.signal.samples import SampleBuffer
 from uavrt.detection.track.bounds import Bounds
-from uavrt.detection.track.chance import QUIET, OnAir
-from uavrt.detection.track.masking import hiding, is_due, stronger_beside, strongest_first
+from uavrt.detection.track.chance import QUIET, BurstRates
+from uavrt.detection.track.masking import hiding, is_due, stronger_tracks, strongest_first
 from uavrt.detection.track.tracks import Slot, Track, independent_cells
 from uavrt.detection.track.tuning import FOLLOW
-from uavrt.detection.track.two_rates import become, lags, set_up_rivals, settle_rivalry
+from uavrt.detection.track.two_rates import change_rate, decide_rate, lags, start_other_rate
 from uavrt.units import ns_from_s
 
 
-def _quiet(_track: Track, _found: Measured) -> OnAir:
+def _quiet(_track: Track, _found: Measured) -> BurstRates:
     """Return no bursts; a module-level function, so that detectors can be pickled."""
     return QUIET
 
@@ -37,7 +37,7 @@ class Follower:
         self.epoch_ns = 0
         """Absolute time of zero seconds in the tracks [ns]."""
         self._tracks: list[Track] = []
-        self._around: Callable[[Track, Measured], OnAir] = _quiet
+        self._around: Callable[[Track, Measured], BurstRates] = _quiet
 
     def seconds(self, index: float) -> float:
         """Time of a sample in the seconds of the tracks [s]."""
@@ -51,13 +51,12 @@ class Follower:
         *,
         noise: NDArray[np.float32],
         floor: float,
-        around: Callable[[Track, Measured], OnAir],
+        around: Callable[[Track, Measured], BurstRates],
     ) -> None:
         """Search where the tracks expect their next pulses; drop ended tracks.
 
         `upto`: index after the last clean sample. `settle`: called after each pulse; assigns
-        tags and reports. `floor`: mean power of a sample without pulses. `around`: rates of
-        bursts around an expected pulse.
+        tags and reports. `floor`: mean power of noise. `around`: rates of bursts at a pulse.
         """
         self._tracks = tracks
         self._around = around
@@ -65,19 +64,18 @@ class Follower:
             return
         for track in strongest_first(tracks):
             while not track.dead and self._step(track, upto, noise=noise, floor=floor):
-                self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
+                self._follow_other_rate(track, upto, settle, noise=noise, floor=floor)
                 settle()
             # What the other rate could not yet look at may be there now.
-            self._follow_rivals(track, upto, settle, noise=noise, floor=floor)
+            self._follow_other_rate(track, upto, settle, noise=noise, floor=floor)
         settle()
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
         """Tracks that continue behind a jump of the clock, to be confirmed again.
 
-        The clock may have been corrected, or samples may be missing; then the tracks find
-        nothing and end. `tracks`: changed in place: their seconds count from the first sample
-        after the jump.
+        If samples are missing, they find nothing and end. `tracks`: changed in place: their
+        seconds count from the first sample after the jump.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)
@@ -85,7 +83,7 @@ class Follower:
             track.doubt(end_s)
         return kept
 
-    def _follow_rivals(
+    def _follow_other_rate(
         self,
         track: Track,
         upto: int,
@@ -94,23 +92,22 @@ class Follower:
         noise: NDArray[np.float32],
         floor: float,
     ) -> None:
-        """Follow the other rate's track up to the same time, and compare both."""
         if len(self._tag.pulse_intervals_s) < 2 or not track.confirmed or track.dead:
             return
-        set_up_rivals(track)
-        for rival in track.at_other_rate:
-            while not rival.dead and lags(track, rival):
-                if not self._step(rival, upto, noise=noise, floor=floor):
+        start_other_rate(track)
+        for other in track.at_other_rate:
+            while not other.dead and lags(track, other):
+                if not self._step(other, upto, noise=noise, floor=floor):
                     return
-        winner = settle_rivalry(track)
+        winner = decide_rate(track)
         if winner is not None:
             settle()  # what it found at the rate it had
-            if self._is_anothers(track, winner.last_accepted_s):
+            if self._belongs_to_other(track, winner.last_accepted_s):
                 track.dead = True
             else:
-                become(track, winner)
+                change_rate(track, winner)
 
-    def _is_anothers(self, track: Track, time_s: float) -> bool:
+    def _belongs_to_other(self, track: Track, time_s: float) -> bool:
         """True if a pulse, the only one found by a lost track, belongs to another track."""
         near_s = 0.75 * self._tag.pulse_width_s
         return any(
@@ -133,7 +130,7 @@ class Follower:
         if weights is not None and not weights[0]:
             track.skip()
             return True
-        others = stronger_beside(track, self._tracks, sample_rate_hz=grid.sample_rate_hz)
+        others = stronger_tracks(track, self._tracks, sample_rate_hz=grid.sample_rate_hz)
         masked_s = half_s + self._tag.pulse_width_s
         around = {"earliest_s": time_s - masked_s, "latest_s": time_s + masked_s}
         if others and is_due(others, **around):
@@ -156,8 +153,8 @@ class Follower:
             track.skip()
             return True
         slot = self._slot(track, found[0], half_s)
-        if slot.on_air.alike_per_s > 0.0 and track.against_bursts(slot) < 0.0:
-            slot = self._beside(track, slot, start, half, noise) or slot
+        if slot.bursts.alike_per_s > 0.0 and track.against_bursts(slot) < 0.0:
+            slot = self._weaker_pulse(track, slot, start, half, noise) or slot
         was_confirmed = track.confirmed
         track.interval_open = not was_confirmed and self._bounds.leaves_open(track)
         track.step(slot)
@@ -197,10 +194,10 @@ class Follower:
             time_ns=self._buffer.time_ns(measured.start),
             measured=measured,
             volume=independent_cells(half_s, MEASURE.track_band_hz, self._tag.pulse_width_s),
-            on_air=self._around(track, measured),
+            bursts=self._around(track, measured),
         )
 
-    def _beside(
+    def _weaker_pulse(
         self, track: Track, burst: Slot, start: float, half: float, noise: NDArray[np.float32]
     ) -> Slot | None:
         """Search before and after a burst for the tag's weaker pulse.

@@ -27,8 +27,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard(Generic[H]):
-    hearer: H
+class _ReceivedTrain(Generic[H]):
+    detector: H
     track: Track
     level: float
     frequency_hz: float
@@ -52,14 +52,14 @@ class _Coincidence:
 class _Instants(Generic[H]):
     """All trains' pulses in order of time; few of hundreds of trains share an instant."""
 
-    def __init__(self, heard: list[_Heard[H]]) -> None:
-        self._heard = heard
-        times_ns = np.array([time_ns for one in heard for time_ns in one.times_ns], np.int64)
-        whose = np.repeat(np.arange(len(heard)), [len(one.times_ns) for one in heard])
+    def __init__(self, received: list[_ReceivedTrain[H]]) -> None:
+        self._trains = received
+        times_ns = np.array([time_ns for one in received for time_ns in one.times_ns], np.int64)
+        owners = np.repeat(np.arange(len(received)), [len(one.times_ns) for one in received])
         order = np.argsort(times_ns)
-        self._times_ns, self._whose = times_ns[order], whose[order].tolist()
+        self._times_ns, self._owners = times_ns[order], owners[order].tolist()
 
-    def of_company(self, one: _Heard[H]) -> list[_Heard[H]]:
+    def coinciding(self, one: _ReceivedTrain[H]) -> list[_ReceivedTrain[H]]:
         """Trains of which enough pulses may coincide with those of a train."""
         near_s = np.maximum(one.near_s, one.edge_s)
         near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + GHOSTS.rounding_ns
@@ -68,51 +68,53 @@ class _Instants(Generic[H]):
         last = np.searchsorted(self._times_ns, times_ns + near_ns, side="right").tolist()
         often: Counter[int] = Counter()
         for begin, end in zip(first, last, strict=True):
-            often.update(set(self._whose[begin:end]))
+            often.update(set(self._owners[begin:end]))
         return [
             other
-            for number, other in enumerate(self._heard)
+            for number, other in enumerate(self._trains)
             if often[number] >= GHOSTS.least_pulses and other is not one
         ]
 
 
 def mark_ghosts(
-    hearers: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
+    detectors: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
 ) -> list[tuple[H, Track]]:
-    """Mark the tracks that are ghosts of others, and unmark the rest.
+    """Mark the tracks that are ghosts of others; return those not marked before.
 
     `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
-    Returns the newly marked tracks.
     """
-    heard = [
-        _listen(hearer, track, slots)
-        for hearer in hearers
-        for track in hearer.tracks
+    received = [
+        _received_train(detector, track, slots)
+        for detector in detectors
+        for track in detector.tracks
         if len(slots := _accepted(track)) >= GHOSTS.least_pulses
     ]
-    strongest = max((one.level for one in heard), default=0.0)
+    strongest = max((one.level for one in received), default=0.0)
     instants: _Instants[H] | None = None
     new = []
-    for one in heard:
+    for one in received:
         if strongest < GHOSTS.stronger_ratio * one.level and one.track.ghost_of is None:
             continue
         before = one.track.ghost_of
-        instants = instants or _Instants(heard)
-        one.track.ghost_of = _original(one, instants.of_company(one), receiver, carriers_hz)
+        instants = instants or _Instants(received)
+        one.track.ghost_of = _original(one, instants.coinciding(one), receiver, carriers_hz)
         if one.track.ghost_of is not None and before is None:
-            new.append((one.hearer, one.track))
+            new.append((one.detector, one.track))
     return new
 
 
 def _original(
-    one: _Heard[H], heard: list[_Heard[H]], receiver: Receiver, carriers_hz: Sequence[float]
+    one: _ReceivedTrain[H],
+    received: list[_ReceivedTrain[H]],
+    receiver: Receiver,
+    carriers_hz: Sequence[float],
 ) -> int | None:
-    for other in heard:
+    for other in received:
         if other.track.ghost_of is None and _is_edges(one, other):
-            return other.hearer.tag.tag_id
+            return other.detector.tag.tag_id
     stronger = [
         (other, found)
-        for other in heard
+        for other in received
         if other.track.ghost_of is None
         and other.level >= GHOSTS.stronger_ratio * one.level
         and (found := _coincidence(one, other, one.near_s)).together >= GHOSTS.least_pulses
@@ -127,20 +129,22 @@ def _original(
         ) * receiver.share_of_band(
             other.frequency_hz,
             partners_hz,
-            nominal_hz=one.hearer.tag.frequency_hz,
-            half_width_hz=one.hearer.half_width_hz,
+            nominal_hz=one.detector.tag.frequency_hz,
+            half_width_hz=one.detector.half_width_hz,
         ) <= GHOSTS.mistaken_share * of_ghosts(found.together, found.pulses):
-            return other.hearer.tag.tag_id
+            return other.detector.tag.tag_id
     return None
 
 
-def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
+def _is_edges(one: _ReceivedTrain[H], other: _ReceivedTrain[H]) -> bool:
     """True if a train is only another's leakage far from its frequency.
 
     The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
     the search band of the weaker tag are assigned by senders.py.
     """
-    if other.level < GHOSTS.edge_ratio * one.level or one.hearer.could_be(other.frequency_hz):
+    if other.level < GHOSTS.edge_ratio * one.level or one.detector.may_be_at(
+        other.frequency_hz
+    ):
         return False
     apart_hz = abs(one.frequency_hz - other.frequency_hz)
     edge = math.sqrt(other.level) / (math.pi * apart_hz * other.track.tag.pulse_width_s)
@@ -150,7 +154,7 @@ def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
     return found.together >= max(GHOSTS.least_pulses, GHOSTS.edge_share * found.pulses)
 
 
-def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
+def _chance(one: _ReceivedTrain[H], other: _ReceivedTrain[H], found: _Coincidence) -> float:
     tag, interval_s = one.track.tag, other.track.interval_s
     return by_chance(
         found.together,
@@ -162,7 +166,9 @@ def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
     )
 
 
-def _coincidence(one: _Heard[H], other: _Heard[H], near_s: Sequence[float]) -> _Coincidence:
+def _coincidence(
+    one: _ReceivedTrain[H], other: _ReceivedTrain[H], near_s: Sequence[float]
+) -> _Coincidence:
     mates_ns = other.times_ns
     first_ns, last_ns = mates_ns[0], mates_ns[-1]
     pulses = together = 0
@@ -178,13 +184,13 @@ def _coincidence(one: _Heard[H], other: _Heard[H], near_s: Sequence[float]) -> _
     return _Coincidence(together, pulses, widest_s)
 
 
-def _listen(hearer: H, track: Track, slots: list[Slot]) -> _Heard[H]:
+def _received_train(detector: H, track: Track, slots: list[Slot]) -> _ReceivedTrain[H]:
     width_s = track.tag.pulse_width_s
-    return _Heard(
-        hearer,
+    return _ReceivedTrain(
+        detector,
         track,
         level(track),
-        hearer.absolute_hz(track),
+        detector.absolute_hz(track),
         [slot.time_ns for slot in slots],
         [
             width_s / 16.0 + BOUNDS.timing_sigmas * timing_error_s(width_s, slot.measured.power)

@@ -1,8 +1,7 @@
 """Reject long groups that are another tag's pulses, by measuring their interval.
 
 A pulse half a width late still has a quarter of its power. If a tag's interval is some
-milliseconds off, a lattice of twenty places has ten such pulses and more, with noise at both
-ends, so first and last pulse give no information. All places are used: the sum along the
+milliseconds off, a lattice of twenty places has ten such pulses and more. So the sum along the
 declared interval is compared with sums along other intervals that cross it.
 """
 
@@ -26,7 +25,7 @@ class Intervals:
         self._grid = grid
         self._refiner = refiner
 
-    def anothers(
+    def foreign_places(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """Find the places of a candidate with pulses of another interval.

@@ -37,14 +37,8 @@ class Judge:
         self._grid = grid
         self._buffer = buffer
         self._refiner = refiner
-        self._evidence = Evidence(tag, grid=grid, refiner=refiner)
+        self.evidence = Evidence(tag, grid=grid, refiner=refiner)
         self._intervals = Intervals(bounds, grid=grid, refiner=refiner)
-
-    def suffices(
-        self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
-    ) -> bool:
-        """True if a candidate near the search's threshold is more likely than noise."""
-        return self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
         """Pulses of confirmed tracks, which need not be found again; None without any."""
@@ -127,9 +121,8 @@ class Judge:
         Among many weak pulses there is always one near which noise, an impulse or another
         signal is stronger: it is left out, and the group must suffice without it. If this
         affects more than one pulse in four, or one without which the group fails, the group is
-        rejected. `places`: places among the K, in order of time. `floor`: mean power of a
-        sample without pulses. Returns (own, reason): the tag's pulses; why the group is
-        rejected.
+        rejected. `places`: places among the K, in order of time. `floor`: mean power of noise.
+        Returns (own, reason): the tag's pulses; why the group is rejected.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -137,9 +130,9 @@ class Judge:
         own: list[tuple[int, Measured]] = []
         total, without, flanks = 0.0, candidate.score * search.threshold, 0.0
         for place, pulse in places:
-            anothers, more = self._anothers(pulse, floor)
-            if anothers is not None:
-                reason = reason or anothers
+            cause, more = self._stronger_cause(pulse, floor)
+            if cause is not None:
+                reason = reason or cause
                 without -= max(0.0, min(pulse.power, search.limit) - 1.0)
                 flanks += more
                 continue
@@ -171,19 +164,19 @@ class Judge:
             return "a pulse of the rate is missing"
         if search.k <= FOLLOW.most_alone:
             return None
-        anothers = self._intervals.anothers(candidate, search, noise)
-        if not anothers.any():
+        foreign = self._intervals.foreign_places(candidate, search, noise)
+        if not foreign.any():
             return None
         without = candidate.score * search.threshold - sum(
             max(0.0, min(pulse.power, search.limit) - 1.0)
             for place, pulse in places
-            if anothers[place]
+            if foreign[place]
         )
         if without < search.threshold * gate(search.k):
             return "another tag's interval"
         return None
 
-    def _anothers(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
+    def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
         """Reason why a pulse is caused by something stronger; None if it may be the tag's.
 
         The second value is the excess over the noise allowed at its frequency [noise powers].

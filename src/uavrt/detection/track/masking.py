@@ -22,7 +22,7 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
     return sorted(tracks, key=level, reverse=True) if len(tracks) > 1 else list(tracks)
 
 
-def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
+def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
     """Tracks that may hide a track's pulses: stronger and at another frequency.
 
     `sample_rate_hz`: period of the frequencies.

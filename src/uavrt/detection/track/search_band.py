@@ -36,11 +36,9 @@ class _LostColumns:
 
     @property
     def any(self) -> bool:
-        """True if any samples were lost, or blanked as impulses."""
         return bool(self._buffer.lost or self._buffer.blanked)
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
-        """Factor on each column that compensates lost samples; None: none are lost."""
         first = np.arange(begin, begin + count) * self._grid.hop
         return self._buffer.weights(first, self._grid.window)
 
@@ -53,12 +51,12 @@ class _LostColumns:
     def whole(self, begin: int, count: int) -> NDArray[np.bool_]:
         """True for the columns from `begin` on that are used for the noise."""
         weights = self._weights(begin, count)
-        heard = np.ones(count, np.bool_) if weights is None else weights > 0.0
+        received = np.ones(count, np.bool_) if weights is None else weights > 0.0
         # A window with 7 ms taken out has a third of its noise less: five such in a second
         # gave 3 % too little, two and a half times the false groups.
         clean = self._without(self._buffer.lost, begin, count)
         clean &= self._without(self._buffer.blanked, begin, count)
-        return clean if clean.sum() > BAND.least_clean * heard.sum() else heard
+        return clean if clean.sum() > BAND.least_clean * received.sum() else received
 
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
@@ -77,8 +75,7 @@ class _LostColumns:
 class SearchBand:
     """The search of one stream in one band.
 
-    `bounds`: half-width of the band, and its excluded parts. `batch_s`: longest piece of
-    samples [s].
+    `batch_s`: longest piece of samples [s].
     """
 
     def __init__(
@@ -107,23 +104,22 @@ class SearchBand:
             circular=half_width_hz >= grid.sample_rate_hz / 2.0,
         )
         """Tracks the noise level, relative to `noise`."""
-        self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
+        self.anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
         self._bursts = Bursts(grid, tag.pulse_width_s)
         # The cells of all rates are the same.
         self._searches[0].pass_on = self._bursts.add
         self._begun = 0
         self._kind: tuple[int, ...] | None = None
-        """Constant properties shared by bands that advance together; None: it advances
-        alone."""
-        if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
-            kinds = [search.kind() for search in self._anchor_searches]
+        """Constant properties of bands that advance together; None: it advances alone."""
+        if grid.halves is not None and len(self.anchor_searches) == len(self._searches):
+            kinds = [search.kind() for search in self.anchor_searches]
             self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
         self._excluded = bounds.excluded_rows(grid.offsets_hz)
         self._unsure = False
         """True while the noise is uncertain: for ten seconds in a narrow band."""
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._first_noise_s = _needed_noise_s(tag, self._searches)
 
     @property
@@ -138,7 +134,7 @@ class SearchBand:
 
     def note_cleaning(self, *, many_lines: bool, whitened: bool) -> None:
         """Set whether many carriers are removed, and whether the noise is whitened."""
-        for search in self._anchor_searches:
+        for search in self.anchor_searches:
             if search.null is not None:
                 search.null.coloured = many_lines or whitened
         if many_lines != self._noise.ragged:
@@ -150,8 +146,8 @@ class SearchBand:
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
         """Transform and search the clean samples up to an index.
 
-        `last`: the stream ends: test incomplete hypotheses, too. Returns the best candidates
-        first; None while the noise is unknown.
+        `last`: test incomplete hypotheses, too. Returns the best first; None while the noise is
+        unknown.
         """
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
@@ -186,20 +182,16 @@ class SearchBand:
             return None
         columns = columns_ahead(spectrogram, upto - first)
         key = [upto - first, len(spectrogram.band)]
-        for search in self.anchor_searches():
+        for search in self.anchor_searches:
             if not 0 < columns <= search.piece:
                 return None
             key += (search.pushed - search.columns, id(search.memory))
         return (*key, *self._kind)
 
-    def know(self, pulses: KnownPulses | None) -> None:
+    def suppress(self, pulses: KnownPulses | None) -> None:
         """Suppress the candidates that known pulses explain, from the next step on."""
         for search in self._searches:
             search.known = pulses
-
-    def anchor_searches(self) -> list[AnchorSearch]:
-        """Searches whose cells may share one memory."""
-        return self._anchor_searches
 
     def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
         begin, self._column = self._column, self._column + len(power)
@@ -212,7 +204,7 @@ class SearchBand:
         `known`: pulses of confirmed tags, which are not bursts.
         """
         search = self._searches[0]
-        self._bursts.look(
+        self._bursts.update(
             search.open_anchors(),
             self._noise.level,
             now_column=search.columns,
@@ -242,7 +234,7 @@ class SearchBand:
         offsets = other._grid.offsets_hz
         level = np.interp(grid.offsets_hz, offsets, other.noise_now).astype(np.float32)
         self._noise.take_over(other._noise, level)
-        self._heard_s = other._heard_s
+        self._received_s = other._received_s
         for search in self._searches:
             search.begin_at(column)
 
@@ -276,30 +268,30 @@ class SearchBand:
                 yield self._columns(spectrogram, at, last=last and at == upto)
 
     @property
-    def _knows_noise(self) -> bool:
-        return self._noise.ready and self._heard_s >= BAND.young_s
+    def _noise_is_known(self) -> bool:
+        return self._noise.ready and self._received_s >= BAND.young_s
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
         whole = power
         if self._lost.any:
             whole = power[self._lost.whole(begin, len(power))]
         self._learnt.append(whole[::NOISE_STRIDE].copy())
-        known = self._knows_noise
-        self._heard_s += len(whole) * self._grid.hop_s
+        known = self._noise_is_known
+        self._received_s += len(whole) * self._grid.hop_s
         if known:
             if len(self._learnt) >= BAND.noise_batches:
                 self._noise.update(np.concatenate(self._learnt))
                 self._learnt.clear()
                 self._trust_noise()
             return
-        if self._heard_s < self._first_noise_s and not last:
+        if self._received_s < self._first_noise_s and not last:
             return
         everything = np.concatenate(self._learnt)
         if len(everything) >= 16:
             self._noise.start(everything)
             self._unsure = True
             self._trust_noise()
-            if self._heard_s >= BAND.young_s:
+            if self._received_s >= BAND.young_s:
                 self._learnt.clear()
 
     def _trust_noise(self, *, always: bool = False) -> None:
@@ -345,7 +337,7 @@ def advance_together(
             columns[band._excluded] = 0.0
     levels = np.stack([band._noise.level for band in bands])
     results: list[list[tuple[RateSearch, list[Candidate]]]] = [[] for _ in bands]
-    for searches in zip(*(band.anchor_searches() for band in bands), strict=True):
+    for searches in zip(*(band.anchor_searches for band in bands), strict=True):
         for result, search, found in zip(
             results, searches, search_together(searches, power, levels), strict=True
         ):
@@ -357,7 +349,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
     count = power.shape[2]
     plain = []
     for index, band in enumerate(bands):
-        if band._knows_noise and not band._lost.any:
+        if band._noise_is_known and not band._lost.any:
             plain.append(index)
         else:
             band._take(power[index].T, last=False)
@@ -367,7 +359,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
     for index, piece in zip(plain, some.transpose(0, 2, 1).copy(), strict=True):
         band = bands[index]
         band._column += count
-        band._heard_s += count * band._grid.hop_s
+        band._received_s += count * band._grid.hop_s
         band._learnt.append(piece)
         if len(band._learnt) >= BAND.noise_batches:
             due.setdefault(sum(map(len, band._learnt)), []).append(band)
@@ -384,8 +376,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
     """Earliest time at which a group can reach a threshold, and the noise is needed [s].
 
-    A cell adds at most the limit, so a threshold needs several pulses, the last of them some
-    intervals after the stream's first sample.
+    A cell adds at most the limit, so a threshold needs several pulses.
     """
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)

@@ -1,11 +1,10 @@
 """Decide which listed tag sent a train of pulses when several could have.
 
 Detectors with overlapping bands receive the same pulses, and each would report them as its own
-tag's. Here tracks of the same pulses are merged into one train, and trains are assigned one to
-one to tags, by interval and frequency. A declared uncertainty is taken as three standard
-deviations of a normal error, and as a bound. If another tag is at least a twentieth as likely,
-its id is reported with the pulses. A tag's interval measured without competing tags is kept for
-later decisions.
+tag's. Tracks of the same pulses are merged into trains, which are assigned one to one to tags,
+by interval and frequency. A declared uncertainty is taken as three standard deviations of a
+normal error, and as a bound. Other tags at least a twentieth as likely are reported with the
+pulses. A tag's interval measured without competing tags is kept for later decisions.
 """
 
 import math
@@ -18,28 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.signal.tuning import CHANNEL
-from uavrt.detection.track.assignment import best_sharing, losses, parts
+from uavrt.detection.track.assignment import best_assignment, losses, parts
 from uavrt.detection.track.tracks import Slot, Track
 from uavrt.detection.track.trains import (
+    FollowingDetector,
     H,
-    Hearer,
     Train,
-    heard_ns,
     known_pulses,
-    made_of_others,
-    put_together,
+    made_of_other_trains,
+    merge_tracks,
+    pulse_times_ns,
 )
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 from uavrt.messages import Tag
 
-_Figures = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""Interval, its deviation, frequency, and the detectors that follow a train, held or not."""
-_Share = tuple[int, int, tuple[int, ...], bool]
-"""Index of a train, id of its tag, ids of other possible tags, and whether all competing trains
-are confirmed."""
+_Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
+"""Interval, its deviation, frequency, and detectors that follow a train, held or not."""
+_Assignment = tuple[int, int, tuple[int, ...], bool]
+"""Index of a train, its tag, other possible tags, and whether all its part is confirmed."""
 
 
-def part(one: Tag, two: Tag) -> "Parting":
+def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
     """Compute how far the intervals of two tags distinguish them if received alone."""
     pairs = [(a, b) for a in one.pulse_intervals_s for b in two.pulse_intervals_s]
     gap_s, nominal_s = min((abs(a - b), max(a, b)) for a, b in pairs)
@@ -54,7 +52,7 @@ def part(one: Tag, two: Tag) -> "Parting":
         least = (12.0 * (2.0 * SENDERS.interval_sigmas * error_s / gap_s) ** 2) ** (1.0 / 3.0)
         pulses = max(2, one.k, two.k, math.ceil(least))
     declared_s = one.interval_uncertainty_s + two.interval_uncertainty_s
-    return Parting(
+    return IntervalSeparation(
         gap_s=gap_s,
         certain=declared_s < room_s,
         uncertainty_s=max(0.0, room_s / 2.0),
@@ -64,10 +62,9 @@ def part(one: Tag, two: Tag) -> "Parting":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Find a small ratio that the intervals of two tags may have, within their bounds.
+    """Small ratio that the intervals of two tags may have, within their bounds.
 
-    Returns the longer to the shorter: 2 to 1, 3 to 1 or 3 to 2. Common pulses then fit both
-    tags equally.
+    The longer to the shorter: 2 to 1, 3 to 1 or 3 to 2; common pulses then fit both tags.
     """
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
@@ -84,17 +81,17 @@ def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parting:
+class IntervalSeparation:
     """How far the intervals of two tags of one band distinguish them."""
 
     gap_s: float
     """Difference of their nearest intervals [s]."""
     certain: bool
-    """True if one received alone is identified, whatever its error within its bound."""
+    """True if each tag received alone is identified, if its error is within its bound."""
     uncertainty_s: float
-    """Declared uncertainty of each below which they are identified [s]."""
+    """Declared interval uncertainty below which both are identified [s]."""
     pulses: int | None
-    """Pulses needed to measure the gap; None: the gap is less than tags drift."""
+    """Pulses needed to measure the gap; None: intervals of tags drift by more."""
     seconds: float | None
 
 
@@ -103,45 +100,43 @@ class _Learnt:
     """Measured interval of a tag."""
 
     scale: float
-    """Ratio of the measured to the nominal interval."""
     bound: float
     """Relative uncertainty of the measured interval."""
     otherwise_ns: float | None = None
     """Time since which the tag was received with another interval [ns]."""
 
 
-class HeardPulses:
+class ConfirmedPulses:
     """Pulses of confirmed trains in the last 40 s, which are bursts for no tag."""
 
     def __init__(self) -> None:
-        self._heard: dict[int, tuple[float, float]] = {}
+        self._pulses: dict[int, tuple[float, float]] = {}
         """Absolute frequency [Hz] and power of each pulse, by its time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Times of `_heard` as an array, since they are read with every pulse."""
+        """Times of `_pulses` as an array, since they are read with every pulse."""
         self._how = np.zeros((0, 2))
 
-    def remember(self, hearers: Iterable[Hearer]) -> None:
+    def update(self, detectors: Iterable[FollowingDetector]) -> None:
         """Add the pulses of the detectors' confirmed tracks."""
-        for hearer in hearers:
-            for track in hearer.tracks:
+        for detector in detectors:
+            for track in detector.tracks:
                 if not track.confirmed or track.dead:
                     continue
-                frequency_hz = hearer.absolute_hz(track)
+                frequency_hz = detector.absolute_hz(track)
                 for slot in track.received:
-                    self._heard[slot.time_ns] = frequency_hz, slot.measured.power
-        if self._heard:
-            since_ns = max(self._heard) - SENDERS.kept_ns
-            self._heard = {at: how for at, how in self._heard.items() if at >= since_ns}
-            self._times_ns = np.array(list(self._heard), np.int64)
-            self._how = np.array(list(self._heard.values()))
+                    self._pulses[slot.time_ns] = frequency_hz, slot.measured.power
+        if self._pulses:
+            since_ns = max(self._pulses) - SENDERS.kept_ns
+            self._pulses = {at: how for at, how in self._pulses.items() if at >= since_ns}
+            self._times_ns = np.array(list(self._pulses), np.int64)
+            self._how = np.array(list(self._pulses.values()))
 
-    def where(
+    def at_frequencies(
         self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Pulses of confirmed trains of the last 40 s at some frequencies.
+        """Pulses of confirmed trains of the last 40 s at frequencies that are `wanted`.
 
-        `wanted`: selects among absolute frequencies. Returns (times_ns, heard): (n,); (n, 2),
-        absolute frequency and power of each.
+        Returns (times_ns, received): (n,); (n, 2), absolute frequency and power of each.
         """
         some = wanted(self._how[:, 0])
         return self._times_ns[some], self._how[some]
@@ -150,45 +145,47 @@ class HeardPulses:
 class Senders(Generic[H]):
     """Assigns trains to the tags of detectors with overlapping bands.
 
-    `hearers`: the detectors, in any order.
+    `detectors`: the detectors, in any order.
     """
 
-    def __init__(self, hearers: Sequence[H]) -> None:
-        self.hearers = sorted(hearers, key=lambda hearer: hearer.tag.tag_id)
+    def __init__(self, detectors: Sequence[H]) -> None:
+        self.detectors = sorted(detectors, key=lambda detector: detector.tag.tag_id)
         self._learnt: dict[int, _Learnt] = {}
-        self._by_tag = {hearer.tag.tag_id: hearer for hearer in self.hearers}
-        self._by_frequency = sorted(self.hearers, key=lambda hearer: hearer.tag.frequency_hz)
-        self._frequencies_hz = [hearer.tag.frequency_hz for hearer in self._by_frequency]
-        self._rate_hz = max(hearer.sample_rate_hz for hearer in self.hearers)
+        self._by_tag = {detector.tag.tag_id: detector for detector in self.detectors}
+        self._by_frequency = sorted(
+            self.detectors, key=lambda detector: detector.tag.frequency_hz
+        )
+        self._frequencies_hz = [detector.tag.frequency_hz for detector in self._by_frequency]
+        self._rate_hz = max(detector.sample_rate_hz for detector in self.detectors)
         # Locked or not, a search stays within its window around the tag's frequency.
         self._reach_hz = 1.0 + max(
-            2.0 * h.half_width_hz + 1.0 / h.tag.pulse_width_s for h in self.hearers
+            2.0 * h.half_width_hz + 1.0 / h.tag.pulse_width_s for h in self.detectors
         )
-        self._near_ns = 0.75e9 * max(hearer.tag.pulse_width_s for hearer in self.hearers)
-        self._picture: list[_Figures] = []
+        self._near_ns = 0.75e9 * max(detector.tag.pulse_width_s for detector in self.detectors)
+        self._last_properties: list[_Properties] = []
         """Properties by which trains were last assigned."""
-        self._shared: list[_Share] = []
-        self.heard = HeardPulses()
+        self._last_assignment: list[_Assignment] = []
+        self.confirmed_pulses = ConfirmedPulses()
 
     def settle(self) -> None:
         """Assign each train to a tag, and let the detectors report their pulses."""
-        if not any(hearer.tracks for hearer in self.hearers):
+        if not any(detector.tracks for detector in self.detectors):
             return
-        self.heard.remember(self.hearers)
-        trains = put_together(self.hearers)
+        self.confirmed_pulses.update(self.detectors)
+        trains = merge_tracks(self.detectors)
         # A ghost belongs to no tag, but the detector of the one tag reports it.
         ghosts = [t for t in trains if any(track.ghost_of is not None for _, track in t.tracks)]
         nobodys = {id(train) for train in ghosts}
-        nobodys |= {id(train) for train in made_of_others(trains, near_ns=self._near_ns)}
+        nobodys |= {id(train) for train in made_of_other_trains(trains, near_ns=self._near_ns)}
         # A likely train has no share yet, but takes its place from what else may be its tag's.
         able = [t for t in trains if t.likely and id(t) not in nobodys]
-        given = self._share_out(self._heard_last(able))
+        given = self._assign_trains(self._latest(able))
         if self._drop_begun_by_others(trains, given):
             trains = [train for train in trains if train.tracks]
             given = [share for share in given if share[0].tracks]
         owned = {tag_id: not others for _, tag_id, others, _ in given}
         for train, tag_id, others, sure in given:
-            _give(train, tag_id, others)
+            _assign(train, tag_id, others)
             # What a train that comes to nothing leaves to the others teaches nothing.
             if sure and not others:
                 self._learn(train, tag_id)
@@ -197,9 +194,9 @@ class Senders(Generic[H]):
             if id(train) in shared:
                 continue
             if train.confirmed:
-                _give(train, None, ())
+                _assign(train, None, ())
             else:
-                self._give_tentative(train, owned)
+                self._assign_tentative(train, owned)
         self._report()
 
     def _drop_begun_by_others(
@@ -208,29 +205,28 @@ class Senders(Generic[H]):
         """Drop tracks that only pulses of other tags have begun or just confirmed.
 
         One strong pulse and the largest noise an interval before and after it make a group of
-        any tag, and another strong pulse on its lattice would confirm it. `trains`: all; the
-        tracks are removed from them. `given`: those assigned, as `_share_out` returns them.
-        Returns whether there were any.
+        any tag, and another strong pulse on its lattice would confirm it. `trains`: dropped
+        tracks are removed. `given`: those assigned. Returns whether there were any.
         """
         dropped: set[int] = set()
         unsettled = [
-            (hearer, track, slots)
-            for hearer in self.hearers
-            for track in hearer.tracks
-            if (slots := _in_question(track))
+            (detector, track, slots)
+            for detector in self.detectors
+            for track in detector.tracks
+            if (slots := _unsettled_pulses(track))
         ]
         for train, tag_id, *_ in given if unsettled else ():
             # What may be its own tag's is shared out by interval and frequency.
             others = [
-                (hearer, track, slots)
-                for hearer, track, slots in unsettled
-                if hearer.tag.tag_id != tag_id
-                and abs(hearer.absolute_hz(track) - train.frequency_hz) < self._reach_hz
-                and self._likelihood(train, hearer) == -math.inf
+                (detector, track, slots)
+                for detector, track, slots in unsettled
+                if detector.tag.tag_id != tag_id
+                and abs(detector.absolute_hz(track) - train.frequency_hz) < self._reach_hz
+                and self._likelihood(train, detector) == -math.inf
             ]
             known = known_pulses(train) if others else []
-            for hearer, track, slots in others:
-                at_hz, width_s = hearer.absolute_hz(track), track.tag.pulse_width_s
+            for detector, track, slots in others:
+                at_hz, width_s = detector.absolute_hz(track), track.tag.pulse_width_s
                 if all(
                     any(
                         pulse.explains(slot, at_hz, width_s, near_ns=self._near_ns)
@@ -240,65 +236,63 @@ class Senders(Generic[H]):
                 ):
                     dropped.add(id(track))
         if dropped:
-            for hearer in self.hearers:
-                hearer.tracks[:] = [t for t in hearer.tracks if id(t) not in dropped]
+            for detector in self.detectors:
+                detector.tracks[:] = [t for t in detector.tracks if id(t) not in dropped]
             for train in trains:
                 train.tracks = [pair for pair in train.tracks if id(pair[1]) not in dropped]
         return bool(dropped)
 
     def _report(self) -> None:
-        """Let the detectors report their pulses, each pulse under one tag's id."""
-        pairs = [(hearer, track) for hearer in self.hearers for track in hearer.tracks]
+        pairs = [(detector, track) for detector in self.detectors for track in detector.tracks]
         done = _Reported[H]()
-        for hearer, track in pairs:
+        for detector, track in pairs:
             if track.confirmed:
-                done.add(hearer, track, _reported_ns(track))
+                done.add(detector, track, _reported_ns(track))
         # What was heard longest is least likely to have others' pulses.
-        for hearer, track in sorted(pairs, key=lambda pair: -len(heard_ns(pair[1]))):
+        for detector, track in sorted(pairs, key=lambda pair: -len(pulse_times_ns(pair[1]))):
             if not track.held:
-                for times_ns in done.near(hearer, track):
-                    _pass_over(track, times_ns)
+                for times_ns in done.near(detector, track):
+                    _mark_reported(track, times_ns)
             before = set(_reported_ns(track))
-            hearer.report(track)
+            detector.report(track)
             if track.confirmed and not track.held:
-                done.add(hearer, track, [t for t in _reported_ns(track) if t not in before])
+                done.add(detector, track, [t for t in _reported_ns(track) if t not in before])
 
-    def _heard_last(self, trains: list[Train[H]]) -> list[Train[H]]:
+    def _latest(self, trains: list[Train[H]]) -> list[Train[H]]:
         some = sorted(trains, key=lambda train: train.frequency_hz)
         frequencies_hz = [train.frequency_hz for train in some]
         left = []
         for train in some:
             begin = bisect_left(frequencies_hz, train.frequency_hz - self._reach_hz)
             end = bisect_right(frequencies_hz, train.frequency_hz + self._reach_hz)
-            later = sum(other.heard_ns > train.heard_ns for other in some[begin:end])
+            later = sum(other.last_pulse_ns > train.last_pulse_ns for other in some[begin:end])
             if later < SENDERS.most_trains:
                 left.append(train)
-        return sorted(left, key=lambda train: -train.heard_ns)
+        return sorted(left, key=lambda train: -train.last_pulse_ns)
 
-    def _share_out(
+    def _assign_trains(
         self, trains: list[Train[H]]
     ) -> list[tuple[Train[H], int, tuple[int, ...], bool]]:
         """Assign trains; reuse the last assignment while their properties are the same."""
-        picture = [_figures(train) for train in trains]
-        if picture != self._picture:
-            self._picture, self._shared = picture, self._share_out_anew(trains)
-        return [(trains[at], to, others, sure) for at, to, others, sure in self._shared]
+        picture = [_properties(train) for train in trains]
+        if picture != self._last_properties:
+            self._last_properties, self._last_assignment = picture, self._assign_again(trains)
+        return [
+            (trains[at], to, others, sure) for at, to, others, sure in self._last_assignment
+        ]
 
-    def _share_out_anew(self, trains: list[Train[H]]) -> list[_Share]:
+    def _assign_again(self, trains: list[Train[H]]) -> list[_Assignment]:
         likely = [self._likely(train) for train in trains]
         shares = []
         for part in parts(likely):
-            some = self._share_out_part(
-                [trains[at] for at in part], [likely[at] for at in part]
-            )
+            some = self._assign_part([trains[at] for at in part], [likely[at] for at in part])
             shares += [(part[at], to, others, sure) for at, to, others, sure in some]
         return shares
 
-    def _share_out_part(
+    def _assign_part(
         self, trains: list[Train[H]], likely: list[dict[int, float]]
-    ) -> list[_Share]:
-        """Assign competing trains; `likely` includes the value of any tag."""
-        behind = losses(likely, best_sharing(likely))
+    ) -> list[_Assignment]:
+        behind = losses(likely, best_assignment(likely))
         able: list[dict[int, float]] = []
         possible: list[list[int]] = []
         for at, train in enumerate(trains):
@@ -317,7 +311,7 @@ class Senders(Generic[H]):
         sure = all(train.confirmed for train in trains)
         return [
             (at, to, tuple(i for i in possible[at] if i != to), sure)
-            for at, to in enumerate(best_sharing(able))
+            for at, to in enumerate(best_assignment(able))
             if to is not None
         ]
 
@@ -338,17 +332,17 @@ class Senders(Generic[H]):
                 range(begin, bisect_right(self._frequencies_hz, low_hz + 2.0 * reach_hz))
             )
         near = [self._by_frequency[place] for place in places]
-        return sorted(near, key=lambda hearer: hearer.tag.tag_id)
+        return sorted(near, key=lambda detector: detector.tag.tag_id)
 
-    def _give_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
+    def _assign_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
         """Assign an uncertain train to the likeliest tag without one.
 
-        `owned`: tags with a train, and whether it is certainly theirs.
+        `owned`: tags with a train; True if no other tag is possible for it.
         """
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
         if not free:
-            _give(train, None, ())
+            _assign(train, None, ())
             return
         tag_id = min(free, key=lambda i: (-free[i], i))
         least = free[tag_id] - SENDERS.ruled_out_log
@@ -359,13 +353,13 @@ class Senders(Generic[H]):
             and not owned.get(h.tag.tag_id, False)
             and self._likelihood(train, h) > least
         ]
-        _give(train, tag_id, tuple(others))
+        _assign(train, tag_id, tuple(others))
 
-    def _likelihood(self, train: Train[H], hearer: Hearer) -> float:
-        if not hearer.could_be(train.frequency_hz):
+    def _likelihood(self, train: Train[H], detector: FollowingDetector) -> float:
+        if not detector.may_be_at(train.frequency_hz):
             return -math.inf
-        tag = hearer.tag
-        sigma_hz = min(hearer.half_width_hz, CHANNEL.usual_error_hz) / SENDERS.bound_sigmas
+        tag = detector.tag
+        sigma_hz = min(detector.half_width_hz, CHANNEL.usual_error_hz) / SENDERS.bound_sigmas
         miss_hz = train.frequency_hz - tag.frequency_hz
         learnt = self._learnt.get(tag.tag_id)
         best = -math.inf
@@ -390,14 +384,14 @@ class Senders(Generic[H]):
         known = self._learnt.get(tag_id)
         if known is not None and abs(scale - known.scale) > known.bound + bound:
             # Where trains cross, a track may change over to another animal, step by step.
-            since_ns = train.heard_ns if known.otherwise_ns is None else known.otherwise_ns
-            if train.heard_ns - since_ns < SENDERS.relearn_ns:
+            since_ns = train.last_pulse_ns if known.otherwise_ns is None else known.otherwise_ns
+            if train.last_pulse_ns - since_ns < SENDERS.relearn_ns:
                 self._learnt[tag_id] = replace(known, otherwise_ns=since_ns)
                 return
         self._learnt[tag_id] = _Learnt(scale, bound)
 
 
-def _figures(train: Train[H]) -> _Figures:
+def _properties(train: Train[H]) -> _Properties:
     """Properties of a train that affect its assignment, rounded accordingly."""
     return (
         round(train.interval_s, 3),
@@ -408,7 +402,6 @@ def _figures(train: Train[H]) -> _Figures:
 
 
 def _bound_s(tag: Tag, nominal_s: float) -> float:
-    """Largest declared error of an interval [s]; one crystal makes both rates."""
     shortest_s = min(tag.pulse_intervals_s)
     return tag.interval_uncertainty_s * nominal_s / shortest_s + BOUNDS.clock_error * nominal_s
 
@@ -422,9 +415,9 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
     return -0.5 * (miss_s / sigma_s) ** 2 - math.log(sigma_s)
 
 
-def _in_question(track: Track) -> list[Slot]:
+def _unsettled_pulses(track: Track) -> list[Slot]:
     """Pulses of a track that other tags may explain, as long as it is not settled."""
-    if track.dead or track.shared_as_confirmed:
+    if track.dead or track.confirmed_at_assignment:
         return []
     accepted = track.received
     if track.confirmed and track.tested:
@@ -436,11 +429,11 @@ def _reported_ns(track: Track) -> list[int]:
     return [slot.time_ns for slot in track.slots if slot.state == "reported"]
 
 
-def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
+def _assign(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
     reported_ns = [
         slot.time_ns
-        for hearer, track in train.tracks
-        if hearer.tag.tag_id != tag_id
+        for detector, track in train.tracks
+        if detector.tag.tag_id != tag_id
         for slot in track.slots
         if slot.state == "reported"
     ]
@@ -451,9 +444,9 @@ def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
         begins = track is best and track.held
         track.held = track is not best or (track.clashing and not track.confirmed)
         track.alternatives = others if track is best else ()
-        track.shared_as_confirmed = track.confirmed
+        track.confirmed_at_assignment = track.confirmed
         if begins and not track.held:
-            _pass_over(track, reported_ns)
+            _mark_reported(track, reported_ns)
 
 
 class _Reported(Generic[H]):
@@ -462,24 +455,23 @@ class _Reported(Generic[H]):
     def __init__(self) -> None:
         self._places: dict[int, list[tuple[H, float, list[int]]]] = {}
 
-    def add(self, hearer: H, track: Track, times_ns: list[int]) -> None:
-        """Add a detector's reported pulses of a track."""
+    def add(self, detector: H, track: Track, times_ns: list[int]) -> None:
         if times_ns:
-            at_hz = hearer.absolute_hz(track)
+            at_hz = detector.absolute_hz(track)
             place = math.floor(at_hz / BOUNDS.same_transmitter_hz)
-            self._places.setdefault(place, []).append((hearer, at_hz, times_ns))
+            self._places.setdefault(place, []).append((detector, at_hz, times_ns))
 
-    def near(self, hearer: H, track: Track) -> Iterator[list[int]]:
+    def near(self, detector: H, track: Track) -> Iterator[list[int]]:
         """Times of pulses that other detectors reported at a track's frequency [ns]."""
-        here_hz = hearer.absolute_hz(track)
+        here_hz = detector.absolute_hz(track)
         middle = math.floor(here_hz / BOUNDS.same_transmitter_hz)
         for place in range(middle - 1, middle + 2):
             for other, at_hz, times_ns in self._places.get(place, ()):
-                if other is not hearer and abs(at_hz - here_hz) < BOUNDS.same_transmitter_hz:
+                if other is not detector and abs(at_hz - here_hz) < BOUNDS.same_transmitter_hz:
                     yield times_ns
 
 
-def _pass_over(track: Track, told_ns: Iterable[int]) -> None:
+def _mark_reported(track: Track, told_ns: Iterable[int]) -> None:
     near_ns = 0.75e9 * track.tag.pulse_width_s
     times = list(told_ns)
     for slot in track.slots:

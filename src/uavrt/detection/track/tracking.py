@@ -11,7 +11,7 @@ from uavrt.detection.search.refine import Measured, Refiner
 from uavrt.detection.signal.samples import Counters, SampleBuffer
 from uavrt.detection.track.bounds import Bounds
 from uavrt.detection.track.bursts import Bursts
-from uavrt.detection.track.chance import OnAir
+from uavrt.detection.track.chance import BurstRates
 from uavrt.detection.track.following import Follower
 from uavrt.detection.track.judging import Judge, share_a_pulse
 from uavrt.detection.track.reporting import Reporter
@@ -19,11 +19,11 @@ from uavrt.detection.track.search_band import SearchBand
 from uavrt.detection.track.senders import Senders
 from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BAND
-from uavrt.detection.track.unlocked import forget_old, joined
+from uavrt.detection.track.unlocked import drop_old, join_group
 
 
 class SearchWindow:
-    """The search around one frequency: its band, and what judges and follows in it.
+    """The search around one frequency: its band, its judge, and what follows its tracks.
 
     `batch_s`: longest piece in which samples come [s].
     """
@@ -72,7 +72,7 @@ class Tracking:
         """Begin with some tracks in a window."""
         self._window, self.tracks = window, list(tracks)
         self._bursts: Bursts | None = None
-        self._knows = False
+        self._suppresses = False
         """True if the band suppresses candidates that known pulses explain."""
 
     def move(self, window: SearchWindow) -> None:
@@ -97,8 +97,8 @@ class Tracking:
             if found:
                 self._consider(found, search, floor)
         if self._mode is OperatingMode.ALL_NEVER_LOCK:
-            forget_old(self.tracks, self._now_s)
-        elif self.tracks or self._knows:
+            drop_old(self.tracks, self._now_s)
+        elif self.tracks or self._suppresses:
             window.follower.follow(
                 self.tracks,
                 upto,
@@ -108,11 +108,10 @@ class Tracking:
                 around=self._around,
             )
             known = window.judge.known(self.tracks)
-            self._knows = known is not None
-            window.band.know(known)
+            self._suppresses = known is not None
+            window.band.suppress(known)
 
     def _consider(self, found: list[Candidate], search: RateSearch, floor: float) -> None:
-        """Turn candidates into groups; several candidates of the same pulses become one."""
         window, judge = self._window, self._window.judge
         taken: list[list[Measured]] = []
         untracked = self._mode is OperatingMode.ALL_NEVER_LOCK
@@ -120,7 +119,7 @@ class Tracking:
         for candidate in judge.unexplained(found, search, known):
             if not judge.is_new(candidate, search, taken):
                 continue
-            if not judge.suffices(candidate, search, window.band.noise):
+            if not judge.evidence.suffices(candidate, search, window.band.noise):
                 continue
             places = judge.measure(candidate, search, window.band.noise)
             if places is None:
@@ -147,7 +146,7 @@ class Tracking:
                 for place, m in places
             ]
             if untracked:
-                track = joined(
+                track = join_group(
                     self.tracks,
                     pulses,
                     rate=search.rate,
@@ -190,7 +189,7 @@ class Tracking:
                 )
             )
 
-    def _around(self, track: Track, found: Measured) -> OnAir:
+    def _around(self, track: Track, found: Measured) -> BurstRates:
         if self._bursts is None:
             known = [
                 (slot.measured.start, slot.measured.offset_hz, math.inf)
@@ -200,7 +199,7 @@ class Tracking:
             ]
             if self.senders is not None:
                 center_hz = self._center_hz
-                times_ns, how = self.senders.heard.where(
+                times_ns, how = self.senders.confirmed_pulses.at_frequencies(
                     lambda hz: self._window.bounds.on_frequency(hz - center_hz)
                 )
                 offsets_hz = (how[:, 0] - center_hz).tolist()
@@ -213,7 +212,7 @@ class Tracking:
         if self.senders is not None:
             for track in self.tracks:
                 # Of what has just been confirmed they decide first whose it is.
-                if track.confirmed == track.shared_as_confirmed:
+                if track.confirmed == track.confirmed_at_assignment:
                     self._reporter.report(track)
         elif self.tracks:
             self._reporter.settle(self.tracks, self._window.bounds.home_hz, self._now_s)

@@ -14,12 +14,12 @@ from typing import Literal
 from uavrt.detection.search.refine import Measured, timing_error_s
 from uavrt.detection.search.thresholds import group_tail
 from uavrt.detection.search.tuning import MEASURE
-from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_empty, log_odds
+from uavrt.detection.track.chance import QUIET, BurstRates, log_begin, log_empty, log_odds
 from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 from uavrt.messages import Tag
 
 SlotState = Literal["open", "accepted", "reported", "missed"]
-Around = Callable[["Track", Measured], OnAir]
+Around = Callable[["Track", Measured], BurstRates]
 
 
 @dataclass(slots=True)
@@ -36,11 +36,11 @@ class Slot:
     state: SlotState = "open"
     disputed: bool = False
     """True if it is uncertain at which of two rates the pulse was sent."""
-    on_air: OnAir = QUIET
+    bursts: BurstRates = QUIET
     """Rates of other transmitters' bursts around the pulse."""
-    no_burst: float = 0.0
+    burst_odds: float = 0.0
     """Log odds that the detection is the tag's pulse and not a burst."""
-    said: float = 0.0
+    tag_odds: float = 0.0
     """Log odds that the detection is the tag's pulse, and neither noise nor a burst."""
 
     @property
@@ -80,7 +80,7 @@ class Track:
     """True if it began with a pulse of another track."""
     alternatives: tuple[int, ...] = ()
     """Ids of other listed tags that it may be (senders.py)."""
-    shared_as_confirmed: bool = False
+    confirmed_at_assignment: bool = False
     """True if it was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None
     """Id of the stronger tag of which it is a ghost (ghosts.py)."""
@@ -98,7 +98,7 @@ class Track:
     in_doubt: bool = False
     """True if a series of bursts was ever more likely than reporting allows."""
     stands_out: bool = False
-    """True if noise alone would hardly have brought it so far."""
+    """True if noise alone is unlikely to have brought it so far."""
     interval_open: bool = False
     """True if its pulses are too few to distinguish its interval from others'."""
     trust: float = FOLLOW.most_trust
@@ -117,13 +117,12 @@ class Track:
     ) -> None:
         """Start from a detected group.
 
-        `pulses`: each (place, time_s, time_ns, Measured), in order of time. `around`: rates of
-        bursts around an expected pulse.
+        `pulses`: each (place, time_s, time_ns, Measured), in order of time.
         """
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
         self.interval_s = nominal
-        self._know_little(pulses[0][3].power)
+        self._reset_phase(pulses[0][3].power)
         floor = least_real([measured.power for *_, measured in pulses])
         first = next(place for place, _, _, measured in pulses if measured.power >= floor)
         half_s = tag.interval_jitter_s + tag.pulse_width_s / 8.0
@@ -144,7 +143,7 @@ class Track:
             while self.number < number:
                 self._predict()
                 self.number += 1
-            self.slots[-1].on_air = around(self, measured)
+            self.slots[-1].bursts = around(self, measured)
             self.odds += self._odds(self.slots[-1], self.time_s, self.variance[0])
             self._correct(time_s, measured.power)
             self.last_accepted_s = time_s
@@ -162,13 +161,13 @@ class Track:
         self.confirmed = self.stands_out and self.odds >= 0.0
         self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
-    def go_on_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
+    def continue_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
         """Continue from a pulse of a known transmitter with another interval.
 
         `share`: uncertainty of the interval, as a share of the tag's.
         """
         self.interval_s = interval_s
-        self._know_little(slot.measured.power, share)
+        self._reset_phase(slot.measured.power, share)
         self.slots = [replace(slot, number=0, state="reported")]
         self.steady_hz = self.offset_hz
         self.time_s = self.last_accepted_s = self.settled_s = slot.time_s
@@ -182,7 +181,7 @@ class Track:
     ) -> None:
         """Add the new pulses of a group that was found independently of this track.
 
-        `base`: place in the lattice of the group's place 0. Other parameters as in `begin`.
+        `base`: place in the lattice of the group's place 0. `around`: rates of bursts.
         """
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
@@ -197,7 +196,7 @@ class Track:
                 while self.number < number:
                     self._predict()
                     self.number += 1
-                self.slots[-1].on_air = around(self, measured)
+                self.slots[-1].bursts = around(self, measured)
                 self.odds += self._odds(self.slots[-1], self.time_s, self.variance[0])
                 self._correct(time_s, measured.power)
                 self.last_accepted_s = time_s
@@ -240,8 +239,8 @@ class Track:
         self.offset_hz += self.drift_hz
         slot.number = self.number
         self.tested += 1
-        slot.said = self._weighed(slot)
-        self._note_half(slot.number, slot.said)
+        slot.tag_odds = self._weighed(slot)
+        self._note_half(slot.number, slot.tag_odds)
         self.slots.append(slot)
         self._keep_slots(max(2 * self.tag.k, 6, 0 if self.confirmed else FOLLOW.most_tests))
         power = slot.measured.power
@@ -273,7 +272,7 @@ class Track:
             self.dead = True
 
     def doubt(self, since_s: float) -> None:
-        """Require a new confirmation, as its phase may be lost; count seconds from a time."""
+        """Require a new confirmation; the seconds of the track then count from `since_s`."""
         self.confirmed = False
         self.tested = self.since_accepted = 0
         self.gained, self.trust = 0.0, FOLLOW.most_trust
@@ -301,7 +300,7 @@ class Track:
         volume = _round(FOLLOW.more_cells * slot.volume if short else slot.volume)
         chance = FOLLOW.confirm_false if short else FOLLOW.confirm_long_false
         tests = max(2, self.tag.k) + (FOLLOW.more_tests if short else 0)
-        self.odds += slot.said if short else 0.0
+        self.odds += slot.tag_odds if short else 0.0
         self.best_odds = max(self.best_odds, self.odds)
         if not self.stands_out:
             limit = narrow_threshold(self.tested, volume, chance)
@@ -312,7 +311,7 @@ class Track:
             self.confirmed = True
             self.trust = min(self.trust, FOLLOW.first_trust + self.odds)
             for other in self.slots:
-                clear = other.said > 0.0 or other.number > self.number - tests
+                clear = other.tag_odds > 0.0 or other.number > self.number - tests
                 clear &= not self._sends_nothing(other)
                 clear &= other.measured.power > FOLLOW.weakest_power
                 if other.state == "open" and clear:
@@ -324,15 +323,15 @@ class Track:
             # Noise it is not; of what else is on air it may yet be an accident.
             self.dead = self.odds < self.best_odds - FOLLOW.odds_lost
             self.dead |= self.tested >= FOLLOW.most_tests
-            if slot.said > 0.0:
+            if slot.tag_odds > 0.0:
                 self.since_accepted = -1
                 self._correct(slot.time_s, slot.measured.power)
                 self._correct_frequency(slot.measured)
 
-    def _note_half(self, number: int, said: float) -> None:
+    def _note_half(self, number: int, tag_odds: float) -> None:
         half = number % 2
-        said = max(-FOLLOW.trust_lost, min(FOLLOW.trust_won, said))
-        self.halves[half] = FOLLOW.half_kept * self.halves[half] + said
+        tag_odds = max(-FOLLOW.trust_lost, min(FOLLOW.trust_won, tag_odds))
+        self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
         """True for a place half-way between the pulses of a tag with twice the interval."""
@@ -350,11 +349,11 @@ class Track:
         levels = [
             10.0 * math.log10(other.measured.power)
             for other in self.slots
-            if other is not slot and (other.received or other.said > 0)
+            if other is not slot and (other.received or other.tag_odds > 0)
         ][-3:]
         level = 10.0 * math.log10(max(slot.measured.power, 1.0))
         return log_odds(
-            slot.on_air,
+            slot.bursts,
             width_s=self.tag.pulse_width_s,
             late_s=slot.time_s - expected_s,
             spread_s=math.sqrt(max(phase, 1e-12)),
@@ -365,19 +364,19 @@ class Track:
     def _weighed(self, slot: Slot) -> float:
         """Log odds that the detection at the expected place is neither noise nor a burst."""
         noise = _against_noise(slot.measured.power, slot.volume)
-        empty = log_empty(slot.on_air, width_s=self.tag.pulse_width_s)
-        slot.no_burst = self._odds(slot, self.time_s, self.variance[0])
-        return max(empty, min(noise, slot.no_burst))
+        empty = log_empty(slot.bursts, width_s=self.tag.pulse_width_s)
+        slot.burst_odds = self._odds(slot, self.time_s, self.variance[0])
+        return max(empty, min(noise, slot.burst_odds))
 
     def _weigh(self, slot: Slot) -> None:
         if self.tag.k > FOLLOW.most_alone:
             return
-        self.trust += max(-FOLLOW.trust_lost, min(FOLLOW.trust_won, slot.said))
+        self.trust += max(-FOLLOW.trust_lost, min(FOLLOW.trust_won, slot.tag_odds))
         self.trust = min(self.trust, FOLLOW.most_trust)
 
     def _follow(self, slot: Slot) -> None:
         k = self.tag.k
-        if slot.on_air.alike_per_s > 0.0 and slot.no_burst < 0.0 and k <= FOLLOW.most_alone:
+        if slot.bursts.alike_per_s > 0.0 and slot.burst_odds < 0.0 and k <= FOLLOW.most_alone:
             slot.state = "missed"
             return
         empty = self._sends_nothing(slot)
@@ -406,7 +405,6 @@ class Track:
                 self.last_accepted_s = max(self.last_accepted_s, weak.time_s)
 
     def _correct_frequency(self, pulse: Measured) -> None:
-        """Update frequency and drift (alpha-beta filter, critically damped)."""
         alpha = 0.5 if pulse.power > 30.0 else 0.3
         self.steady_hz += max(1.0 / (self.number + 1), FOLLOW.steady_gain) * (
             pulse.offset_hz - self.steady_hz
@@ -420,7 +418,7 @@ class Track:
         noise_s = timing_error_s(self.tag.pulse_width_s, power)
         return noise_s**2 + (self.tag.interval_jitter_s / 2.0) ** 2
 
-    def _know_little(self, power: float, share: float = 1.0) -> None:
+    def _reset_phase(self, power: float, share: float = 1.0) -> None:
         """Reset the phase to one pulse's, the interval to a share of the uncertainty."""
         spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
         interval = spread_s**2 + (BOUNDS.clock_error * self.interval_s) ** 2
@@ -473,7 +471,6 @@ def _against_noise(power: float, volume: float) -> float:
 
 
 def _round(volume: float) -> float:
-    """Round a volume to steps of a tenth of its logarithm, so that thresholds are cached."""
     return math.exp(math.ceil(math.log(max(volume, 1.0)) * 10.0) / 10.0)
 
 

@@ -1,8 +1,8 @@
 """Trains: the pulses of one transmitter, as one or several detectors follow them.
 
-Detectors with overlapping bands receive the same pulses. Tracks are merged by common pulses,
-and of the tracks in one train the one that explains most is used: a track with a pulse in one
-place of three may have another interval, or belong to several trains.
+Tracks of detectors with overlapping bands are merged by common pulses. Of the tracks in one
+train the one that explains most is used: a track with a pulse in one place of three may have
+another interval, or belong to several trains.
 """
 
 import math
@@ -18,7 +18,7 @@ from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 
-class Hearer(Protocol):
+class FollowingDetector(Protocol):
     """Detector, as far as trains need it."""
 
     tag: Tag
@@ -34,7 +34,7 @@ class Hearer(Protocol):
     def time_ns(self, time_s: float) -> float:
         """Absolute time [ns] of a time in the seconds of the tracks."""
 
-    def could_be(self, frequency_hz: float) -> bool:
+    def may_be_at(self, frequency_hz: float) -> bool:
         """True if it searches for its tag at an absolute frequency."""
 
     @property
@@ -49,7 +49,7 @@ class Hearer(Protocol):
         """Report the pulses of a track, unless it is held."""
 
 
-H = TypeVar("H", bound=Hearer)
+H = TypeVar("H", bound=FollowingDetector)
 
 
 @dataclass(slots=True)
@@ -63,14 +63,14 @@ class Train(Generic[H]):
     confirmed: bool = False
     likely: bool = False
     """True if it is neither noise nor, most likely, a chance series of bursts."""
-    heard_ns: float = 0.0
+    last_pulse_ns: float = 0.0
     """Time of its last pulse [ns]."""
     pulses_ns: list[int] = field(default_factory=list)
     """Times of its newest pulses [ns]."""
     explains: float = 0.0
     """Log-likelihood of its pulses, relative to noise."""
 
-    def weigh_up(self) -> None:
+    def combine(self) -> None:
         """Set interval, frequency and times from the best of its tracks."""
         # What is not confirmed yet says nothing of a train that is, what is mere noise nothing
         # of one that is likely.
@@ -84,14 +84,14 @@ class Train(Generic[H]):
             for pair in some
             if pair[1].interval_s < SENDERS.same_interval_ratio * shortest_s
         ]
-        hearer, best = min(some, key=lambda pair: (pair[1].variance[2], pair[0].tag.tag_id))
+        detector, best = min(some, key=lambda pair: (pair[1].variance[2], pair[0].tag.tag_id))
         self.interval_s = best.interval_s
         self.sigma_s = math.sqrt(max(best.variance[2], 0.0))
-        self.frequency_hz = hearer.absolute_hz(best)
+        self.frequency_hz = detector.absolute_hz(best)
         self.confirmed = any(track.confirmed for _, track in self.tracks)
         self.likely = any(_is_likely(track) for _, track in self.tracks)
-        self.heard_ns = max(h.time_ns(t.last_accepted_s) for h, t in self.tracks)
-        self.pulses_ns = _found_ns(best)
+        self.last_pulse_ns = max(h.time_ns(t.last_accepted_s) for h, t in self.tracks)
+        self.pulses_ns = _found_times_ns(best)
         self.explains = evidence(best.slots, strength(best))
 
 
@@ -119,41 +119,39 @@ class KnownPulse:
         return slot.measured.power <= leak
 
 
-def put_together(hearers: Iterable[H]) -> list[Train[H]]:
+def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
     """Merge the tracks of the same pulses into trains.
 
-    A fast tag's track comes before those of twice and three times its interval, which share its
-    pulses in turn but have none in common.
+    A fast tag's track comes before those of twice its interval, which share its pulses.
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
     """Tracks by frequency, each with the index of its train."""
     pairs = [
-        (hearer, track)
-        for hearer in hearers
-        for track in hearer.tracks
-        if not track.dead and _is_active(track, hearer.now_s)
+        (detector, track)
+        for detector in detectors
+        for track in detector.tracks
+        if not track.dead and _is_active(track, detector.now_s)
     ]
-    for hearer, track in sorted(pairs, key=lambda pair: _explains_most(pair[1])):
-        place = math.floor(hearer.absolute_hz(track) / BOUNDS.same_transmitter_hz)
+    for detector, track in sorted(pairs, key=lambda pair: _explains_most(pair[1])):
+        place = math.floor(detector.absolute_hz(track) / BOUNDS.same_transmitter_hz)
         others = [o for at in (-1, 0, 1) for o in near.get(place + at, ())]
         others.sort(key=lambda other: other[2])
-        mate = next((at for h, t, at in others if _are_one(hearer, track, h, t)), len(trains))
+        mate = next((at for h, t, at in others if _are_one(detector, track, h, t)), len(trains))
         if mate == len(trains):
             trains.append(Train([]))
-        trains[mate].tracks.append((hearer, track))
-        near.setdefault(place, []).append((hearer, track, mate))
+        trains[mate].tracks.append((detector, track))
+        near.setdefault(place, []).append((detector, track, mate))
     for train in trains:
-        train.weigh_up()
+        train.combine()
     return trains
 
 
-def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
+def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
     """Find the trains with hardly a pulse of their own.
 
     A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
-    1881 ms, and sometimes one of a third. Returns those that explain less than the confirmed
-    trains of whose pulses they consist.
+    1881 ms. Returns those that explain less than the confirmed trains whose pulses they share.
     """
     found: list[Train[H]] = []
     confirmed = sorted(
@@ -183,22 +181,22 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
 def known_pulses(train: Train[H]) -> list[KnownPulse]:
     """Newest pulses of a confirmed train, and the one that is due."""
     known = []
-    for hearer, track in train.tracks:
+    for detector, track in train.tracks:
         if not track.confirmed or track.dead:
             continue
-        at_hz = hearer.absolute_hz(track)
-        heard = track.received
-        known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in heard]
-        if heard:
+        at_hz = detector.absolute_hz(track)
+        received = track.received
+        known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in received]
+        if received:
             # Who began with it may have been faster than this detector.
             time_s, half_s = track.expected()
             half_ns = NANOSECONDS_PER_SECOND * half_s
-            power = max(slot.measured.power for slot in heard)
-            known.append(KnownPulse(hearer.time_ns(time_s), half_ns, at_hz, power))
+            power = max(slot.measured.power for slot in received)
+            known.append(KnownPulse(detector.time_ns(time_s), half_ns, at_hz, power))
     return known
 
 
-def heard_ns(track: Track) -> list[int]:
+def pulse_times_ns(track: Track) -> list[int]:
     """Times of the accepted pulses of a track [ns]."""
     return [slot.time_ns for slot in track.received]
 
@@ -215,13 +213,12 @@ def _is_likely(track: Track) -> bool:
     return track.confirmed or (track.stands_out and track.odds > SENDERS.likely_odds)
 
 
-def _found_ns(track: Track) -> list[int]:
-    """Times of its newest pulses, including those that wait for confirmation [ns]."""
+def _found_times_ns(track: Track) -> list[int]:
     return [slot.time_ns for slot in track.slots if _is_found(track, slot)]
 
 
 def _is_found(track: Track, slot: Slot) -> bool:
-    return slot.received or (not track.confirmed and slot.said > 0.0)
+    return slot.received or (not track.confirmed and slot.tag_odds > 0.0)
 
 
 def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
@@ -248,16 +245,17 @@ def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
 
 
 def _is_active(track: Track, now_s: float) -> bool:
-    """True if a track received pulses recently; always for a tentative one."""
     return not track.confirmed or now_s - track.last_accepted_s < 5.0 * track.interval_s
 
 
-def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
+def _are_one(
+    one_at: FollowingDetector, one: Track, two_at: FollowingDetector, two: Track
+) -> bool:
     apart_hz = abs(one_at.absolute_hz(one) - two_at.absolute_hz(two))
     if apart_hz > BOUNDS.same_transmitter_hz:
         return False
     near_ns = 0.75e9 * max(one.tag.pulse_width_s, two.tag.pulse_width_s)
-    ones, twos = heard_ns(one), heard_ns(two)
+    ones, twos = pulse_times_ns(one), pulse_times_ns(two)
     intervals_s = one.interval_s, two.interval_s
     if max(intervals_s) > SENDERS.same_interval_ratio * min(intervals_s):
         # The slower one's pulses lie further back than the other's slots.

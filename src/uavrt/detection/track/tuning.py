@@ -1,7 +1,6 @@
 """Constants of judging groups and following tags: one frozen record for each step.
 
-Powers of pulses are in units of the noise power, odds are natural logarithms. Measurements:
-docs/explanation/detection.md.
+Powers are in units of the noise power, odds are natural logarithms (explanation/detection.md).
 """
 
 import math
@@ -10,11 +9,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandTuning:
-    """How the columns of a band are searched, and its noise learnt."""
+    """Constants for searching the columns of a band, and estimating its noise."""
 
     noise_batches: int = 3
-    """Number of batches collected before the noise is updated: a call costs more than its
-    data."""
+    """Number of batches after which the noise is updated: a call costs more than its data."""
     least_noise_s: float = 0.35
     """Least duration from which the noise is estimated [s]."""
     least_clean: float = 0.2
@@ -35,7 +33,7 @@ class BandTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgeTuning:
-    """How a candidate's pulses are told from other signals."""
+    """Constants for distinguishing a candidate's pulses from other signals."""
 
     uniformity: float = 0.3
     """Least power of a pulse of a short group, as a share of the strongest."""
@@ -46,27 +44,23 @@ class JudgeTuning:
     off_row_hz: float = 8.0
     """Distance of a measured frequency from the searched one that ends the refinement [Hz]."""
     flank_ratio: float = 2.0
-    """Largest power half a pulse earlier or later, or 35 Hz away, over the power of the pulse;
-    more belongs to another tag."""
+    """Largest power half a pulse or 35 Hz away over that of a pulse; more is another tag's."""
     lobe_ratio: float = 3.0
     """Least power of a stronger signal of which a pulse is a side lobe, over the pulse's."""
     weak_power: float = 4.0
-    """Power of a pulse below which its surroundings are no evidence [noise powers]: noise
-    reaches twice as much in most windows."""
+    """Power below which the surroundings of a pulse are no evidence [noise powers]."""
     loud_power: float = 8.0
     """Power above which a pulse is tested for being an impulse [noise powers]."""
     most_flanks: float = 6.0
     """Largest excess on the flanks of a group's pulses [noise powers]. Noise reaches it in one
     window of 300 000, pulses of a tag with another interval often."""
     pulses_per_foreign: int = 4
-    """Least number of pulses of a group for each that may be another sender's."""
+    """Least number of a group's pulses for each pulse that may be another sender's."""
     flank_bins: float = 1.9
     """Distance within which the maximum of a strong pulse is searched [bins]: cells at their
-    limit hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low. Beyond it
-    is a side lobe."""
+    limit hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Difference of intervals beyond the bound that is tried [pulse widths]. Of pulses with a
-    larger one, two meet a lattice."""
+    """Difference of intervals tried beyond the bound [pulse widths]; larger ones meet twice."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
     loses more than it gains by noise 0.375 ms beyond."""
@@ -74,13 +68,12 @@ class JudgeTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundTuning:
-    """How far a group or track may be from what its tag declares."""
+    """Largest deviations of a group or track from what its tag declares."""
 
     clock_error: float = 3.0e-4
     """Relative error of the sample clock, in addition to the tag's uncertainty."""
     edge_bins: float = 0.5
-    """Distance beyond the band at which a pulse is accepted [bins]: half the width of a
-    pulse's spectrum."""
+    """Distance beyond the band at which a pulse is accepted [bins]: half its spectrum."""
     timing_sigmas: float = 2.5
     """Tolerance for the timing noise of a pulse [standard deviations]."""
     line_sigmas: float = 3.0
@@ -97,7 +90,7 @@ class BoundTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstTuning:
-    """How bursts of other transmitters are counted."""
+    """Constants for counting bursts of other transmitters."""
 
     noise_sigmas: float = 3.0
     """Excess over noise at which bursts are counted [standard deviations]."""
@@ -118,7 +111,7 @@ class BurstTuning:
     pair_s: float = 0.012
     """Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
     least_phases: int = 3
-    """Least number of phases of the interval with such pairs; fewer are another tag's."""
+    """Least number of phases at which bursts are an interval apart; fewer are a tag's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,21 +137,20 @@ class ChanceTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowTuning:
-    """How a track is confirmed, followed and ended."""
+    """Constants for confirming, following and ending a track."""
 
     confirm_false: float = 0.0005
     """Chance that noise confirms a tentative track, per test; 0.2 to 0.6 % of noise groups."""
     confirm_long_false: float = 0.002
     """Chance that noise confirms a track of more than `most_alone` pulses, per test."""
     more_tests: int = 2
-    """Number of tests beyond K: at 9 dB three places confirm one track in two, five three in
-    four."""
+    """Number of tests beyond K: at 9 dB they confirm three tracks in four instead of two."""
     follow_false: float = 0.01
     """Chance that noise is accepted as a pulse of a confirmed track, per K intervals."""
     most_tests: int = 40
     """Most tests of a track that stands out from noise and may be a series of bursts."""
     odds_lost: float = 4.0
-    """Fall of the log odds from their maximum at which it ends: three empty places."""
+    """Fall of the log odds from their maximum at which a track ends: three empty places."""
     most_missed: int = 10
     """Most consecutive missed pulses of a track."""
     first_trust: float = 3.0
@@ -171,8 +163,7 @@ class FollowTuning:
     """Largest gain of log odds by a pulse."""
     joint_trust: float = 6.0
     """Log odds from which a weak pulse is accepted by its sum with others. The peaks that began
-    a track of noise are the largest of many: with their help a third of all noise places
-    passed."""
+    a track of noise are the largest of many: with them a third of all noise places passed."""
     sure_trust: float = 10.0
     """Log odds above which the pulses of a track are certainly no bursts."""
     most_alone: int = 8
@@ -187,8 +178,7 @@ class FollowTuning:
     weakest_power: float = 3.0
     """Power below which a pulse is mostly noise and is not reported [noise powers]."""
     weakest_share: float = 0.35
-    """Least power of a pulse as a share of the strongest in its group. It rejects two strong
-    pulses with noise as a third."""
+    """Least power of a group's pulse, as a share of the strongest; less may be noise."""
     joint_ratio: float = 2.0
     """Largest power of other pulses that supports a weak one, over its own."""
     joint_share: float = 0.2
@@ -198,7 +188,7 @@ class FollowTuning:
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Share of these log odds that is kept with each new pulse."""
+    """Share of the log odds of even, or odd, places that is kept with each new pulse."""
     half_false: float = 0.01
     """Factor on the allowed number of false pulses at places where the tag does not send."""
     sure_power: float = 12.0
@@ -208,8 +198,7 @@ class FollowTuning:
     phase_walk_s: float = 0.3e-3
     """Standard deviation of the phase's change from pulse to pulse [s]."""
     most_drift_hz: float = 15.0
-    """Largest change of frequency from pulse to pulse [Hz]; a warming crystal changes by some
-    hertz."""
+    """Largest change of frequency from pulse to pulse [Hz]; a warming crystal has less."""
     steady_gain: float = 0.1
     """Gain of the slow average of the frequency, which scatters a quarter as much as pulses."""
     past_pulses: int = 24
@@ -227,7 +216,7 @@ class FollowTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateTuning:
-    """How a tag's change between its two rates is recognized."""
+    """Constants for recognizing a tag's change between its two rates."""
 
     decisive_log: float = 8.0
     """Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
@@ -241,7 +230,7 @@ class RateTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GhostTuning:
-    """How copies of a tag that the receiver makes are recognized."""
+    """Constants for recognizing copies of a tag that the receiver makes."""
 
     stronger_ratio: float = 10.0**0.8
     """Least power of an original over its ghost's. An image is 25 to 40 dB down. The third
@@ -250,8 +239,7 @@ class GhostTuning:
     least_pulses: int = 3
     """Least number of pulses of a ghost."""
     mistaken_share: float = 1e-3
-    """Largest share of real tags mistaken for ghosts, among those whose pulses coincide with
-    another's."""
+    """Largest share of real tags mistaken for ghosts, if pulses coincide with another's."""
     edge_ratio: float = 100.0
     """Least power of a pulse over that of its edges far from its frequency."""
     edge_noise: float = 2.5
@@ -270,7 +258,7 @@ class GhostTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SenderTuning:
-    """How trains of pulses are assigned to tags."""
+    """Constants for assigning trains of pulses to tags."""
 
     ruled_out_log: float = math.log(20.0)
     """Log-likelihood ratio at which another tag is ruled out."""
@@ -282,15 +270,13 @@ class SenderTuning:
     bound_sigmas: float = 3.0
     """Declared bound of an error [standard deviations of the error]."""
     most_miss: float = 30.0
-    """Largest squared deviation of a frequency that counts [variances]: tags may be off as far
-    as the search reaches."""
+    """Largest squared deviation of a frequency that counts [variances]."""
     stay_log: float = 1.0
     """Log-likelihood ratio at which a train moves from its tag to another."""
     any_tag_log: float = 50.0
     """Value of assigning any tag: more than all that distinguishes tags."""
     relearn_ns: float = 60e9
-    """Time for which a tag must be received with another interval to replace the learnt one
-    [ns]."""
+    """Time of reception with another interval after which it replaces the learnt one [ns]."""
     most_trains: int = 6
     """Most trains of one band that are assigned: the last received."""
     kept_ns: int = 40_000_000_000
@@ -298,8 +284,7 @@ class SenderTuning:
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
     """Ratios of two intervals at which common pulses fit both tags."""
     likely_odds: float = -6.0
-    """Log odds below which an unconfirmed track counts as bursts. Groups are reported from
-    about there on."""
+    """Log odds below which an unconfirmed track counts as bursts, and is hardly reported."""
     same_train_share: float = 2.0 / 3.0
     """Least share of common pulses in two tracks of one train; less is a collision."""
     foreign_share: float = 2.0 / 3.0

@@ -3,14 +3,11 @@
 Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
 may be of the other rate. The other rate is followed from each pulse at which the tag may have
 switched. The evidence for each is a sum of log-likelihood ratios, a pulse against none, over
-its expected places. A pulse is confirmed at a rate once that rate leads. At rates of 1 : 2 the
-first pulse after a switch to the longer rate lies where the shorter one expects every second
-pulse, and keeps the old rate's number.
+its expected places.
 
 A pulse that both rates expect waits until one rate leads by a log-likelihood of 8, and is
 reported as detected after two and a half of the longer intervals. Without waiting, about two
-pulses after each switch were confirmed at the wrong rate; with it, none in 256 switches at 14
-dB.
+pulses after each switch were confirmed at the wrong rate; with it, none in 256 switches.
 """
 
 import math
@@ -23,8 +20,7 @@ from uavrt.detection.track.tuning import RATES
 def log_evidence(power: float, strength: float) -> float:
     """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
 
-    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the Bessel function
-    (error below 0.05 from an argument of 2).
+    log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the function I0.
     """
     argument = 2.0 * math.sqrt(strength * max(power, 0.0))
     if argument < 2.0:
@@ -32,34 +28,34 @@ def log_evidence(power: float, strength: float) -> float:
     return argument - 0.5 * math.log(2.0 * math.pi * argument) - strength
 
 
-def set_up_rivals(track: Track) -> None:
+def start_other_rate(track: Track) -> None:
     """Start a track at the other rate from each received pulse without one."""
-    since_s = max((rival.settled_s for rival in track.at_other_rate), default=-math.inf)
+    since_s = max((other.settled_s for other in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
     for slot in track.received:
         if slot.time_s > since_s:
-            track.at_other_rate.append(_rival(track, slot))
+            track.at_other_rate.append(_at_other_rate(track, slot))
     del track.at_other_rate[: -RATES.most_starts]
 
 
-def _rival(track: Track, start: Slot) -> Track:
+def _at_other_rate(track: Track, start: Slot) -> Track:
     rate = 3 - track.rate
     nominal_s = track.tag.pulse_intervals_s
-    rival = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
+    other = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
     # The crystal's error is the same at both rates; what is left is that of their ratio.
     scale = track.interval_s / nominal_s[track.rate - 1]
-    rival.go_on_from(
+    other.continue_from(
         start, interval_s=nominal_s[rate - 1] * scale, share=RATES.uncertainty_share
     )
-    return rival
+    return other
 
 
-def lags(track: Track, rival: Track) -> bool:
+def lags(track: Track, other: Track) -> bool:
     """True if the other rate's track expects a pulse no later than the track's last place."""
-    return rival.expected()[0] < track.time_s + _margin_s(track)
+    return other.expected()[0] < track.time_s + _margin_s(track)
 
 
-def settle_rivalry(track: Track) -> Track | None:
+def decide_rate(track: Track) -> Track | None:
     """Decide between the rates if one leads; both must be evaluated to the same time.
 
     `track`: drops the tracks at the other rate that it beats, and updates the time until which
@@ -69,37 +65,36 @@ def settle_rivalry(track: Track) -> Track | None:
     enr = strength(track)
     leads: list[tuple[float, Track]] = []
     left = []
-    for rival in track.at_other_rate:
-        since_s = max(rival.settled_s, track.slots[0].time_s) + track.tag.pulse_width_s
-        lead = evidence(_between(rival, since_s, upto_s), enr)
+    for other in track.at_other_rate:
+        since_s = max(other.settled_s, track.slots[0].time_s) + track.tag.pulse_width_s
+        lead = evidence(_between(other, since_s, upto_s), enr)
         lead -= evidence(_between(track, since_s, upto_s), enr)
-        leads.append((lead, rival))
-        if lead < -RATES.decisive_log or rival.dead:
-            track.settled_s = max(track.settled_s, rival.settled_s)
+        leads.append((lead, other))
+        if lead < -RATES.decisive_log or other.dead:
+            track.settled_s = max(track.settled_s, other.settled_s)
         else:
-            left.append(rival)
+            left.append(other)
     track.at_other_rate = left
     most, best = max(leads, key=lambda pair: pair[0], default=(0.0, None))
-    heard = best is not None and best.last_accepted_s > best.settled_s
-    winner = best if heard and most > RATES.decisive_log else None
+    received = best is not None and best.last_accepted_s > best.settled_s
+    winner = best if received and most > RATES.decisive_log else None
     if winner is not None:
         starts_s = [
-            rival.settled_s for lead, rival in leads if lead > most - RATES.decisive_log
+            other.settled_s for lead, other in leads if lead > most - RATES.decisive_log
         ]
-        _dispute(track, winner, starts_s)
+        _mark_disputed(track, winner, starts_s)
     # Before the first pulse at which it may have switched, the rate is the track's.
-    since = [rival.settled_s for rival in left] if winner is None else [winner.settled_s]
+    since = [other.settled_s for other in left] if winner is None else [winner.settled_s]
     certain_s = min(since, default=track.time_s) + track.tag.pulse_width_s
     track.certain_s = max(track.certain_s, certain_s)
     return winner
 
 
-def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
+def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
     """Mark the pulses whose rate depends on when the tag switched.
 
     The switch is certain, but a noise peak where only one rate has a place can make a wrong
-    pulse the likelier one. `starts_s`: times of all pulses that may have been the last before
-    the switch [s].
+    pulse the likelier one. `starts_s`: times of pulses that may be the last before the switch.
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
@@ -109,19 +104,19 @@ def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
         slot.disputed |= since_s + half_s < slot.time_s < last_s - half_s
 
 
-def become(track: Track, rival: Track) -> None:
+def change_rate(track: Track, other: Track) -> None:
     """Continue a track at the rate of another one of the same tag."""
-    track.rate = rival.rate
-    track.time_s, track.interval_s = rival.time_s, rival.interval_s
-    track.variance, track.number = rival.variance, rival.number
-    track.slots = rival.slots
-    track.offset_hz, track.steady_hz = rival.offset_hz, rival.steady_hz
-    track.since_accepted, track.trust = rival.since_accepted, rival.trust
-    track.last_accepted_s = rival.last_accepted_s
+    track.rate = other.rate
+    track.time_s, track.interval_s = other.time_s, other.interval_s
+    track.variance, track.number = other.variance, other.number
+    track.slots = other.slots
+    track.offset_hz, track.steady_hz = other.offset_hz, other.steady_hz
+    track.since_accepted, track.trust = other.since_accepted, other.trust
+    track.last_accepted_s = other.last_accepted_s
     track.sequences = {}
     track.certain_s = track.time_s + _margin_s(track)
     track.at_other_rate = []
-    track.settled_s = rival.last_accepted_s - track.tag.pulse_width_s
+    track.settled_s = other.last_accepted_s - track.tag.pulse_width_s
 
 
 def _between(track: Track, since_s: float, upto_s: float) -> list[Slot]:
@@ -129,7 +124,6 @@ def _between(track: Track, since_s: float, upto_s: float) -> list[Slot]:
 
 
 def _margin_s(track: Track) -> float:
-    """Distance below which places of the two rates are the same [s]."""
     return 0.25 * min(track.tag.pulse_intervals_s)
 
 
@@ -146,8 +140,7 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 def strength(track: Track) -> float:
     """ENR of the recent accepted pulses, limited to what a fade leaves.
 
-    Uses the stronger half of the last four: after a switch to the longer interval every second
-    is noise, which does not mean weaker pulses.
+    Uses the stronger half of the last four: at the longer interval every second is noise.
     """
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]

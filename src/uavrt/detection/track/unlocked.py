@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.signal.frequency_circle import apart_hz
-from uavrt.detection.track.chance import OnAir
+from uavrt.detection.track.chance import BurstRates
 from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BOUNDS
 
@@ -19,13 +19,13 @@ FoundPulse = tuple[int, float, int, Measured]
 """Place among the K, time [s], time [ns], and measurement of a pulse."""
 
 
-def joined(
+def join_group(
     tracks: list[Track],
     pulses: list[FoundPulse],
     *,
     rate: int,
     sample_rate_hz: float,
-    around: Callable[[Track, Measured], OnAir],
+    around: Callable[[Track, Measured], BurstRates],
 ) -> Track | None:
     """Join a group to the one that it continues, if any."""
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
@@ -63,7 +63,7 @@ def _continued(
     return None
 
 
-def forget_old(tracks: list[Track], now_s: float) -> None:
+def drop_old(tracks: list[Track], now_s: float) -> None:
     """Drop the groups that no new group can continue, in place."""
     tracks[:] = [
         t

@@ -1,5 +1,5 @@
 """Download flights from the drone to this computer.
 
-`ftp_client` speaks MAVLink FTP, `drone_files` finds the quickest way to the drone,
-`downloads` fetches for the page and shows progress, and `same_flight` protects local files.
+`ftp_client` implements MAVLink FTP, and `drone_files` selects the fastest link to the drone.
+`downloads` fetches for the page and shows progress; `same_flight` protects local files.
 """

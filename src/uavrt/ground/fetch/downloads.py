@@ -24,7 +24,7 @@ from uavrt.ground.fetch.ftp_client import (
 )
 from uavrt.ground.fetch.sample_files import is_samples
 from uavrt.ground.link.served_vehicle import ServedVehicle
-from uavrt.ground.store.beside_drone import is_the_drones
+from uavrt.ground.store.drone_directory import is_drone_directory
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
@@ -44,10 +44,10 @@ class Download:
     file: str = ""
     done_bytes: int = 0
     whole_bytes: int | None = None
-    """None while the drone's files are being listed."""
+    """Size of the flight [bytes]; None while the drone's files are being listed."""
     ended: bool = False
     error: str | None = None
-    """Why it stopped early; None otherwise."""
+    """Reason for an aborted download; None without one."""
 
 
 class Downloads:
@@ -62,7 +62,7 @@ class Downloads:
         self.current: Download | None = None
 
     def receive(self, frame: Frame) -> None:
-        """Handle a frame of the link; only frames of the drone's file server count."""
+        """Handle a frame of the link; ignored unless it is from the drone's file server."""
         link = self._vehicle.connection.link
         if frame.message_id != dialect.FileTransferProtocol.ID or link is None:
             return
@@ -76,7 +76,7 @@ class Downloads:
             self._client.receive(message.payload)
 
     async def flights(self) -> list[dict[str, Any]]:
-        """List the flights on the drone, newest first, and whether each is here."""
+        """List the flights on the drone, newest first; mark those downloaded already."""
         if self._asking.locked():
             raise LinkError(
                 "a download is already running", remedy="Wait until it has finished"
@@ -89,15 +89,13 @@ class Downloads:
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
-        """Start to fetch a flight; its progress is sent to all pages.
-
-        `flight_id`: its name on the drone.
-        `everything`: fetch its recorded samples as well.
-        """
+        """Start to fetch a flight, with its recorded samples if `everything` is True."""
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
         if self._is_own(flight_id):
-            raise UsageError(f"{flight_id} is here: this is the drone's own computer")
+            raise UsageError(
+                f"{flight_id} is already on this computer, which is the drone's own"
+            )
         if self._task is not None and not self._task.done():
             raise LinkError(
                 "a download is already running", remedy="Wait until it has finished"
@@ -127,12 +125,14 @@ class Downloads:
                 wanted = [one for one in tree.files if everything or not is_samples(one.path)]
                 await self._fetch_files(flight_id, _database_last(wanted))
             error = None
-            self._vehicle.feed.note(6, f"{flight_id} is here")
+            self._vehicle.feed.note(6, f"{flight_id} downloaded")
             if tree.left_out:
-                self._vehicle.feed.note(4, f"{tree.left_out} entries of {flight_id} left out")
+                self._vehicle.feed.note(
+                    4, f"{tree.left_out} files of {flight_id} were left out"
+                )
         except UavrtError as fault:
             error = str(fault)
-            self._vehicle.feed.note(4, f"{flight_id} not fetched: {error}")
+            self._vehicle.feed.note(4, f"{flight_id} could not be downloaded: {error}")
         finally:
             assert self.current is not None
             self.current = replace(self.current, ended=True, error=error)
@@ -148,7 +148,10 @@ class Downloads:
             inside = entry.path.removeprefix(f"/{flight_id}/")
             place = self._place(flight_id) / inside
             if not place.resolve().is_relative_to(self._place(flight_id).resolve()):
-                raise UsageError(f"{entry.path[:80]!r} is outside its flight")
+                raise UsageError(
+                    f"the drone listed the file {entry.path[:80]!r}, which is outside its "
+                    "flight"
+                )
 
             def show(done: int, size: int, file: str = inside, before: int = before) -> None:
                 assert self.current is not None
@@ -176,10 +179,10 @@ class Downloads:
         return self._vehicle.store.directory / f"{flight_id}{FETCHED_COPY}"
 
     def _is_own(self, flight_id: str) -> bool:
-        """True if the drone side runs on this computer and the flight is in its directory."""
+        """True if the drone side runs on this computer and this flight is in its directory."""
         directory = self._vehicle.store.directory
         here = FlightLayout(directory / flight_id).database.is_file()
-        return here and is_the_drones(directory)
+        return here and is_drone_directory(directory)
 
     def _complete(self, flight_id: str) -> bool:
         return FlightLayout(self._place(flight_id)).database.is_file()
@@ -189,5 +192,5 @@ class Downloads:
 
 
 def _database_last(entries: list[RemoteEntry]) -> list[RemoteEntry]:
-    """Sort small files first and the database last: a flight is listed once it is complete."""
+    """Sort small files first and the database last, since only a complete flight is listed."""
     return sorted(entries, key=lambda one: (one.path.endswith("/flight.sqlite"), one.size or 0))

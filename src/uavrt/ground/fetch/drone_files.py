@@ -1,7 +1,7 @@
-"""Connect `uavrt fetch` to the drone over one link, or the quickest of several.
+"""Connect `uavrt fetch` to the drone over the fastest of several links.
 
-To the drone this is one more program of the ground's system, not a ground station, so it
-receives no pulses.
+The drone treats this program as a member of the ground's MAVLink system that is no ground
+station, and sends it no pulses.
 """
 
 import asyncio
@@ -11,7 +11,7 @@ from contextlib import asynccontextmanager
 
 from uavrt.errors import LinkError
 from uavrt.ground.fetch.ftp_client import FileClient, file_request
-from uavrt.ground.link.parallel_links import Ways
+from uavrt.ground.link.parallel_links import DroneLinks
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, own_heartbeat
@@ -21,15 +21,15 @@ from uavrt.mavlink.waiting import within
 
 BEAT_S = 1.0
 OWN_COMPONENT = 197
-"""MAVLink component of this program; different from the ground station's."""
+"""MAVLink component id of this program; different from the ground station's, 190."""
 PINGS = 4
 PING_S = 0.25
 
 
 class DroneFiles:
-    """Links to the drone for files only.
+    """Links to the drone that transfer only files.
 
-    Of several, the quickest is used, and the next one when it does not answer.
+    The fastest of several links is used, and the next one if it does not answer.
 
     ::
 
@@ -49,20 +49,20 @@ class DroneFiles:
         self._now_ns = now_ns
         self._own = Peer(STATION_SYSTEM_ID, OWN_COMPONENT)
         self._signing = None if signing_key is None else Signing(signing_key, now_ns)
-        self._ways = Ways(self._own.place, self._receive, now_ns, signing=self._signing)
+        self._links = DroneLinks(self._own.place, self._receive, now_ns, signing=self._signing)
         self._drone: Peer | None = None
         self._found = asyncio.Event()
         self._trips_ns: dict[int, int] = {}
         self.link = 0
-        """The link in use."""
+        """Index of the link in use."""
         self._client = FileClient(
             self._send, now_ns, session=secrets.randbelow(256), unanswered=self._next_link
         )
 
     @asynccontextmanager
     async def open(self, *addresses: str, timeout_s: float = 20.0) -> AsyncIterator[FileClient]:
-        """Open the links, find the drone, choose the quickest; raises `LinkError`."""
-        tasks = await self._ways.open(addresses)
+        """Open the links, find the drone, and select the fastest link; raises `LinkError`."""
+        tasks = await self._links.open(addresses)
         tasks.append(asyncio.create_task(self._beat()))
         try:
             await self._find(timeout_s)
@@ -72,7 +72,7 @@ class DroneFiles:
         finally:
             for task in tasks:
                 task.cancel()
-            await self._ways.close()
+            await self._links.close()
 
     async def _find(self, timeout_s: float) -> None:
         if not await within(timeout_s, self._found.wait()):
@@ -84,7 +84,7 @@ class DroneFiles:
             )
 
     async def _compare(self, links: int) -> None:
-        """Ping the drone by every link; take the one with the shortest round trip."""
+        """Ping the drone over every link; select the one with the shortest round trip."""
         for number in range(PINGS):
             for link in range(links):
                 ping = dialect.Ping(
@@ -93,14 +93,14 @@ class DroneFiles:
                     target_system=0,
                     target_component=0,
                 )
-                self._ways.send(ping, link)
+                self._links.send(ping, link)
             await asyncio.sleep(PING_S)
         if self._trips_ns:
             self.link = min(self._trips_ns, key=self._trips_ns.__getitem__)
 
     def _next_link(self) -> None:
         """Switch to another link on which the drone is received, if there is one."""
-        others = [link for link in self._ways.alive() if link != self.link]
+        others = [link for link in self._links.alive() if link != self.link]
         if others:
             later = [link for link in others if link > self.link]
             self.link = (later or others)[0]
@@ -109,7 +109,7 @@ class DroneFiles:
         """Send a heartbeat once a second, so that the autopilot can route messages to us."""
         message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
-            self._ways.send_by_all(message)
+            self._links.send_by_all(message)
             await asyncio.sleep(BEAT_S)
 
     def _receive(self, frame: Frame, link: int) -> None:
@@ -118,7 +118,7 @@ class DroneFiles:
         if self._signing is not None and not self._signing.accepts(frame):
             return
         message = frame.message()
-        self._ways.heard_drone(link, pulse=False)
+        self._links.drone_received(link, pulse=False)
         if isinstance(message, dialect.Heartbeat):
             if self._drone is None:
                 self.link = link
@@ -135,4 +135,4 @@ class DroneFiles:
 
     def _send(self, payload: bytes) -> None:
         if self._drone is not None:
-            self._ways.send(file_request(self._drone, payload), self.link)
+            self._links.send(file_request(self._drone, payload), self.link)

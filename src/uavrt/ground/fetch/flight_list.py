@@ -1,7 +1,7 @@
 """List the flights on the drone in the order in which they were flown.
 
-Their names come from a clock that may start in 1970; the drone keeps their order in a file
-(`uavrt.recording.flight_order`).
+The drone's clock may start in 1970, so the dates in flight names can be wrong. The drone keeps
+the order in a file (`uavrt.recording.flight_order`).
 """
 
 from pathlib import PurePosixPath
@@ -11,7 +11,7 @@ from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
 from uavrt.recording.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, names_in_order
 
 MOST_NOTED = 8_000
-"""Bytes read from the end of that file: some 250 flights, 2 s over a radio."""
+"""Bytes read from the end of the drone's order file: some 250 flights, 2 s over a radio."""
 
 
 async def drone_flights(client: FileClient) -> list[str]:
@@ -28,13 +28,15 @@ async def drone_flights(client: FileClient) -> list[str]:
 
 
 async def _noted(client: FileClient, entry: RemoteEntry) -> list[str]:
-    """Read the last names in the drone's order file; empty where the drone has none."""
+    """Read the last names in the drone's order file; empty if the drone has no such file."""
     got = bytearray()
     start = max(0, (entry.size or 0) - MOST_NOTED)
 
     def allow(size: int) -> None:
         if size - start > 2 * MOST_NOTED:
-            raise LinkError(f"{entry.path} was listed with {entry.size} bytes, not {size}")
+            raise LinkError(
+                f"the drone listed {entry.path} with {entry.size} bytes, but sent {size}"
+            )
 
     async def keep(data: bytes) -> None:
         got.extend(data)

@@ -1,11 +1,11 @@
-"""Our own MAVLink FTP client: flights from the drone, over the link that is there.
+"""MAVLink FTP client for flights on the drone.
 
-It asks for bursts and, after each, again for what was lost; goes on where an earlier attempt
-ended; and compares the checksum of the whole file. `FileClient` is pure: give it the replies
-and the time, send what it gives. `uavrt.ground.fetch.drone_files` puts it on links.
+It requests bursts, repeats requests for lost parts, resumes an earlier download, and compares
+the checksum of the whole file. `FileClient` does no I/O: its caller passes in replies and the
+time, and sends the requests. `uavrt.ground.fetch.drone_files` connects it to links.
 
-Whoever answers may not be the drone. Whatever arrives, the client gives up on an answer, burst
-or list after a minute without progress, bounds memory and disk, and replaces a local file only
+The answering system may not be the drone. So the client gives up on an answer, burst or list
+after a minute without progress, and bounds memory and disk use. It replaces a local file only
 with a later state of the same flight (`uavrt.ground.fetch.same_flight`).
 """
 
@@ -25,32 +25,35 @@ from uavrt.mavlink.waiting import within
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
 REPLY_NS = ns_from_s(1.5)
-"""Wait for a reply [ns]; longer than the queue of a slow radio delays one."""
+"""Wait for a reply before the request is repeated [ns]; the queue of a slow radio delays a
+reply by less."""
 TRIES = 10
-QUIET_NS = ns_from_s(2.0)
-"""Silence after which a burst is taken as finished [ns]."""
+BURST_GAP_NS = ns_from_s(2.0)
+"""Silence after which a burst counts as finished [ns]."""
 BURST_NS = ns_from_s(20.0)
 """Longest duration of a burst [ns]; the part received until then is kept."""
 BURST_BYTES = 1 << 20
-"""Largest part taken from one burst; a longer burst is requested again from there."""
+"""Most bytes accepted from one burst; the rest of a longer burst is requested again."""
 STALL_NS = ns_from_s(60.0)
 LEAST_BYTES, LEAST_ENTRIES = 6000, 30
-"""Bytes, or list entries, that must arrive within `STALL_NS`; the slowest radio brings three
-times as much."""
+"""Least progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest radio
+reaches three times as much."""
 MOST_REPLIES = 4096
 """Most replies queued; further ones are dropped and counted."""
 CHECKSUM_TRIES = 30
-"""Tries to get a checksum; a drone computes that of 1 GB in 10 s."""
-MOST_GROWTH = 16_000_000
-"""Bytes by which a file may exceed its listed size: its flight may still be recording."""
+"""Most requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
+MOST_GROWTH_BYTES = 16_000_000
+"""Bytes by which a file may exceed its listed size, since the drone may still be recording
+it."""
 MOST_BYTES = 2_000_000_000
-"""Largest flight without its recorded samples [bytes]; ten hours with 100 tags have a tenth."""
-ROOM_LEFT = 100_000_000
+"""Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags have a
+tenth of that."""
+FREE_BYTES_LEFT = 100_000_000
 """Free space to leave on this computer's disk [bytes]."""
 PART_SUFFIX = ".part"
-MOST_DEEP = 8
-"""Deepest nesting of directories. Our flights have 4; a hostile server could nest without
-end."""
+MOST_NESTED = 8
+"""Deepest nesting of directories that is listed. Flights have 4; a hostile server could nest
+without end."""
 MOST_ENTRIES = 20_000
 """Most files and directories in one tree or directory. A flight with 100 tags has 1200."""
 
@@ -61,7 +64,7 @@ class RemoteEntry:
 
     path: str
     size: int | None
-    """Bytes; None for a directory."""
+    """Size of the file [bytes]; None for a directory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,15 +73,15 @@ class RemoteTree:
 
     files: tuple[RemoteEntry, ...]
     left_out: int = 0
-    """Files and directories skipped: too deep, too many, or path too long; without their
-    content."""
+    """Number of files and directories skipped because they are too deep, too many, or have too
+    long a path."""
 
 
 class FileClient:
     """One conversation with the drone's file server; raises `LinkError`.
 
     `send`: sends a request of 251 bytes.
-    `unanswered`: called when nothing has arrived for a while, to try another link.
+    `unanswered`: called after a timeout, to try another link.
     """
 
     def __init__(
@@ -108,7 +111,7 @@ class FileClient:
     async def list_directory(self, path: str) -> list[RemoteEntry]:
         """List a directory; raises `LinkError` if it cannot be listed or never ends."""
         entries: list[RemoteEntry] = []
-        pace = _Pace(LEAST_ENTRIES, f"the list of {path}")
+        pace = _StallWatch(LEAST_ENTRIES, f"the list of {path}")
         while len(entries) < MOST_ENTRIES:
             pace.check(len(entries))
             reply = await self._ask(
@@ -123,22 +126,23 @@ class FileClient:
             entries += new
         raise LinkError(
             f"{path} on the drone has more than {MOST_ENTRIES} files and directories",
-            remedy="Name the part you want; or someone may be impersonating the drone",
+            remedy="Name the part to fetch; if this is unexpected, someone may be "
+            "impersonating the drone",
         )
 
     async def tree(self, path: str) -> RemoteTree:
-        """List the files below a directory, at most `MOST_DEEP` deep and `MOST_ENTRIES`."""
+        """List the files below a directory, at most `MOST_NESTED` deep and `MOST_ENTRIES`."""
         files: list[RemoteEntry] = []
         waiting = [(path, 1)]
         seen = left_out = 0
-        pace = _Pace(LEAST_ENTRIES, f"the list of what is in {path}")
+        pace = _StallWatch(LEAST_ENTRIES, f"the list of what is in {path}")
         while waiting:
             pace.check(seen)
             directory, depth = waiting.pop()
             for entry in await self.list_directory(directory):
                 seen += 1
                 unreachable = len(entry.path.encode()) > DATA_SIZE
-                too_deep = entry.size is None and depth >= MOST_DEEP
+                too_deep = entry.size is None and depth >= MOST_NESTED
                 if seen > MOST_ENTRIES or unreachable or too_deep:
                     left_out += 1
                 elif entry.size is None:
@@ -151,7 +155,7 @@ class FileClient:
         return RemoteTree(files=tuple(files), left_out=left_out)
 
     async def checksum(self, path: str) -> int:
-        """Get the checksum of a file, computed by the drone."""
+        """Query the checksum of a file, which the drone computes."""
         reply = await self._ask(
             Opcode.CALC_FILE_CRC32, data=path.encode(), tries=CHECKSUM_TRIES
         )
@@ -167,10 +171,10 @@ class FileClient:
         progress: Callable[[int, int], None] = lambda done, size: None,
         allow: Callable[[int], None] = lambda size: None,
     ) -> int:
-        """Read a file from `start` to its end; return its size.
+        """Read a file from byte `start` to its end; return its size.
 
         `write`: gets the bytes in order; must not block.
-        `progress`: gets the bytes received so far and the size.
+        `progress`: gets the number of bytes received so far and the size.
         `allow`: gets the size before anything is read; raises if it is too large.
         """
         opened = await self._ask(Opcode.OPEN_FILE_RO, data=path.encode())
@@ -179,7 +183,7 @@ class FileClient:
         allow(size)
         done, failures = start, 0
         ahead: dict[int, bytes] = {}
-        pace = _Pace(LEAST_BYTES, path, start)
+        pace = _StallWatch(LEAST_BYTES, path, start)
         while done < size:
             pace.check(done)
             if ahead:  # something before it was lost: only that again
@@ -210,11 +214,11 @@ class FileClient:
         return size
 
     async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
-        """Request a burst; store its parts between `offset` and `end` at their places."""
+        """Request a burst, and store its parts from byte `offset` to byte `end`."""
         self._send(self._request(Opcode.BURST_READ_FILE, offset=offset, size=DATA_SIZE))
         got: dict[int, bytes] = {}
         until_s = _soon(BURST_NS)
-        while (reply := await self._reply(QUIET_NS, until_s)) is not None:
+        while (reply := await self._reply(BURST_GAP_NS, until_s)) is not None:
             if reply.request_opcode != Opcode.BURST_READ_FILE:
                 continue
             self._sequence = max(self._sequence, reply.sequence)
@@ -258,14 +262,14 @@ class FileClient:
         raise _silent("the drone's file server")
 
     async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
-        """Get the next reply; None if none came in time, even amid unrelated ones."""
+        """Get the next reply; None if no matching one arrives in time."""
         left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
         return None if left_s <= 0.0 else await within(left_s, self._replies.get())
 
     def _request(
         self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
     ) -> bytes:
-        """Write the next request; replies to earlier ones are dropped."""
+        """Encode the next request; replies to earlier requests are dropped."""
         while not self._replies.empty():
             self._replies.get_nowait()
         self._sequence += 1
@@ -279,11 +283,8 @@ class FileClient:
         ).encode()
 
 
-class _Pace:
-    """Aborts a transfer that makes no progress.
-
-    `least`: amount that must arrive within `STALL_NS`.
-    """
+class _StallWatch:
+    """Aborts a transfer of which less than `least` arrives within `STALL_NS`."""
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
         self._least, self._what = least, what
@@ -295,14 +296,14 @@ class _Pace:
             self._from, self._until_s = done, _soon(STALL_NS)
         elif monotonic_s() > self._until_s:
             raise LinkError(
-                f"{self._what} makes no progress: {done - self._from} in "
+                f"the transfer of {self._what} has stalled: {done - self._from} received in "
                 f"{s_from_ns(STALL_NS):.0f} s",
                 remedy="Move closer to the drone and try again; what has arrived is kept",
             )
 
 
 def file_request(drone: Peer, payload: bytes) -> FileTransferProtocol:
-    """Address a request to the drone's file server."""
+    """Address an FTP request to the drone's file server."""
     return FileTransferProtocol(
         target_network=0,
         target_system=drone.system_id,
@@ -316,10 +317,7 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Refuse a flight that is implausibly large or does not fit on this disk.
-
-    `samples`: recorded samples, which may have any size, are included.
-    """
+    """Raise if a flight exceeds this disk or, without `samples`, has an implausible size."""
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
@@ -333,11 +331,12 @@ def _require_free(place: Path, size: int) -> None:
     parent = place
     while not parent.exists() and parent != parent.parent:
         parent = parent.parent
-    free = shutil.disk_usage(parent).free - ROOM_LEFT
+    free = shutil.disk_usage(parent).free - FREE_BYTES_LEFT
     if size > free:
         raise RecordingError(
-            f"{size / 1e6:.0f} MB are needed in {parent}, and {max(0, free) / 1e6:.0f} MB free",
-            remedy="Make room, or give another place with -o",
+            f"{size / 1e6:.0f} MB are needed in {parent}, but only {max(0, free) / 1e6:.0f} MB "
+            "are free",
+            remedy="Free disk space, or choose another directory with -o",
         )
 
 
@@ -347,11 +346,11 @@ async def fetch_file(
     place: Path,
     progress: Callable[[int, int], None] = lambda done, size: None,
 ) -> bool:
-    """Fetch one file; False if it was here already.
+    """Fetch one file; return False if it was here already.
 
-    It grows as ``NAME.part`` and gets its name once its checksum is right. An earlier part is
-    continued; if the result is wrong, it is fetched again once from the start. A different
-    local file of that name stays; the new one is then stored as ``NAME.other-1``.
+    The data goes to ``NAME.part``, which is renamed once its checksum is right. An existing
+    part is continued; with a wrong checksum the file is fetched once more from the start. A
+    different local file of that name stays, and the new one is stored as ``NAME.other-1``.
     """
     alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
     if alike:
@@ -366,9 +365,9 @@ async def fetch_file(
 
     def allow(size: int) -> None:
         listed = entry.size or 0
-        if size > listed + max(listed, MOST_GROWTH):
+        if size > listed + max(listed, MOST_GROWTH_BYTES):
             raise LinkError(
-                f"{entry.path} has {size} bytes now, and was listed with {listed}",
+                f"{entry.path} has {size} bytes, but the drone listed {listed}",
                 remedy="Fetch it again; if it persists, someone may be impersonating the drone",
             )
         _require_free(part, size - (_size(part) or 0))
@@ -394,7 +393,7 @@ async def fetch_file(
 
 
 class _Appending:
-    """A growing file, written in another thread; a kill loses nothing that was written."""
+    """File to which a thread appends; a killed program loses nothing already written."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -407,14 +406,14 @@ class _Appending:
         await asyncio.to_thread(self._file.close)
 
     async def write(self, data: bytes) -> None:
-        """Write all of it."""
+        """Write all of the bytes."""
         left = memoryview(data)
         while left:
             left = left[await asyncio.to_thread(self._file.write, left) :]
 
 
 def file_checksum(path: Path) -> int:
-    """Checksum of a file, as the drone computes it."""
+    """Checksum of a local file by the drone's algorithm (MAVLink FTP's CRC-32)."""
     value = 0
     with path.open("rb") as file:
         while part := file.read(1 << 20):
@@ -423,7 +422,7 @@ def file_checksum(path: Path) -> int:
 
 
 def _size(path: Path) -> int | None:
-    """Size of a local file; None without one."""
+    """Size of a local file [bytes]; None if it does not exist."""
     try:
         return path.stat().st_size if path.is_file() else None
     except OSError:
@@ -433,13 +432,14 @@ def _size(path: Path) -> int | None:
 def _entry(directory: str, line: bytes) -> RemoteEntry:
     """Parse one line of a directory listing.
 
-    Names arrive over an open link and become files here: none may lead outside the flight.
+    Names arrive over an open link and become local files: reject any that lead outside the
+    flight.
     """
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name
     if not good or not (size or "0").isdecimal():
         raise LinkError(
-            f"the drone's list has {line[:80]!r}, which is not a file name and size",
+            f"the drone sent an invalid list of files: {line[:80]!r} is not a name with a size",
             remedy="Someone may be impersonating the drone: see the manual on locking the link",
         )
     path = f"{directory.rstrip('/')}/{name}"

@@ -1,10 +1,10 @@
 """Decide whether a file from the drone may replace a local one.
 
-Names prove nothing: a simulated flight has the name of its second, a drone's clock may be
-wrong, and another server may answer. Three things do: a log only grows, so the new one
-begins with all of the old one; a flight's database keeps its pulses, so the new one has the
-same flight and all pulses of the old one; and the description of a recording keeps its
-stretches, whose times are corrected at most once.
+Equal names are no evidence: two simulated flights may begin in the same second, a drone's clock
+may be wrong, and another server may answer. So the content decides. A log only grows, so a new
+one begins with all of the old one. A database keeps its pulses, so the new one has the same
+flight and all pulses of the old one. A recording's description keeps its stretches, whose times
+are corrected at most once.
 """
 
 import sqlite3
@@ -20,9 +20,9 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHUNK = 1 << 20
 OTHER_SUFFIX = ".other-"
-MOST_OTHERS = 100
+MOST_RECORDS = 100
 _CORRECTED_S = 2.0
-"""Largest correction of a stretch's time when the clock has settled [s]."""
+"""Largest correction of a recorded stretch's start time once the drone's clock is set [s]."""
 
 _FLIGHT = "SELECT start_time_ns, clock_offset_ns, center_frequency_hz FROM {}.flight"
 _LACKING = (
@@ -32,14 +32,14 @@ _LACKING = (
 
 
 def place_for(new: Path, place: Path) -> Path:
-    """Get where a new file goes: to its place, or to a new name if another file is there."""
+    """Path for a new file: its own name, or a new name if a different file has that name."""
     if not place.exists() and not place.is_symlink():
         return place
     if place.is_file():
         later = same_recording if place.suffix == ".sigmf-meta" else same_database
         if begins_with(new, place) or later(new, place):
             return place
-    for number in range(1, MOST_OTHERS):
+    for number in range(1, MOST_RECORDS):
         other = place.with_name(f"{place.name}{OTHER_SUFFIX}{number}")
         if not other.exists():
             return other
@@ -47,12 +47,12 @@ def place_for(new: Path, place: Path) -> Path:
 
 
 def others(place: Path) -> list[Path]:
-    """List the files of the same original name that were stored under another one."""
+    """List the local files that got another name because their own name was in use."""
     return [p for p in place.parent.glob("*") if p.name.startswith(place.name + OTHER_SUFFIX)]
 
 
 def begins_with(new: Path, old: Path) -> bool:
-    """Whether a file begins with the whole content of another."""
+    """True if a file begins with the whole content of another."""
     with new.open("rb") as longer, old.open("rb") as shorter:
         while part := shorter.read(CHUNK):
             if longer.read(len(part)) != part:
@@ -61,7 +61,7 @@ def begins_with(new: Path, old: Path) -> bool:
 
 
 def same_database(new: Path, old: Path) -> bool:
-    """Whether a flight's database is a later state of another."""
+    """True if a flight's database is a later state of another."""
     try:
         with _both(new, old) as database:
             flights = [database.execute(_FLIGHT.format(n)).fetchone() for n in ("main", "here")]
@@ -75,7 +75,7 @@ def same_database(new: Path, old: Path) -> bool:
 
 
 def same_recording(new: Path, old: Path) -> bool:
-    """Whether the SigMF description of a recording is a later state of another."""
+    """True if the SigMF description of a recording is a later state of another."""
     try:
         formats, stretches = zip(*(_described(path) for path in (new, old)), strict=True)
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
@@ -95,7 +95,7 @@ def same_recording(new: Path, old: Path) -> bool:
 
 
 def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
-    """Describe a recording: kind; first sample, frequency and time [ns] of each stretch."""
+    """Read a recording's kind, and first sample, frequency and time [ns] of each stretch."""
     described = read_json(read_file(path, NOTES), NOTES)
     about = described["global"]
     kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))

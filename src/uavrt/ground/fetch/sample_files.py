@@ -4,13 +4,14 @@ from typing import Literal
 
 SampleKind = Literal["channels", "band"]
 CHANNELS: SampleKind = "channels"
-"""Recorded channels of the tags: 15 kB a second each."""
+"""Kind of sample file: recorded channels of single tags, 15 kB/s each."""
 BAND: SampleKind = "band"
-"""Recorded full band and captures: 1.5 MB/s and more, too much for any radio link."""
+"""Kind of sample file: recorded full band or raw capture, at least 1.5 MB/s and too much for a
+radio link."""
 
 
 def sample_part(path: str) -> SampleKind | None:
-    """Find which samples a file on the drone holds; None for all other files."""
+    """Kind of samples that a file on the drone holds; None for a file without samples."""
     if "/iq/channels/" in path:
         return CHANNELS
     return BAND if "/iq/" in path else None

@@ -1,18 +1,18 @@
-"""Estimate the drone's clock offset from the delays of its pulses. Pure."""
+"""Estimate the drone's clock offset from the delays of its pulses. No I/O."""
 
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 SKEW_PULSES = 5
-"""Pulses compared before the offset is judged: the first ones may be old, sent again after a
-gap."""
+"""Number of pulses compared before a clock offset is reported. The first pulses may be old
+ones, sent again after a gap."""
 LATE_NS = 10 * NANOSECONDS_PER_SECOND
 AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
-"""Bounds of a prompt pulse's delay [ns], normally 0.5 to 2 s; if all delays are beyond, the
-drone's clock is off."""
+"""Limits of a prompt pulse's delay: `LATE_NS` behind and `AHEAD_NS` ahead of our clock [ns]. A
+usual delay is 0.5 to 2 s; the drone's clock is wrong if all delays are outside."""
 
 
 class ClockSkew:
-    """Estimates by the promptest pulses how far the drone's clock is behind, once judged."""
+    """Estimates how far the drone's clock is behind ours, from the least delayed pulses."""
 
     def __init__(self) -> None:
         self.skew_ns: int | None = None
@@ -20,7 +20,7 @@ class ClockSkew:
         self._least_delay_ns: int | None = None
 
     def learn(self, delay_ns: int) -> str | None:
-        """Add the delay of a pulse; return a text when a difference first appears."""
+        """Add the delay of a pulse; return a message when an offset is first found."""
         self._delays += 1
         self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
         if self._delays < SKEW_PULSES:

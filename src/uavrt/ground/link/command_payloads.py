@@ -1,4 +1,4 @@
-"""Encode the ground's commands in the protocol generation that the drone speaks."""
+"""Encode the ground's commands in the protocol version of the drone."""
 
 import random
 from collections.abc import Sequence
@@ -16,10 +16,11 @@ from uavrt.tunnel.g2 import BareG2, RawCaptureG2, StartDetectionG2, TagG2, Uploa
 NUMBERED_FROM = 2**31
 
 
-class Writing:
-    """Encodes commands; those of G2 get a request id each, never 0.
+class CommandEncoder:
+    """Encodes commands for one protocol version.
 
-    `generation`: the drone's protocol. Commands of G2v1 are those of G1.
+    In G2 each command gets a request id, never 0.
+    `generation`: protocol version of the drone. G2v1 has the commands of G1.
     """
 
     def __init__(self, generation: Generation) -> None:
@@ -28,17 +29,17 @@ class Writing:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Write the messages of an upload in order; `LinkError` for tags that cannot be
+        """Encode the messages of a tag upload, in order; raises `LinkError` if a tag cannot be
         encoded.
 
-        The first begins it, then each tag has one, the last ends it. A coded tag's message has
-        type `CODED_TAG_TYPE`, all others type 0.
+        The first message begins the upload, each tag has one, and the last ends it. A coded
+        tag's message has type `CODED_TAG_TYPE`, all others type 0.
         """
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
             raise LinkError(
-                f"the thesis's software knows no coded tags (tags {coded})",
-                remedy="Send the beeping tags alone, or choose another generation",
+                f"the thesis's software cannot search for coded tags (tags {coded})",
+                remedy="Send only the beeping tags, or choose another drone software in Set-up",
             )
         if self._generation != "G2":
             older: Generation = "G0" if self._generation == "G0" else "G1"
@@ -76,7 +77,7 @@ class Writing:
         return [frames[0], *inside, frames[1]]
 
     def correction(self, tag: Tag) -> bytes:
-        """Write a beeping tag by itself, with values that a measurement has corrected."""
+        """Encode the correction of one beeping tag, with its measured values."""
         if self._generation != "G2":
             return tag_to_wire(tag, "G0" if self._generation == "G0" else "G1").encode()
         wire = tag_to_wire(tag, "G1")
@@ -85,7 +86,7 @@ class Writing:
         return TagG2(tag=wire, **numbers).encode()
 
     def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
-        """Write a start command; a frequency of None becomes 0: the drone's tuner chooses."""
+        """Encode a start command; a frequency of None becomes 0: the drone's tuner chooses."""
         check_start(None, center_frequency_hz, gain)
         if self._generation == "G0":
             return HeaderMessage(command=CommandId.START_DETECTION).encode()
@@ -97,7 +98,7 @@ class Writing:
         return start.encode()
 
     def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
-        """Write a raw capture; raises `LinkError` if this generation has none."""
+        """Encode a raw capture; raises `LinkError` if the protocol version has none."""
         check_start(None, center_frequency_hz, gain)
         frequency_hz = round(center_frequency_hz or 0)
         self._check_known("raw_capture")
@@ -108,20 +109,20 @@ class Writing:
         return RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
 
     def bare(self, name: CommandName) -> bytes:
-        """Write a command without fields; raises `LinkError` if this generation has none."""
+        """Encode a command without fields; raises `LinkError` if the version lacks it."""
         number = self._check_known(name)
         if self._generation == "G2":
             return BareG2(command=number, request_id=self._next_id()).encode()
         return HeaderMessage(command=number).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
-        """Get a command's number in the drone's generation; raises `LinkError` without one."""
+        """Number of a command in the protocol version; raises `LinkError` if it has none."""
         row = COMMANDS[name]
         generation = "G1" if self._generation == "G2v1" else self._generation
         if row.number is None or generation not in row.lengths:
             raise LinkError(
                 f"the drone's software has no command {name.replace('_', ' ')}",
-                remedy="Choose the protocol generation that it speaks, or update it",
+                remedy="Choose the drone's actual software under Set-up, or update the drone",
             )
         return row.number
 

@@ -1,6 +1,6 @@
 """Send the operator's commands to the drone, one at a time, and report progress.
 
-Each command returns a text for the operator, or raises the error of the drone or the link.
+Each command returns a text for the operator, or raises an error of the drone or the link.
 """
 
 import asyncio
@@ -31,15 +31,15 @@ from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.recording.places import Mark, mark_note
 
 _SWITCHED_OFF_S: Final = 300.0
-"""Time without contact after which the drone counts as switched off [s]: a failsafe brings a
-flying drone back earlier."""
+"""Time without contact after which the drone is assumed to be switched off [s]. A flying drone
+would have returned by its failsafe before."""
 
 
 def _parameter(wish: Any) -> tuple[str, float]:
     """Read a parameter's name and value; raises `FormatError`."""
     name, value = (wish.get("name"), wish.get("value")) if isinstance(wish, dict) else ("", 0)
     if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
-        raise FormatError("name must be a parameter's")
+        raise FormatError("name must be the name of a parameter")
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
         raise FormatError("value must be a number")
@@ -52,7 +52,7 @@ def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
     tag_id = request.get("tag_id") if isinstance(request, dict) else None
     tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
     if tag is None:
-        raise FormatError("tag_id must be a listed tag's")
+        raise FormatError("tag_id must be the number of a listed tag")
     if request.get("undo") is True:
         last = next((x for x in vehicle.store.corrections_listed if x.tag_id == tag_id), None)
         if last is None:
@@ -66,9 +66,7 @@ def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
             correction = correction_of(tag, beep, now_ns, vehicle.drone.beeps)
             if correction is not None:
                 return correction
-    raise FormatError(
-        f"nothing was measured at {frequency_hz:.0f} Hz that corrects tag {tag_id}"
-    )
+    raise FormatError(f"no signal measured at {frequency_hz:.0f} Hz can correct tag {tag_id}")
 
 
 def _gain_in_words(correction: TagCorrection) -> str:
@@ -78,7 +76,7 @@ def _gain_in_words(correction: TagCorrection) -> str:
 
 
 def _place(wish: Any) -> tuple[float, float] | None:
-    """Read the position of a mark, None without one; raises `FormatError`."""
+    """Read the position of a mark; None if the request has none. Raises `FormatError`."""
     if not isinstance(wish, dict) or "latitude_deg" not in wish:
         return None
     place = wish.get("latitude_deg"), wish.get("longitude_deg")
@@ -86,17 +84,17 @@ def _place(wish: Any) -> tuple[float, float] | None:
         case (int() | float() as north, int() | float() as east):
             if abs(north) <= 90.0 and abs(east) <= 180.0:
                 return float(north), float(east)
-    raise FormatError("latitude_deg and longitude_deg must be a place on earth")
+    raise FormatError("latitude_deg and longitude_deg must be a position on earth")
 
 
 class Commands:
-    """The commands of one vehicle."""
+    """Sends the operator's commands to one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
 
     def by_name(self, body: Any) -> dict[str, Callable[[], Awaitable[str]]]:
-        """List the page's commands by the name of their button; `body` holds their values."""
+        """The page's commands, by the action of their button; `body` holds the values."""
         text = str(body.get("text", "")) if isinstance(body, dict) else ""
         return {
             "send_tags": self.send_tags,
@@ -114,7 +112,7 @@ class Commands:
         return await self.send_tags_by(self._allowed("send_tags"))
 
     async def send_tags_by(self, link: GroundLink) -> str:
-        """Send the tag table, regardless of the state in the last heartbeat."""
+        """Send the tag table whatever state the drone last reported."""
         tags = self._vehicle.store.chosen_tags
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
@@ -122,11 +120,11 @@ class Commands:
             return f"{len(tags)} tags sent"
 
     async def start(self) -> str:
-        """Start detection; the ground begins a flight of its own."""
+        """Start detection and a flight recording on the ground."""
         return await self.start_by(self._allowed("start"))
 
     async def start_by(self, link: GroundLink) -> str:
-        """Start detection, regardless of the state in the last heartbeat."""
+        """Start detection whatever state the drone last reported."""
         settings = self._vehicle.store.settings
         async with self._working("start", "starting"):
             frequency = settings.center_frequency_mhz
@@ -140,7 +138,7 @@ class Commands:
             return directory or "detecting"
 
     async def stop(self) -> str:
-        """Stop detection or capture, regardless of the state in the last heartbeat."""
+        """Stop detection or capture whatever state the drone last reported."""
         if (reason := unreachable(self._vehicle.situation())) is not None:
             raise LinkError(reason)
         link = self._vehicle.connection.link
@@ -161,20 +159,21 @@ class Commands:
             return (await link.command(payload)).message or "capturing"
 
     async def ask(self, button: Button) -> str:
-        """Send a maintenance command, which consists of its number alone."""
+        """Send a maintenance command, which has no values."""
         link = self._allowed(button.action)
         async with self._working(button.action, button.asking):
             return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
 
     async def correct_tag(self, request: Any) -> str:
-        """Correct a listed tag by a measurement, in the flight and then in the list.
+        """Correct a listed tag by a measurement, on the drone and then in the list.
 
-        ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency; ``"undo": true``
-        restores the values before the last correction.
-        Raises `FormatError`: there is no such tag or sender, or nothing to correct. Raises
-        `CommandRefused`, `LinkError`: the drone refused or did not answer; the list is
-        unchanged. Raises `RecordingError`: the list cannot be written; the text says which
-        values the drone uses.
+        ``{"tag_id": …, "frequency_hz": …}`` identifies the measured sender by its frequency;
+        ``"undo": true`` restores the values before the last correction.
+        Raises `FormatError`: no such tag or sender, or nothing to correct.
+        Raises `CommandRefused`, `LinkError`: the drone refused or did not answer; the list is
+        unchanged.
+        Raises `RecordingError`: the list cannot be written; the text says which values the
+        drone uses.
         """
         vehicle, drone, store = self._vehicle, self._vehicle.drone, self._vehicle.store
         correction = _correction(vehicle, request)
@@ -197,31 +196,36 @@ class Commands:
                 if link is not None:
                     text = f"tag {tag_id} is corrected on the drone, not in the list: {reason}"
                 raise RecordingError(
-                    text, remedy="Check that it is listed and the disk has room, and repeat it"
+                    text,
+                    remedy="Check that the tag is listed and the disk has space, then repeat "
+                    "the correction",
                 ) from error
         drone.beeps[:] = [one for one in drone.beeps if tag_id not in one.tag_ids]
         vehicle.show_tags()
         text = str(correction)
         if link is None and drone.state is None and not vehicle.flight.keeper.ended:
-            text += ". In the list alone: send the tags when the drone is back"
+            text += (
+                ". Only the list was corrected: send the tags when the drone is back in contact"
+            )
         vehicle.feed.note(5, text)
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
-        """Get the link if the drone searches for the tag, or did before contact was lost."""
+        """Link to a drone that searches for the tag, or did before a loss of contact."""
         vehicle, now = self._vehicle, self._vehicle.situation()
         lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)
         in_flight = searched and (now.state is SystemState.DETECTING or lost)
         reason = cannot_command(now) if in_flight else wait_for(now)
         if reason is not None and lost and not now.drone_present:
-            reason += f". The list alone can be corrected after {_SWITCHED_OFF_S / 60:.0f} min"
+            minutes = f"{_SWITCHED_OFF_S / 60:.0f} min"
+            reason += f". After {minutes} without contact, the list can be corrected"
         if reason is not None:
             raise LinkError(reason)
         return vehicle.connection.link if in_flight else None
 
     async def parameters(self) -> dict[str, float]:
-        """Get the drone's parameters."""
+        """Query the drone's parameters."""
         return await self._allowed("parameters").parameters.list_all()
 
     async def set_parameter(self, wish: Any) -> str:
@@ -235,7 +239,7 @@ class Commands:
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and position (by default the drone's) into the flight."""
+        """Write a remark with time and place (by default the drone's) into the recording."""
         now_ns = self._vehicle.clock.now_ns()
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:
@@ -259,7 +263,7 @@ class Commands:
         return note
 
     def _allowed(self, action: str) -> GroundLink:
-        """Get the link if the action is allowed now; raises `CommandRefused`."""
+        """The link, if the action is enabled now; raises `CommandRefused` if not."""
         state = action_states(self._vehicle.situation())[action]
         if not state["enabled"]:
             raise LinkError(str(state["reason"]))

@@ -1,4 +1,4 @@
-"""The MAVLink link of one vehicle: opened, closed, and opened again."""
+"""Open, close and reopen the MAVLink link of one vehicle."""
 
 import asyncio
 import contextlib
@@ -17,7 +17,7 @@ from uavrt.messages import Tag
 
 
 class Connection:
-    """The link to a vehicle, while there is one; `make_link` makes it by keywords."""
+    """The link to a vehicle. `make_link`: constructor of the link, called with keywords."""
 
     def __init__(
         self,
@@ -28,9 +28,9 @@ class Connection:
     ) -> None:
         self.link: GroundLink | None = None
         self.watch: VehicleWatch | None = None
-        """Watches the state of the vehicle's autopilot."""
+        """State of the vehicle's autopilot; None without a link."""
         self.error: str | None = None
-        """Why the link is closed; None otherwise."""
+        """Reason why the link could not be opened; None while it is open."""
         self._store = store
         self._feed = feed
         self._identity = identity
@@ -41,24 +41,20 @@ class Connection:
 
     @property
     def is_open(self) -> bool:
-        """Whether frames can be sent."""
+        """True while frames can be sent."""
         return self.link is not None and self.link.link is not None
 
     @property
     def flies(self) -> bool:
-        """True if the vehicle has an autopilot; false for a mast or a person on foot."""
+        """True if the vehicle has an autopilot; False for a mast or a person on foot."""
         return self.watch is not None and self.watch.autopilot is not None
 
     def present(self, now_ns: int) -> bool:
-        """Whether the drone is in contact."""
+        """True while the drone is in contact."""
         return self.link is not None and self.link.protocol.present(now_ns)
 
     async def open(self, tags: Callable[[], Sequence[Tag]]) -> None:
-        """Open the configured link; that of a further vehicle joins the first one's.
-
-        `tags`: gets the drone's tags.
-        Raises `LinkError`: it cannot be opened; `error` has the reason, too.
-        """
+        """Open the configured link; `tags` returns the drone's tags. Raises `LinkError`."""
         settings = self._store.settings
         if self._receipts is None:  # once: a link is opened again while the disk hangs, too
             disk = self._store.disk
@@ -87,7 +83,7 @@ class Connection:
         self._feed.send_state()
 
     def _fail(self, error: BaseException) -> NoReturn:
-        """Store and raise the error."""
+        """Set `error`, and raise it."""
         self.error = str(error)
         self._feed.note(3, self.error)
         self._feed.send_state()

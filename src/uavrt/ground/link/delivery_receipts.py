@@ -1,7 +1,7 @@
-"""Acknowledge stored pulses and recognise repeated ones. Pure.
+"""Acknowledge stored pulses and recognise repeated ones. No I/O.
 
 A receipt names only pulses that are safe in the ground station's store. It repeats some hashes
-of earlier receipts, so that a lost receipt causes no repetition of pulses.
+of earlier receipts, so that the drone seldom repeats a pulse because a receipt was lost.
 """
 
 from collections import OrderedDict, deque
@@ -13,18 +13,19 @@ from uavrt.units import ns_from_s
 PERIOD_NS = ns_from_s(0.150)
 SIGN_OF_LIFE_NS = ns_from_s(1.0)
 REPEATED = 6
-"""Hashes of earlier receipts in each: at 20 % loss, 1 acknowledgement in 25 is then lost."""
+"""Number of earlier hashes repeated in each receipt. At 20 % frame loss, 1 acknowledgement in
+25 is then lost."""
 REMEMBERED = 500_000
-"""Most pulses remembered: 17 hours at 8 a second, 50 MB."""
+"""Most pulses remembered for recognising repetitions: 17 hours at 8 a second, 50 MB."""
 
 
 class Receipts:
-    """Tracks known pulses and when to acknowledge them.
+    """Tracks known pulses, and when to acknowledge them.
 
     `store`: number of the store, 1 to 2**32 - 1; an empty store gets a new one.
-    `known`: hashes of the payloads in the store.
-    `keep`: gets the hash of each new payload and a function to call once the hash is stored:
-    then the payload is acknowledged.
+    `known`: hashes of the pulses in the store.
+    `keep`: gets the hash of each new pulse, and a function to call once the hash is written.
+    Only then is the pulse acknowledged.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class Receipts:
         self.duplicates = 0
 
     def seen(self, payload: bytes) -> bool:
-        """True for a known pulse, which is then acknowledged once more."""
+        """True for a known pulse, which the next receipt acknowledges again."""
         number = payload_hash(payload)
         if number not in self._known:
             return False
@@ -63,14 +64,14 @@ class Receipts:
         self._keep(number, lambda: self._due.append(number))
 
     def wait_ns(self, now_ns: int) -> int:
-        """Time until a receipt is due."""
+        """Time until the next receipt is due [ns]."""
         if self._sent_ns is None or len(self._due) >= self.most:
             return 0
         period_ns = PERIOD_NS if self._due else SIGN_OF_LIFE_NS
         return max(0, self._sent_ns + period_ns - now_ns)
 
     def take(self, now_ns: int) -> Receipt | None:
-        """Return the receipt that is due, if any is."""
+        """Return the receipt that is due now; None if none is."""
         if self.wait_ns(now_ns) > 0:
             return None
         self._sent_ns = now_ns

@@ -1,4 +1,4 @@
-"""Determine whether the drone is received, and if not, why."""
+"""Determine whether the drone is received, and explain a missing contact."""
 
 import asyncio
 
@@ -12,7 +12,7 @@ from uavrt.mavlink.waiting import within
 class DroneContact:
     """Checks signatures, and explains why the drone does not answer.
 
-    `signing`: checks frames; None: all are accepted.
+    `signing`: checks the frames' signatures; None: all frames are accepted.
     """
 
     def __init__(self, signing: Signing | None) -> None:
@@ -22,11 +22,11 @@ class DroneContact:
 
     @property
     def refused(self) -> dict[str, int]:
-        """Frames refused for their signatures, by reason."""
+        """Number of frames refused for their signature, by reason."""
         return {} if self._signing is None else dict(self._signing.counters)
 
     def accepts(self, frame: Frame) -> bool:
-        """Whether a frame's signature is right, or none is needed."""
+        """True if a frame's signature is valid, or none is required."""
         from_drone = frame.component_id == DRONE_COMPONENT
         if from_drone:
             self._drone_signs = frame.signed
@@ -35,7 +35,7 @@ class DroneContact:
         return accepted
 
     async def wait(self, timeout_s: float) -> None:
-        """Wait for the drone; raises `LinkError` when it is not received."""
+        """Wait for the drone; raises `LinkError` if it is not received in time."""
         if not await within(timeout_s, self.made.wait()):
             raise self._missing()
 
@@ -43,19 +43,19 @@ class DroneContact:
         """Explain why there is no contact: the drone uses another key, or is absent."""
         if self._drone_refused:
             return LinkError(
-                f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
-                "key given",
-                remedy="Give the key that the drone has as mavlink.signing_key_file, or none "
-                "if it has none",
+                f"the drone (component {DRONE_COMPONENT}) is received, but its frames "
+                "are not signed with the given key",
+                remedy="Give the key in the drone's mavlink.signing_key_file, or no key if "
+                "the drone has none",
             )
         return LinkError(
-            f"no drone is heard (MAVLink component {DRONE_COMPONENT})",
+            f"no drone is received (MAVLink component {DRONE_COMPONENT})",
             remedy="Check the drone's power, the radio, and that the autopilot forwards "
             "MAVLink between its companion and ground ports",
         )
 
     def unanswered(self, number: int, waited_s: float) -> LinkError:
-        """Explain a missing answer: the drone requires a signature, or is away."""
+        """Explain a missing answer: the drone requires a signature, or is out of contact."""
         text = f"the drone did not answer command {number} in {waited_s:g} s"
         if self._drone_signs and self._signing is None:
             return LinkError(

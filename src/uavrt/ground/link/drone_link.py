@@ -1,6 +1,7 @@
-"""The ground's side of the tunnel: find the drone, upload tags, start, stop, receive.
+"""Ground side of the tunnel: find the drone, upload tags, start, stop, receive.
 
-`GroundProtocol` handles the messages and is pure; `GroundLink` puts it on a MAVLink link.
+`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
+MAVLink.
 """
 
 import asyncio
@@ -9,12 +10,12 @@ from collections.abc import Callable, Sequence
 
 from uavrt.commands import NO_UPLOAD, CommandName, Generation
 from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
-from uavrt.ground.link.command_payloads import Writing
+from uavrt.ground.link.command_payloads import CommandEncoder
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_contact import DroneContact
 from uavrt.ground.link.drone_parameters import DroneParameters
 from uavrt.ground.link.exchange import ACK_WAIT_S, Exchange
-from uavrt.ground.link.parallel_links import Links, Ways
+from uavrt.ground.link.parallel_links import DroneLinks, Links
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
 from uavrt.ground.link.stored_pulses import new_store
 from uavrt.ground.link.vehicle_identity import VehicleIdentity
@@ -45,8 +46,7 @@ RECEIPT_POLL_S = 0.05
 class GroundLink:
     """A ground station's link to the drone.
 
-    Whatever is asked of the drone raises `CommandRefused` with the drone's reason, or
-    `LinkError` if it does not answer.
+    Commands raise `CommandRefused` with the drone's reason, or `LinkError` without an answer.
 
     ::
 
@@ -57,20 +57,21 @@ class GroundLink:
         await link.start_detection()
 
     `on_event`: called at once with each event.
-    `generation`: wire format of the drone's software.
-    `system_id`, `component_id`: our own numbers; 254/190, or 255/190 with `as_gcs`.
-    `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on.
-    `ack_wait_s`: how long to wait for each acknowledgement before the command is sent again.
-    `on_frame`: called with every frame of the link, the autopilot's and the radio's too.
-    `receipts`: what the station holds already; without it the drone sends its whole flight.
-    `progress`: how many pulses `on_event` has taken, and the durable ones of these: they are
-    acknowledged, and nothing for which `on_event` raises `RecordingError`. Without it a pulse
-    is acknowledged when `on_event` returns.
-    `key`: what commands and receipts are sealed with, see `uavrt.tunnel.seal`.
-    `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`; then unsigned
-    frames are taken from the autopilot only.
-    `identity`: which vehicle is served; without it the first that is heard.
-    `links`: links that are shared with others, who serve other vehicles on them.
+    `generation`: protocol version of the drone's software.
+    `system_id`, `component_id`: our own ids; 254/190, or 255/190 with `as_gcs`.
+    `as_gcs`: identify as a ground station of type GCS, which the original's drone side
+    requires.
+    `ack_wait_s`: wait for an acknowledgement before the command is repeated [s].
+    `on_frame`: called with every frame of the link, also the autopilot's and the radio's.
+    `receipts`: pulses that the station has stored; None: the drone sends its whole flight.
+    `progress`: returns how many pulses `on_event` has accepted, and how many of them are
+    durable. Durable ones are acknowledged, except those for which `on_event` raised
+    `RecordingError`. None: a pulse is acknowledged when `on_event` returns.
+    `key`: authenticates commands and receipts, see `uavrt.tunnel.seal`.
+    `signing_key`: signs frames, see `uavrt.mavlink.signing`; unsigned frames are then accepted
+    from the autopilot only.
+    `identity`: selects the served vehicle; None: the first one received.
+    `links`: links shared with the sessions of other vehicles.
     """
 
     def __init__(
@@ -111,13 +112,15 @@ class GroundLink:
         self._on_event = on_event
         self._on_frame = on_frame
         self._progress = progress
-        self.writing = Writing(generation)
+        self.writing = CommandEncoder(generation)
         signing = None if signing_key is None else Signing(signing_key, clock_ns)
-        self._ways = Ways(
+        self._links = DroneLinks(
             (system_id, component_id), self._receive, clock_ns, signing=signing, links=links
         )
         self.contact = DroneContact(signing)
-        self._exchange = Exchange(self.protocol, self._ways, self.contact, clock_ns, ack_wait_s)
+        self._exchange = Exchange(
+            self.protocol, self._links, self.contact, clock_ns, ack_wait_s
+        )
         self.parameters = DroneParameters(self.protocol, self.send, ack_wait_s)
         """The drone's parameters."""
         self.missions = VehicleMissions(self.protocol.own, self.send, self._vehicle_id)
@@ -126,20 +129,21 @@ class GroundLink:
     @property
     def link(self) -> Link | None:
         """The first MAVLink link that is open."""
-        return next(iter(self._ways.links), None)
+        return next(iter(self._links.links), None)
 
     async def run(self, *addresses: str) -> None:
         """Serve the links until cancelled.
 
-        `addresses`: links to the same drone, the preferred one first; of several, those that
-        cannot be opened are tried again. None: use the links opened by another session, which
-        sends their heartbeats.
-        Raises `ConfigError`: an address is invalid. Raises `LinkError`: none could be opened.
+        `addresses`: links to the same drone, the preferred one first. Those that cannot be
+        opened are tried again as long as one is open. None: use the links that another session
+        has opened, which also sends their heartbeats.
+        Raises `ConfigError`: an address is invalid.
+        Raises `LinkError`: none could be opened.
         """
         try:
-            opening = await self._ways.open(addresses)
+            opening = await self._links.open(addresses)
         except UavrtError:
-            await self._ways.close(opened=bool(addresses))
+            await self._links.close(opened=bool(addresses))
             raise
         try:
             next_heartbeat_ns = turn = 0
@@ -147,20 +151,20 @@ class GroundLink:
                 now_ns = self._clock_ns()
                 if addresses and now_ns >= next_heartbeat_ns:
                     next_heartbeat_ns = now_ns + ns_from_s(HEARTBEAT_S)
-                    self._ways.send_by_all(self.protocol.heartbeat())
+                    self._links.send_by_all(self.protocol.heartbeat())
                 self._acknowledge()
                 receipt = self.protocol.receipt(now_ns)
                 if receipt is not None:
-                    self._ways.answer(receipt)
-                links = self._ways.alive() or self._ways.best()
+                    self._links.answer(receipt)
+                links = self._links.alive() or self._links.best()
                 for message in self.protocol.keepalives(len(links), now_ns):
-                    self._ways.send(message, links[turn % len(links)])
+                    self._links.send(message, links[turn % len(links)])
                     turn += 1
                 await asyncio.sleep(RECEIPT_POLL_S)
         finally:
             for task in opening:
                 task.cancel()
-            await self._ways.close(opened=bool(addresses))
+            await self._links.close(opened=bool(addresses))
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
         """Wait until component 191 is received; raises `LinkError` after `timeout_s`."""
@@ -169,7 +173,7 @@ class GroundLink:
         return self.protocol.drone
 
     def _vehicle_id(self) -> int | None:
-        """System number of the served vehicle, once it is known."""
+        """System id of the served vehicle; None until it is known."""
         drone = self.protocol.drone
         return self.protocol.identity.system_id if drone is None else drone.system_id
 
@@ -178,7 +182,7 @@ class GroundLink:
     ) -> None:
         """Send the tag list; each message is acknowledged.
 
-        `tags`: replace those on the drone.
+        `tags`: tags that replace those on the drone.
         `progress`: called with the number of acknowledged messages and their total.
         """
         payloads = self.writing.upload(tags)
@@ -192,8 +196,9 @@ class GroundLink:
                 if count == 1 or NO_UPLOAD not in str(error):
                     raise
                 raise CommandRefused(
-                    "the upload was opened and then refused: two vehicles answer under number "
-                    f"{self._vehicle_id()}, or another station ended it",
+                    "the drone began the upload and then refused it: two vehicles use "
+                    f"number {self._vehicle_id()}, or another station has ended the "
+                    "upload",
                     remedy="Give each vehicle a number of its own (SYSID_THISMAV, MAV_SYS_ID)",
                 ) from error
             if progress is not None:
@@ -201,7 +206,7 @@ class GroundLink:
         self.protocol.set_tags(tags)
 
     async def correct_tag(self, tag: Tag) -> str:
-        """Replace a tag that is being searched; return the drone's message."""
+        """Replace a tag during detection; return the drone's message."""
         answer = await self.command(self.writing.correction(tag))
         self.protocol.tags[tag.tag_id] = tag
         return answer.message
@@ -209,10 +214,7 @@ class GroundLink:
     async def start_detection(
         self, *, center_frequency_hz: float | None = None, gain: int = 0
     ) -> str:
-        """Start detection; return the drone's message (the flight directory).
-
-        A frequency of None is 0 on the wire: the drone's tuner chooses.
-        """
+        """Start detection, tuned automatically for None; return the flight directory."""
         payload = self.writing.start(center_frequency_hz, gain)
         return (await self.command(payload)).message
 
@@ -234,7 +236,7 @@ class GroundLink:
         return await self._exchange.motion(payload, request_id)
 
     def send_neighbour(self, neighbour: Neighbour) -> None:
-        """Report another drone to this one, once contact and session exist."""
+        """Report another drone to this one; nothing is sent before contact is made."""
         with contextlib.suppress(LinkError):
             payload = encode_neighbour(neighbour)
             self.send(self.protocol.tunnel_message(payload, NEIGHBOUR_TYPE))
@@ -242,13 +244,13 @@ class GroundLink:
     @property
     def faults(self) -> int:
         """Number of frames that could not be handled, on all links."""
-        return sum(link.counters.faults for link in self._ways.links)
+        return sum(link.counters.faults for link in self._links.links)
 
     def send(self, message: Message) -> None:
         """Send a message that needs no acknowledgement."""
         if isinstance(message, FileTransferProtocol):
             self.protocol.files_asked_ns = self._clock_ns()
-        self._ways.send(message)
+        self._links.send(message)
 
     def _receive(self, frame: Frame, link: int) -> None:
         if not self.contact.accepts(frame):
@@ -268,15 +270,15 @@ class GroundLink:
         if self.protocol.drone is not None:
             self.contact.made.set()
             if Peer(frame.system_id, frame.component_id) == self.protocol.drone:
-                self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
+                self._links.drone_received(link, pulse=frame.message_id == Tunnel.ID)
 
     def _acknowledge(self) -> None:
-        """Name the pulses that are on the disk in the next receipt."""
+        """Add the pulses that are on the disk to the next receipt."""
         self.protocol.stored(self._progress()[1])
 
 
 def _without_codes(error: LinkError) -> LinkError:
-    """Explain a missing answer about a coded tag: older software lacks the message."""
+    """Explain a missing answer about a coded tag: older software lacks that message."""
     return LinkError(
         f"{error.message}; if it answers otherwise, its software knows no coded tags",
         remedy="Update the drone, give it its list itself with `uavrt run --tags`, or send the "

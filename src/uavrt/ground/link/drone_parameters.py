@@ -1,4 +1,4 @@
-"""List and set the drone's parameters by the MAVLink protocol; sealed if there is a key."""
+"""List and set the drone's parameters by the MAVLink protocol; authenticated with a key."""
 
 import asyncio
 import math
@@ -78,10 +78,7 @@ class DroneParameters:
         raise LinkError("the drone's parameters did not arrive", remedy="Try again")
 
     async def set(self, name: str, value: float) -> float:
-        """Set a parameter; return the value in force then.
-
-        Raises `CommandRefused`: the drone kept another value; its text says why.
-        """
+        """Set a parameter; return its value. Raises `CommandRefused` if it did not change."""
         drone = self._drone()
         await self._learn_encoding(drone)
         for _ in range(TRIES):
@@ -92,9 +89,11 @@ class DroneParameters:
             if await within(self._wait_s, answer):
                 now = self._value(name)
                 if abs(now - value) > 1e-6 * abs(value):
-                    raise CommandRefused(f"{name} stays {now:g}: see the drone's text")
+                    raise CommandRefused(
+                        f"{name} remains {now:g}: the drone's status text has the reason"
+                    )
                 return now
-        raise LinkError(f"the drone did not answer for {name}", remedy="Try again")
+        raise LinkError(f"the drone did not confirm the parameter {name}", remedy="Try again")
 
     def _wish(self, name: str, value: float, drone: Peer) -> Message:
         return self._protocol.sealed_parameter(name, value) or dialect.ParamSet(
@@ -112,7 +111,7 @@ class DroneParameters:
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Requests for all values, or for missing ones; sealed if there is a key."""
+        """Requests for the missing values; authenticated if there is a key."""
         place = {"target_system": drone.system_id, "target_component": drone.component_id}
         sealed = self._protocol.sealed_parameter
         if self._count is None:
@@ -125,7 +124,7 @@ class DroneParameters:
         ]
 
     async def _learn_encoding(self, drone: Peer) -> None:
-        """Query once how integers are encoded, from the autopilot's capability bits."""
+        """Query the autopilot's capability bits, once, for the encoding of integers."""
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return

@@ -1,4 +1,4 @@
-"""Latest reports of one vehicle's drone, and the tags that it holds. Pure."""
+"""Latest reports of one vehicle's drone, and the tags that it holds. No I/O."""
 
 from collections.abc import Iterable
 
@@ -12,18 +12,18 @@ from uavrt.messages import Beep, LiveBearing, PulsePose, Tag, drop_beeps, keep_b
 
 
 class DroneReports:
-    """The drone's latest reports; its silence begins at `now_ns`."""
+    """Latest reports of a drone. `now_ns`: time from which its silence is counted."""
 
     def __init__(self, now_ns: int) -> None:
         self.state: SystemState | None = None
         self.temperature_c: float | None = None
         self.directory = ""
-        """Directory of the flight on the drone; empty: unknown."""
+        """Flight directory on the drone; empty while unknown."""
         self.sent_tags: tuple[Tag, ...] = ()
         self.heard: dict[int, int] = {}
-        """Time of the last report of each tag's detector [ns]."""
+        """Time of the last report from each tag's detector [ns]."""
         self.beeps: list[Beep] = []
-        """Latest measurement of each sender of pulses in the flight."""
+        """Latest measurement of each sender of pulses in this flight."""
         self.bearings: dict[tuple[int, int], LiveBearing] = {}
         self.last_pulse_s = 0.0
         self.bench = Bench()
@@ -33,23 +33,23 @@ class DroneReports:
 
     @property
     def skew_ns(self) -> int | None:
-        """Delay of the drone's clock behind ours [ns]; None while unknown."""
+        """Time by which the drone's clock is behind ours [ns]; None while unknown."""
         return self._skew.skew_ns
 
     def take_heartbeat(self, heartbeat: DroneHeartbeat) -> SystemState | None:
-        """Store the drone's state; return the previous one."""
+        """Store the drone's reported state; return the previous state."""
         before, self.state = self.state, heartbeat.state
         self.temperature_c = heartbeat.cpu_temperature_c
         return before
 
     def take_pulse(self, event: PulsePose, now_ns: int) -> str | None:
-        """Add the time of a pulse; return a text when the drone's clock is found to differ."""
+        """Add the time of a pulse; return a message when a clock offset is first found."""
         self.heard[event.pulse.tag_id] = now_ns
         self.last_pulse_s = monotonic_s()
         return self._skew.learn(now_ns - event.pulse.end_time_ns)
 
     def take_beep(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """Store a measured sender; False if it is known, or older than its tag's correction."""
+        """Store a measured sender; False for a repeated or outdated measurement."""
         if beep in self.beeps or self._is_outdated(beep, corrections):
             return False
         keep_beep(self.beeps, beep)
@@ -57,14 +57,14 @@ class DroneReports:
         return True
 
     def _is_outdated(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """True if a sender was measured before this station corrected its tag."""
+        """True for a measurement made before this station corrected the sender's tag."""
         return not still_holds(beep, self.sent_tags) and any(
             one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
             for one in corrections
         )
 
     def take_presence(self, present: bool, now_ns: int) -> bool:
-        """Set whether there is contact; return whether that has changed."""
+        """Set whether there is contact; True if that has changed."""
         changed, self._present = present != self._present, present
         if present:
             self.contact_ns = now_ns
@@ -73,12 +73,12 @@ class DroneReports:
         return changed
 
     def disconnected(self) -> None:
-        """Clear the state: the link is closed."""
+        """Clear the drone's state, because the link is closed."""
         self.state = None
         self._present = False
 
     def recall(self, beeps: Iterable[Beep]) -> None:
-        """Add senders that were measured before this program started."""
+        """Add senders that were measured before this program's start."""
         self.beeps += beeps
         drop_beeps(self.beeps)
 
@@ -89,7 +89,7 @@ class DroneReports:
         self.beeps.clear()
 
     def forget(self) -> None:
-        """Clear everything: another vehicle is served."""
+        """Clear all reports, because another vehicle is served."""
         self.state, self.temperature_c, self.directory = None, None, ""
         self.sent_tags = ()
         self.bench.reset()
@@ -99,11 +99,11 @@ class DroneReports:
         self.sent_tags = tags
 
     def tags_accepted(self, tags: tuple[Tag, ...]) -> None:
-        """Set the tags that are valid now; the heartbeat that reports it may come 1 s later."""
+        """Set the tags just accepted by the drone; its heartbeat reports them 1 s later."""
         self.sent_tags = tags
         if self.state is not None:
             self.state = SystemState.HAS_TAGS
 
     def started(self, directory: str) -> None:
-        """Set the directory of the flight on the drone."""
+        """Set the flight directory on the drone."""
         self.directory = directory

@@ -1,4 +1,4 @@
-"""Commands and motion orders that wait for the drone's answer."""
+"""Send commands and motion orders, and wait for the drone's answer."""
 
 import asyncio
 import contextlib
@@ -8,7 +8,7 @@ from typing import Any
 
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.drone_contact import DroneContact
-from uavrt.ground.link.parallel_links import Ways
+from uavrt.ground.link.parallel_links import DroneLinks
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
 from uavrt.mavlink.waiting import within
 from uavrt.tunnel.codec import acked_command_of
@@ -19,37 +19,38 @@ from uavrt.units import ns_from_s, s_from_ns
 ACK_WAIT_S = 2.0
 TRIES = 4
 STOP_WAIT_S = 0.4
-"""Time after which a stop is sent again [s]; on a radio an answer takes 0.3 s or more."""
+"""Time after which an unanswered stop is sent again [s]; over a radio an answer takes at least
+0.3 s."""
 CONFIRMS_WITHIN_NS = ns_from_s(1.0)
-"""Longest delay between the operator's confirmation and its sending [ns]; then it is
-outdated."""
+"""Longest delay between the operator's confirmation and its sending [ns]; a later one is
+dropped."""
 
 
 class Exchange:
-    """Sends one command or order at a time and waits for its answer.
+    """Sends one command or order at a time, and waits for its answer.
 
     Raises `CommandRefused` with the drone's reason, or `LinkError` without an answer.
-    `ack_wait_s`: wait for each acknowledgement before the command is repeated.
+    `ack_wait_s`: wait for an acknowledgement before the command is repeated [s].
     """
 
     def __init__(
         self,
         protocol: GroundProtocol,
-        ways: Ways,
+        links: DroneLinks,
         contact: DroneContact,
         clock_ns: Callable[[], int],
         ack_wait_s: float,
     ) -> None:
-        self._protocol, self._ways, self._contact = protocol, ways, contact
+        self._protocol, self._links, self._contact = protocol, links, contact
         self._clock_ns = clock_ns
         self._ack_wait_s = ack_wait_s
         self._awaited: dict[tuple[int, int] | int, asyncio.Future[Any]] = {}
-        """Expected answers, by number and request id of a command, or by the request id of a
-        motion."""
+        """Expected answers. Keys: number and request id of a command, or request id of a motion
+        order."""
         self._busy = asyncio.Lock()
 
     def take(self, event: GroundEvent) -> None:
-        """Match an event with the expected answers."""
+        """Pass an event on to the exchange that waits for it."""
         key: tuple[int, int] | int | None = None
         if isinstance(event, Acknowledged):
             key = event.command, event.request_id
@@ -64,9 +65,9 @@ class Exchange:
         assert number is not None
 
         def send(attempt: int) -> None:
-            order = self._ways.best()
+            order = self._links.best()
             message = self._protocol.tunnel_message(payload, payload_type)
-            self._ways.send(message, order[attempt % len(order)])
+            self._links.send(message, order[attempt % len(order)])
 
         async with self._busy:
             answer = await self._until_answered(
@@ -85,17 +86,17 @@ class Exchange:
         return ack
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send an order of motion, a confirmation or a stop; return the drone's answer.
+        """Send a motion order, a confirmation or a stop; return the drone's answer.
 
         An order and a stop are repeated until they are answered, a stop every 0.4 s. A
-        confirmation is sent once: its nonce is valid once, and one delayed by more than a
-        second is dropped. A stop does not wait for other exchanges.
+        confirmation is sent once, since its nonce is valid once; it is dropped after a delay of
+        a second. A stop does not wait for other exchanges.
 
-        `payload`: made by `uavrt.tunnel.motion`.
+        `payload`: encoded by `uavrt.tunnel.motion`.
         """
 
         def send(_attempt: int) -> None:
-            self._ways.send(self._protocol.tunnel_message(payload, MOTION_TYPE))
+            self._links.send(self._protocol.tunnel_message(payload, MOTION_TYPE))
 
         wait_s = min(self._ack_wait_s, STOP_WAIT_S) if is_stop(payload) else self._ack_wait_s
         tries = 1 if is_confirmation(payload) else ceil(TRIES * self._ack_wait_s / wait_s)
@@ -112,8 +113,8 @@ class Exchange:
             answer = await self._until_answered(request_id, send, tries, wait_s)
         if answer is None:
             raise LinkError(
-                "the drone did not answer; nothing is known to have been confirmed",
-                remedy="See `uavrt fly status`; a drone with a key needs --command-key",
+                "the drone did not answer, so it is unknown whether the motion is confirmed",
+                remedy="Check `uavrt fly status`; a drone with a key needs --command-key",
             )
         state: MotionState = answer[1]
         if state.kind == "refused":
@@ -123,7 +124,7 @@ class Exchange:
     async def _until_answered(
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
-        """Send until an answer comes; return it with the number of the try, else None."""
+        """Send until answered; return the answer and the number of tries. None without one."""
         try:
             for attempt in range(tries):
                 awaited = self._awaited[key] = asyncio.get_running_loop().create_future()

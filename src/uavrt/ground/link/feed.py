@@ -1,4 +1,4 @@
-"""Send log lines, states and records of one vehicle to the pages and the operator."""
+"""Send log lines, states and records of one vehicle to the pages and to the caller."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from uavrt.ground.listeners import Hub
 from uavrt.ground.store.event_log import EventLog
 
 _WARNING = 4
-"""MAV_SEVERITY_WARNING."""
+"""Severity of a warning, MAV_SEVERITY_WARNING."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class StationNote:
 
 
 class Feed:
-    """Sends records to all pages, and events to the program that runs without a page.
+    """Sends records to all pages, and events to the caller's function.
 
     `state`: makes the record of the whole vehicle for pages.
     `on_event`: called with each event.
@@ -50,12 +50,12 @@ class Feed:
         self.hub.send("state", self._state())
 
     def emit(self, event: GroundEvent | StationNote) -> None:
-        """Pass an event on to the program."""
+        """Call the caller's function with an event."""
         if self._on_event is not None:
             self._on_event(event)
 
     def note(self, severity: int, text: str, *, source: str = "ground") -> None:
-        """Write a line of the log and send it to all pages."""
+        """Write a log line and send it to all pages."""
         line = self.log.add(self._clock.now_ns(), severity, text, source)
         self.hub.send("log", line)
         if source == "ground" and severity <= _WARNING:

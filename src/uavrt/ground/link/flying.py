@@ -1,7 +1,7 @@
-"""Motions of the drone as the page requests them: offers, confirmations, stops.
+"""Request, confirm and stop motions of the drone for the page.
 
-The drone decides and reports what it would fly; this module only passes messages. Previews come
-from the same functions with which the drone plans.
+The drone decides, and reports what it would fly; this module only passes messages. Previews use
+the same functions with which the drone plans.
 """
 
 import asyncio
@@ -27,33 +27,34 @@ from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)
-"""Silence after which the drone's motion state is unknown; it comes once a second."""
+"""Time without a motion report after which the motion is unknown [ns]; the drone reports it
+each second."""
 OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
-"""Time for which the drone waits for a confirmation [ns]."""
+"""Time for which the drone waits for the confirmation of a proposed motion [ns]."""
 PATTERNS = ("lines", "around", "points")
 Places = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Offered:
-    """The motion that the drone offers to fly."""
+class ProposedMotion:
+    """Motion that the drone proposes to fly, and waits to be confirmed."""
 
     state: MotionState
     way: Places
     time_ns: int
     page: str | None
-    """The page that requested it."""
+    """Name of the page that requested the motion."""
 
 
-class Flying:
+class MotionCommands:
     """Requests and confirms the motions of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
         self._state: MotionState | None = None
         self._heard_ns = 0
-        self._offered: Offered | None = None
-        self._flown: Offered | None = None
+        self._offered: ProposedMotion | None = None
+        self._flown: ProposedMotion | None = None
         self._told = ("", "")
 
     def take(self, state: MotionState) -> None:
@@ -76,7 +77,7 @@ class Flying:
         self._heard_ns, self._told = 0, ("", "")
 
     def record(self) -> dict[str, Any] | None:
-        """State of motion for the page; None if the drone sends none."""
+        """Motion state for the page; None if the drone does not report any."""
         now_ns = self._vehicle.clock.now_ns()
         state = self._state
         if state is None:
@@ -104,7 +105,7 @@ class Flying:
         }
 
     def plan(self, wish: Any) -> dict[str, Any]:
-        """Preview a motion as far as the ground can plan it; the drone is not involved."""
+        """Preview a motion without involving the drone, as far as the ground can plan it."""
         way = self._way(_request(wish))
         home = self._home()
         return {
@@ -116,27 +117,27 @@ class Flying:
         }
 
     async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Request a motion from the drone; return its offer. Nothing moves yet."""
+        """Request a motion; return the drone's proposed order. Nothing moves yet."""
         request = _request(wish)
         way = self._way(request)
         self._offered = None
         offer = await ask(self._link(), request)
         now_ns = self._vehicle.clock.now_ns()
-        self._offered = Offered(state=offer, way=way, time_ns=now_ns, page=page)
-        self._vehicle.feed.note(6, f"the drone would {offer.text}")
+        self._offered = ProposedMotion(state=offer, way=way, time_ns=now_ns, page=page)
+        self._vehicle.feed.note(6, f"the drone proposes to {offer.text}")
         self._vehicle.feed.send_state()
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
     async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Confirm the offer that this page shows: the drone then moves."""
+        """Confirm the order that this page shows; the drone then moves."""
         number = wish.get("order_id") if isinstance(wish, dict) else None
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
-            raise CommandRefused("this offer has expired", remedy="Ask again")
+            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         self._offered = None
         if self._vehicle.clock.now_ns() - offered.time_ns > OFFER_NS:
-            raise CommandRefused("this offer has expired", remedy="Ask again")
+            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
         self.take(state)
@@ -146,10 +147,7 @@ class Flying:
     async def upload(
         self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
     ) -> dict[str, Any]:
-        """Upload a survey to the autopilot as its mission; a pilot starts it.
-
-        `call` runs the check of the path outside the event loop: 1000 corners take seconds.
-        """
+        """Upload a survey as the autopilot's mission; `call` runs the check of the path."""
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._vehicle.connection.link
@@ -164,9 +162,9 @@ class Flying:
         return {"items": done.items, "sent_again": done.sent_again}
 
     async def stop(self) -> dict[str, Any]:
-        """Stop the drone and return control; if this raises, a pilot has to stop it."""
+        """Stop the drone and end uavrt's control; if this raises, a pilot must stop it."""
         self._offered = None
-        self._vehicle.feed.note(5, "taken back by the operator")
+        self._vehicle.feed.note(5, "stopped by the operator")
         state = await stop(self._link())
         self.take(state)
         return {"standing": state.standing, "text": state.text}
@@ -175,7 +173,7 @@ class Flying:
         link = self._vehicle.connection.link
         if link is None or not self._vehicle.situation().drone_present:
             raise LinkError(
-                "no contact with the drone", remedy="Stop it by the remote control if needed"
+                "no contact with the drone", remedy="Stop it with the remote control if needed"
             )
         return link
 
@@ -191,7 +189,7 @@ class Flying:
                 return (*here, *request.places)
             case "survey":
                 if not request.places:
-                    raise UsageError("a survey needs an area", remedy="Draw or import one")
+                    raise UsageError("a survey needs an area", remedy="Draw or import an area")
                 return (
                     *here,
                     *survey_places(Order.of(request), self._home() or request.places[0]),
@@ -199,7 +197,7 @@ class Flying:
             case "search" if bool(request.places) == (request.radius_m is not None):
                 raise UsageError(
                     "a search needs exactly one area",
-                    remedy="Draw one, or give a radius around the drone",
+                    remedy="Draw an area, or give a radius around the drone",
                 )
             case "return":
                 home = self._home()
@@ -221,13 +219,13 @@ def area_of_file(wish: Any) -> dict[str, Any]:
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
-            f"{name[:80]} has {len(places)} corners",
+            f"{name[:80]} has {len(places)} corners, which are too many",
             remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
         )
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
         raise FormatError(
-            f"{name[:80]} excludes outlines with more than {2 * MOST_CORNERS} corners",
-            remedy="Simplify them",
+            f"{name[:80]} has excluded areas with more than {2 * MOST_CORNERS} corners",
+            remedy="Simplify these areas",
         )
     return {
         "places": _listed(places),
@@ -245,7 +243,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
 
 
 def _request(wish: Any) -> MotionRequest:
-    """Read a motion request of the page; raises `FormatError` or `UsageError`."""
+    """Parse a motion request of the page; raises `FormatError` or `UsageError`."""
     if not isinstance(wish, dict):
         raise FormatError("a motion must be an object")
     height = wish.get("height_m")
@@ -255,7 +253,8 @@ def _request(wish: Any) -> MotionRequest:
     places = places_in(wish.get("places", []))
     if len(places) > MAX_PLACES:
         raise UsageError(
-            f"an area of {len(places)} corners", remedy=f"Draw one of {MAX_PLACES} or fewer"
+            f"the area has {len(places)} corners, which are too many",
+            remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     return motion_request(
         str(wish.get("action")),
@@ -285,7 +284,9 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
         if len(places) > MOST_CORNERS:
             raise FormatError(f"an outline has at most {MOST_CORNERS} corners")
         if len(places) != 1 if radius is not None else len(places) < 3:
-            raise FormatError("keep_out has outlines, or a place with its radius")
+            raise FormatError(
+                "each item of keep_out must be an outline, or a place with a radius"
+            )
         radius_m = None if radius is None else number_in(one, "radius_m", 0.0)
         if radius_m is not None and not radius_m > 0.0:
             raise FormatError("radius_m must be above 0")
@@ -294,7 +295,7 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
 
 
 def places_in(given: Any) -> Places:
-    """Read positions, latitude and longitude [deg] each; raises `FormatError`."""
+    """Read a list of [latitude, longitude] in degrees; raises `FormatError`."""
     places = []
     for one in given if isinstance(given, list) else [None]:
         match one:
@@ -308,14 +309,14 @@ def places_in(given: Any) -> Places:
 
 
 def _tags(given: Any) -> tuple[int, ...]:
-    """Read the ids of the tags to search for; none given: all listed ones."""
+    """Read the ids of the tags to search for; all listed tags if none is given."""
     if isinstance(given, list) and all(type(one) is int for one in given):
         return tuple(given)
     raise FormatError("tags must be whole numbers")
 
 
 def number_in(wish: dict[str, Any], name: str, default: float) -> float:
-    """Read a finite number by its name; raises `FormatError`."""
+    """Read the finite number of a given name; raises `FormatError`."""
     value = wish.get(name, default)
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:

@@ -1,4 +1,4 @@
-"""Number and secrets by which a drone recognises a ground station."""
+"""Component id and keys by which a drone recognises a ground station."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,17 +11,18 @@ from uavrt.tunnel.seal import Key, read_key
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkKeys:
-    """A station's component number, and none, one or both of the secrets."""
+    """A station's component id, and up to two keys."""
 
     component_id: int = 190
-    """Component in system 254, usually 190. Stations of the same drone need different ones,
-    since it answers each on one link only."""
+    """MAVLink component in system 254, usually 190. Stations of the same drone need different
+    ones, since the drone answers each component on one link only."""
     as_gcs: bool = False
     """Use system 255 and type GCS, which the original's drone side requires."""
     command: Key | None = None
-    """Seals commands inside their payload; also through PX4."""
+    """Key that authenticates commands inside their payload, which PX4 forwards unchanged; None:
+    no key."""
     signing: SigningKey | None = None
-    """Signs MAVLink frames."""
+    """Key of MAVLink 2 frame signing; None: frames are not signed."""
 
 
 NO_KEYS: LinkKeys = LinkKeys()
@@ -30,7 +31,7 @@ NO_KEYS: LinkKeys = LinkKeys()
 def read_link_keys(
     command: Path | None, signing: Path | None, component_id: int = 190, *, as_gcs: bool = False
 ) -> LinkKeys:
-    """Read the keys from their files; raises `ConfigError` for an invalid one."""
+    """Read the keys from their files; raises `ConfigError` if one is invalid."""
     if not 2 <= component_id <= 255 or component_id == DRONE_COMPONENT:
         raise ConfigError(
             f"{component_id} is not a valid component id for a ground station",

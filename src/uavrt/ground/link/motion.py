@@ -1,4 +1,4 @@
-"""Orders of motion from the ground, for page and terminal: request, confirm, stop."""
+"""Request, confirm and stop motions from the ground, for page and terminal."""
 
 import secrets
 from collections.abc import Sequence
@@ -18,14 +18,14 @@ from uavrt.tunnel.motion import (
 
 
 def new_number() -> int:
-    """Make a request number; never 0."""
+    """Draw a random request number; never 0."""
     return secrets.randbits(31) | 1
 
 
 def motion_request(
     action: str, places: Sequence[tuple[float, float]] = (), **values: object
 ) -> MotionRequest:
-    """Write a request for a motion; raises `UsageError` for an unknown one.
+    """Encode a request for a motion; raises `UsageError` for an unknown one.
 
     `places`: latitude and longitude [deg] of a goal, or of an outline's corners.
     `**values`: further fields of `MotionRequest`.
@@ -43,7 +43,7 @@ def motion_request(
 
 
 async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Request a motion; return the drone's offer. Nothing moves yet.
+    """Request a motion; return the drone's proposed order. Nothing moves yet.
 
     Raises `CommandRefused` with the drone's reason, `LinkError` without an answer.
     """
@@ -51,10 +51,10 @@ async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
 
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
-    """Confirm an offer: the drone then moves. Raises as `ask`.
+    """Confirm a proposed order; the drone then moves. Raises as `ask`.
 
     Without an answer the confirmation may still have arrived, so the drone is stopped. The
-    first error is raised; if the stop is not answered either, that is its cause.
+    first error is raised. If the stop is not answered either, that error is its cause.
     """
     number = new_number()
     confirmation = MotionConfirmation(
@@ -74,6 +74,6 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
 
 
 async def stop(link: GroundLink) -> MotionState:
-    """Stop the drone and return control. Raises as `ask`."""
+    """Stop the drone and end uavrt's control. Raises as `ask`."""
     number = new_number()
     return await link.motion(encode_stop(MotionStop(request_id=number)), number)

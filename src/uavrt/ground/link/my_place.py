@@ -1,7 +1,7 @@
 """Position of this computer from a GPS receiver that sends NMEA.
 
-The receiver is on a serial port, UDP or TCP, by the links of `uavrt.mavlink`, which reconnect
-by themselves. An old position counts as unknown.
+The receiver is on a serial port, UDP or TCP, opened by `uavrt.mavlink`, which also reconnects.
+An old position counts as unknown.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ SILENCE_S = 10.0
 
 
 class MyPlace:
-    """The position of this computer, while a GPS receiver reports it."""
+    """The position of this computer as its GPS receiver reports it."""
 
     def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:
         self._clock_s = clock_s
@@ -33,11 +33,11 @@ class MyPlace:
         self._link: Link | None = None
         self.address = ""
         self.error: str | None = None
-        """Why the receiver cannot be read; None if it can."""
+        """Reason why the receiver cannot be read; None while it can."""
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude [deg]; None when unknown or too old."""
+        """Latitude and longitude [deg]; None if unknown or too old."""
         known = self._clock_s() - self._heard_s < SILENCE_S
         return self._place if known else None
 
@@ -48,7 +48,7 @@ class MyPlace:
 
     @property
     def counters(self) -> dict[str, int]:
-        """Counters of accepted and refused sentences and of skipped bytes."""
+        """Numbers of accepted and refused sentences, and of skipped bytes."""
         if self._link is None:
             return {}
         counts = self._link.counters
@@ -65,7 +65,7 @@ class MyPlace:
             self._place, self._heard_s = place, self._clock_s()
 
     async def listen(self, address: str) -> None:
-        """Switch to this address; an empty one closes the receiver."""
+        """Switch to a receiver's address; an empty address closes the receiver."""
         if address == self.address:
             return
         await self.close()
@@ -95,5 +95,5 @@ class MyPlace:
 
     def _failed(self, error: UavrtError) -> None:
         if self.error is None:
-            log.warning("no place", reason=str(error))
+            log.warning("GPS position unavailable", reason=str(error))
         self.error = str(error)

@@ -1,8 +1,9 @@
-"""The ground station's links: radio, Wi-Fi, cable, all at once.
+"""Use several links to a drone at once: radio, Wi-Fi, cable.
 
-Heartbeats leave by all of them, so that a drone learns every link. It sends each pulse by one;
-our messages use the link on which it was received last, in the given order. Sessions of several
-drones share the links: each receives every frame and selects its own.
+Heartbeats go out on all links, so that a drone learns every link. The drone sends each pulse on
+one link. Our messages use the link on which the drone was last received, in the given order of
+preference. Sessions of several drones share the links: each receives every frame and selects
+its drone's.
 """
 
 import asyncio
@@ -27,11 +28,11 @@ RETRY_S = 3.0
 FIRST_SIGNING_LINK_ID = 1
 
 Listener = Callable[[Frame, int], None]
-"""Receives each frame and the number of its link."""
+"""Function that receives each frame and the index of its link."""
 
 
 class Links:
-    """The open links of a ground station; `signing` has a link id for each."""
+    """The open links of a ground station. `signing`: signs frames, with a link id per link."""
 
     def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
         self._own = own
@@ -60,7 +61,7 @@ class Links:
             self._listeners.remove(listener)
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all, or at least one; return the tasks that keep trying to open the others."""
+        """Open at least one link; return the tasks that keep trying to open the others."""
         self._links = [None] * len(addresses)
         self._writers = [self._writer(number) for number in range(len(addresses))]
         failed: dict[int, LinkError] = {}
@@ -82,7 +83,7 @@ class Links:
             await link.close()
 
     def write(self, message: Message, number: int) -> None:
-        """Send by one link; does nothing while it is closed."""
+        """Send on one link; does nothing while that link is closed."""
         link = self._links[number] if number < len(self._links) else None
         if link is not None:
             link.send(self._writers[number].encode(message))
@@ -109,10 +110,10 @@ class Links:
                 stack.callback(listener, frame, number)
 
 
-class Ways:
+class DroneLinks:
     """The links to one drone.
 
-    `links`: shared with others; without it this drone has its own.
+    `links`: links shared with other drones; None: this drone has its own.
     """
 
     def __init__(
@@ -131,28 +132,29 @@ class Ways:
         self._pulses_by = 0
         self._joined = False
         self._autopilots: dict[int, tuple[int, int]] = {}
-        """For each system, the link whose frames are used and the time of its last frame."""
+        """For each system id: index of the link whose autopilot frames are used, and time of
+        the last [ns]."""
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The open links, once this drone's station has opened or joined them."""
+        """The open links; empty before `open`."""
         return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all, or without addresses join those that others open; see `Links.open`."""
+        """Open all links; without addresses, join those opened by another session."""
         self._shared.listen(self._hear)
         opening = await self._shared.open(addresses) if addresses else []
         self._joined = True
         return opening
 
     async def close(self, *, opened: bool = True) -> None:
-        """Leave the links; close those that this session `opened`."""
+        """Leave the links; with `opened`, close them as well."""
         self._shared.leave(self._hear)
         if opened:
             await self._shared.close()
 
     def send(self, message: Message, link: int | None = None) -> None:
-        """Send by the given link; None: by the best one."""
+        """Send on the link of this index; None: on the best one."""
         number = self.best()[0] if link is None else link
         if getattr(message, "target_component", 0) == MavComponent.COMP_ID_AUTOPILOT1:
             system_id = getattr(message, "target_system", 0)
@@ -160,12 +162,12 @@ class Ways:
         self._shared.write(message, number)
 
     def send_by_all(self, message: Message) -> None:
-        """Send by every link."""
+        """Send on every link."""
         for number in range(self._shared.count):
             self._shared.write(message, number)
 
     def best(self) -> list[int]:
-        """Links in the order to try them: those that receive the drone first, then as given."""
+        """Indices of links in the order to try; those that receive the drone come first."""
         now_ns = self._clock_ns()
         return sorted(
             range(max(1, self._shared.count)),
@@ -173,23 +175,23 @@ class Ways:
         )
 
     def alive(self) -> list[int]:
-        """Links on which the drone is received."""
+        """Indices of the links on which the drone is received."""
         now_ns = self._clock_ns()
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
     def answer(self, message: Message) -> None:
-        """Send by the link that the drone uses for pulses, if the drone is received there."""
+        """Send on the link that the drone uses for pulses; if silent there, on the best one."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 
-    def heard_drone(self, link: int, *, pulse: bool) -> None:
-        """Record the link of a received frame; with `pulse`, as the drone's choice."""
+    def drone_received(self, link: int, *, pulse: bool) -> None:
+        """Record on which link the drone was received; `pulse`: the frame held a pulse."""
         self._drone_heard_ns[link] = self._clock_ns()
         if pulse:
             self._pulses_by = link
 
     def _hear(self, frame: Frame, number: int) -> None:
-        """Handle a frame; an autopilot's from one link only: its numbers are one series."""
+        """Handle a frame. An autopilot's counts on one link only, for a single sequence."""
         if frame.component_id == MavComponent.COMP_ID_AUTOPILOT1 and self._shared.count > 1:
             now_ns = self._clock_ns()
             on, heard_ns = self._autopilots.get(frame.system_id, (number, now_ns))

@@ -1,4 +1,4 @@
-"""The ground's side of the protocol with the drone, without I/O."""
+"""Ground side of the protocol with the drone, without I/O."""
 
 import itertools
 import math
@@ -54,17 +54,17 @@ from uavrt.units import ns_from_s
 log = get_logger()
 
 DRONE_SILENCE_NS = ns_from_s(6.0)
-"""Silence after which contact with the drone is lost [ns]; as in the original ground
+"""Silence after which contact with the drone counts as lost [ns]; as in the original ground
 station."""
 FILES_NS = ns_from_s(3.0)
-"""Time after a file request in which heartbeats announce that files are being fetched [ns]."""
+"""Time after a file request for which our heartbeats announce a file transfer [ns]."""
 ORDERS = 16
-"""Most orders of motion whose answers are still accepted."""
+"""Number of recent motion orders whose answers are still accepted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DroneHeartbeat:
-    """The drone's own status, once a second (tunnel heartbeat, G1)."""
+    """Status of the drone side, sent once a second (tunnel heartbeat, G1)."""
 
     state: SystemState | None
     cpu_temperature_c: float | None
@@ -72,7 +72,7 @@ class DroneHeartbeat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorAlive:
-    """A detector's heartbeat."""
+    """Heartbeat of the detector of one tag."""
 
     tag_id: int
 
@@ -90,11 +90,11 @@ class Acknowledged:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationStep:
-    """Progress of a command that outlasts its acknowledgement (G2)."""
+    """Progress of a command that continues after its acknowledgement (G2)."""
 
     command: int
     state: int
-    """`uavrt.tunnel.g2.RUNNING`, `COMPLETE` or `FAILED`."""
+    """One of `uavrt.tunnel.g2.RUNNING`, `COMPLETE` and `FAILED`."""
     step: int
     step_count: int
     message: str
@@ -117,12 +117,12 @@ GroundEvent = (
 
 
 class GroundProtocol:
-    """Decodes and counts what the ground receives; no I/O.
+    """Decodes and counts the frames that the ground receives; no I/O.
 
     `receipts`: makes acknowledgements; None: none are sent.
-    `as_gcs`: use 255/190 and type GCS, which the original's drone side requires; the autopilot
-    then takes this station for the operator's own.
-    `identity`: selects the served vehicle; without it the first one received.
+    `as_gcs`: use system 255 and type GCS, which the original's drone side requires; the
+    autopilot then takes this station for the operator's ground station.
+    `identity`: selects the served vehicle; None: the first one received.
     """
 
     def __init__(
@@ -142,16 +142,16 @@ class GroundProtocol:
         self._sealer = sealer
         self._generation: Generation = generation
         self.receipts = receipts
-        self._in_hand: list[bytes] = []
-        """Pulse payloads of the last frame."""
+        self._frame_pulses: list[bytes] = []
+        """Pulse payloads of the frame received last."""
         self._uncommitted: dict[bytes, int] = {}
-        """Payloads of accepted pulses that may not be on the disk yet, in order, each with the
-        store's count when it was accepted."""
+        """Payloads of accepted pulses that may not be on the disk yet, in order. Values: number
+        of stored items when the pulse was accepted."""
         self.drone: Peer | None = None
         self.tags: dict[int, Tag] = {}
-        """Tags that we uploaded; they give received pulses their width."""
+        """Tags that we uploaded; received pulses get their pulse width from here."""
         self.orders: deque[int] = deque(maxlen=ORDERS)
-        """Numbers of the last orders of motion; only answers to these are accepted."""
+        """Numbers of the last motion orders; answers to others are ignored."""
         self.counters: Counter[str] = Counter()
         self._heard_ns = 0
         self.files_asked_ns = -FILES_NS
@@ -159,7 +159,7 @@ class GroundProtocol:
         self._texts = TextAssembler()
 
     def forget(self) -> None:
-        """Detect the vehicle again: the operator has chosen another."""
+        """Detect the vehicle again, after the operator has chosen another."""
         self.drone, self._heard_ns = None, 0
 
     def set_tags(self, tags: Iterable[Tag]) -> None:
@@ -167,20 +167,20 @@ class GroundProtocol:
         self.tags = {tag.tag_id: tag for tag in tags}
 
     def present(self, now_ns: int) -> bool:
-        """True while the drone's component 191 is received."""
+        """True while the drone side (component 191) is received."""
         return self.drone is not None and now_ns - self._heard_ns < DRONE_SILENCE_NS
 
     def heartbeat(self) -> dialect.Heartbeat:
-        """Make our heartbeat."""
+        """Build our heartbeat message."""
         return station_heartbeat(as_gcs=self._as_gcs)
 
     def taken(self, count: int = 0) -> None:
-        """Record that the store, now at `count`, accepted the pulses of the last `receive`."""
-        self._uncommitted.update(dict.fromkeys(self._in_hand, count))
-        self._in_hand.clear()
+        """Record that the store accepted the last received pulses, as item number `count`."""
+        self._uncommitted.update(dict.fromkeys(self._frame_pulses, count))
+        self._frame_pulses.clear()
 
     def stored(self, count: int = 0) -> None:
-        """Acknowledge everything that was accepted up to this count: it is on the disk."""
+        """Acknowledge all pulses up to item number `count`: they are on the disk."""
         waiting = self._uncommitted.items()
         for payload, _ in list(itertools.takewhile(lambda one: one[1] <= count, waiting)):
             del self._uncommitted[payload]
@@ -188,7 +188,7 @@ class GroundProtocol:
                 self.receipts.stored(payload)
 
     def receipt(self, now_ns: int) -> dialect.Tunnel | None:
-        """Return the receipt that is due; None without one or without a drone."""
+        """Return the receipt that is due; None if none is, or no drone is known."""
         if self.receipts is None or self.drone is None:
             return None
         if self._sealer is not None and not self._sealer.ready:
@@ -201,7 +201,7 @@ class GroundProtocol:
     def tunnel_message(
         self, payload: bytes, payload_type: int = PAYLOAD_TYPE
     ) -> dialect.Tunnel:
-        """Address a payload to the drone; raises `LinkError` before it is found."""
+        """Address a payload to the drone; raises `LinkError` before a drone is found."""
         if self.drone is None:
             raise LinkError(
                 "no contact with the drone yet",
@@ -212,7 +212,7 @@ class GroundProtocol:
         return self._message(payload, payload_type)
 
     def sealed_parameter(self, name: str, value: float) -> dialect.Tunnel | None:
-        """Write a sealed request to set a parameter (NaN: to report it); None without a key."""
+        """Encode an authenticated parameter request (NaN: read it); None without a key."""
         if self._sealer is None or self.drone is None:
             return None
         return self._message(self._sealer.parameter(name, value), SEALED_TYPE)
@@ -228,8 +228,8 @@ class GroundProtocol:
         )
 
     def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
-        """Handle a frame; return the event that it contains."""
-        self._in_hand.clear()  # what could not be taken is to come again
+        """Handle a frame; return the events that it contains."""
+        self._frame_pulses.clear()  # what could not be taken is to come again
         if frame.component_id != DRONE_COMPONENT:
             return []
         peer = Peer(frame.system_id, frame.component_id)
@@ -249,7 +249,7 @@ class GroundProtocol:
         return []
 
     def keepalives(self, links: int, now_ns: int) -> list[dialect.Tunnel]:
-        """Sealed heartbeats due now, for links that carry them in turn; none without a key."""
+        """Authenticated heartbeats due now, one per link in turn; none without a key."""
         if self._sealer is None or self.drone is None:
             return []
         files = now_ns - self.files_asked_ns < FILES_NS
@@ -257,7 +257,7 @@ class GroundProtocol:
         return [self._message(payload, SEALED_TYPE) for payload in sealed]
 
     def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
-        """Decode a payload of any type; None if it is not shown."""
+        """Decode a payload of any type; None if it is no event for the page."""
         if payload_type == PAYLOAD_TYPE:
             event = self._event(decode(payload, self._generation))
             self.counters["unexpected_payloads"] += event is None
@@ -276,7 +276,7 @@ class GroundProtocol:
         return event
 
     def _repeated(self, payload: bytes) -> bool:
-        """True for a pulse received before; a stored one is acknowledged once more."""
+        """True for a pulse received before; if it is stored, acknowledge it once more."""
         known = payload in self._uncommitted
         if not known and (self.receipts is None or not self.receipts.seen(payload)):
             return False
@@ -295,14 +295,14 @@ class GroundProtocol:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad tunnel payload", error)
             if plain and acked_command_of(payload) == CommandId.PULSE:
-                self._in_hand.append(payload)  # in the log; again it would be no better
+                self._frame_pulses.append(payload)  # in the log; again it would be no better
             return []
         if event is None:
             return []
         if isinstance(event, PulsePose | BurstInside):
             if self._repeated(payload):
                 return []
-            self._in_hand.append(payload)
+            self._frame_pulses.append(payload)
         self.counters[type(event).__name__] += 1
         return [event]
 

@@ -1,4 +1,4 @@
-"""One vehicle that the ground station serves: its link, its drone's reports, its flight."""
+"""One vehicle that the ground station serves: link, drone reports and flight."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -28,7 +28,7 @@ ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 class ServedVehicle:
     """State of one served vehicle.
 
-    `on_flight`: called when a flight of our own has begun.
+    `on_flight`: called after a flight has begun on the ground.
     """
 
     def __init__(
@@ -55,17 +55,17 @@ class ServedVehicle:
 
     @property
     def companions(self) -> Sequence["ServedVehicle"]:
-        """The other vehicles that are served."""
+        """The other served vehicles."""
         return self._companions()
 
     @property
     def name(self) -> str:
-        """The vehicle's name among several."""
+        """The vehicle's name, which distinguishes it from other vehicles."""
         number, name = self.identity.system_id, self.store.settings.vehicle_name
         return "this vehicle" if number is None else vehicle_note(number, name)
 
     def situation(self) -> Situation:
-        """The state that decides which buttons are enabled."""
+        """State of drone and link that decides which buttons are enabled."""
         now_ns, drone, tags = self.clock.now_ns(), self.drone, self.store.chosen_tags
         return Situation(
             link_open=self.connection.is_open,
@@ -80,7 +80,7 @@ class ServedVehicle:
         )
 
     def set_busy(self, busy: Busy | None) -> None:
-        """Show the command in progress; None: it has ended."""
+        """Show the command in progress on the pages; None after its end."""
         self.busy = busy
         self.feed.send_state()
 
@@ -91,7 +91,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     async def connect(self) -> None:
-        """Open the configured link in place of any other; raises `LinkError`."""
+        """Open the configured link, after closing any other; raises `LinkError`."""
         await self.disconnect()
         await self.connection.open(lambda: self.drone.sent_tags)
 
@@ -101,7 +101,7 @@ class ServedVehicle:
         self.drone.disconnected()
 
     async def resume(self, library: FlightLibrary) -> bool:
-        """Continue with the flight that a restart interrupted; False without one."""
+        """Continue with the flight that a restart interrupted; False if there is none."""
         store = self.store
         self.drone.recall(
             await store.disk.run(last_beeps, store.directory, store.current_flight, store.tags)
@@ -112,7 +112,7 @@ class ServedVehicle:
         return tags is not None
 
     def begin_flight(self) -> None:
-        """Begin a flight of our own."""
+        """Begin a flight recording on the ground."""
         flight_id = self.flight.begin(self.drone.sent_tags or self.store.chosen_tags)
         self._on_flight()
         self.drone.begin_flight()
@@ -122,7 +122,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def take_heartbeat(self, heartbeat: DroneHeartbeat) -> None:
-        """Handle the drone's state; flights begin and end with it."""
+        """Handle the drone's state; a ground flight begins and ends with detection."""
         before, state = self.drone.take_heartbeat(heartbeat), heartbeat.state
         if before is state:
             return
@@ -138,7 +138,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def once_a_second(self, now_ns: int) -> bool:
-        """Query the vehicle and record changes; False without an open link."""
+        """Send due requests to the vehicle, and record changes; False without an open link."""
         watch = self.connection.serve(now_ns)
         if watch is None:
             return False
@@ -152,7 +152,7 @@ class ServedVehicle:
         return True
 
     def _report_others(self, now_ns: int) -> None:
-        """Report other vehicles on this link once each, and a second one under our number."""
+        """Log each other vehicle on this link once, and a second one under our number."""
         ours = self.identity.system_id
         self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):
@@ -167,9 +167,9 @@ class ServedVehicle:
         self._foreign_reported = foreign
 
     def choose(self, system_id: int) -> None:
-        """Serve another vehicle; the previous one's flight ends here but goes on aboard."""
+        """Serve another vehicle; ends the previous one's flight on the ground only."""
         if self.store.system_id is not None:
-            raise UsageError(f"this page is that of vehicle {self.store.system_id}")
+            raise UsageError(f"this page belongs to vehicle {self.store.system_id}")
         if any(one.identity.system_id == system_id for one in self.companions):
             raise UsageError(f"vehicle {system_id} has a page of its own")
         if not self.flight.keeper.ended:

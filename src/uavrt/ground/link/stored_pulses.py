@@ -1,8 +1,8 @@
 """Record which pulses a ground station's directory holds, for receipts after a restart.
 
-``received.bin`` has the store's number in its first 8 bytes, then an 8-byte hash of each
-pulse's payload, written after the pulse itself. Without it a directory is a new store, and the
-drone sends it the whole flight.
+``received.bin`` begins with the store's number in 8 bytes. An 8-byte hash of each pulse's
+payload follows, written after the pulse itself. A directory without this file is a new store,
+and the drone sends it the whole flight.
 """
 
 import errno
@@ -19,19 +19,19 @@ from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 RECEIVED_NAME = "received.bin"
 _NUMBER = struct.Struct("<Q")
 _Entry = tuple[int, Callable[[], None]]
-"""A number, and the function to call once it is written."""
+"""A pulse's hash, and the function to call once the hash is written."""
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def new_store() -> int:
-    """Make the number of an empty store."""
+    """Draw a random number for an empty store."""
     return 1 + secrets.randbelow(2**32 - 1)
 
 
 def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
-    """Open the receipts of a directory, to which `disk` writes.
+    """Open the receipts of a directory; `disk` runs their writes.
 
-    On a full disk they stay in memory until there is room; after a restart, the drone then
+    On a full disk hashes stay in memory until there is room. After a restart the drone then
     sends some stored pulses again.
     Raises `RecordingError`: the directory cannot be read or written.
     """
@@ -45,7 +45,8 @@ def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
     except OSError as error:
         if error.errno not in _FULL:
             raise RecordingError(
-                f"receipts cannot be saved in {directory}: {error.strerror}",
+                f"the record of received pulses cannot be saved in {directory}: "
+                f"{error.strerror}",
                 remedy="Give a writable directory with -o",
             ) from error
     numbers = [number for (number,) in _NUMBER.iter_unpack(content[: _whole(len(content))])]
@@ -69,14 +70,14 @@ def _whole(size: int) -> int:
 
 
 class _Received:
-    """Appends hashes to the file; those that a full disk refuses wait."""
+    """File to which hashes are appended; those that a full disk refuses wait."""
 
     def __init__(self, path: Path, size: int) -> None:
         self._path, self._size = path, size
         self._waiting = b""
 
     def append(self, numbers: list[_Entry]) -> None:
-        """Write hashes after the complete ones; overwrite an incomplete one."""
+        """Write hashes after the last complete one; an incomplete one is overwritten."""
         self._waiting += b"".join(_NUMBER.pack(number) for number, _ in numbers)
         with suppress(OSError):
             # Not buffered: a receipt that was sent must be here after a kill.

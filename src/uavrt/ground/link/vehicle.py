@@ -1,4 +1,4 @@
-"""Vehicle state as the ground receives it: pose, radio, battery, lost frames. Pure."""
+"""Vehicle state as received by the ground: pose, radio, battery, lost frames. No I/O."""
 
 import math
 from collections import deque
@@ -16,9 +16,9 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 POSE_SILENCE_NS = ns_from_s(3.0)
 ASK_AGAIN_NS = ns_from_s(5.0)
-ASKED_HZ = 5.0
-"""Rate of attitude and position requested from an autopilot that sends none: 0.4 kB/s
-together."""
+REQUESTED_HZ = 5.0
+"""Rate of attitude and position requested from an autopilot that sends none [Hz]; both together
+take 0.4 kB/s."""
 FACTS_AGAIN_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)
@@ -45,7 +45,7 @@ class LossMeter:
             self._seen.popleft()
 
     def share(self, now_ns: int) -> float | None:
-        """Share lost, 0 to 1; None after a silence of `SILENCE_NS`."""
+        """Share of lost frames, 0 to 1; None after a silence of `SILENCE_NS`."""
         if not self._seen or self._seen[-1][0] < now_ns - SILENCE_NS:
             return None
         sent = sum(step for time_ns, step in self._seen if time_ns >= now_ns - LOSS_WINDOW_NS)
@@ -68,7 +68,7 @@ class RadioLevels:
 class VehicleWatch:
     """Reads the autopilot's frames on the ground link.
 
-    `identity`: selects the served vehicle; until it is known, the first autopilot is watched.
+    `identity`: selects the served vehicle; until it is known, the first autopilot is read.
     """
 
     def __init__(self, own: Peer, identity: VehicleIdentity | None = None) -> None:
@@ -82,14 +82,14 @@ class VehicleWatch:
         self.landed: bool | None = None
         """True if the autopilot reports that it is on the ground; None: not reported."""
         self.pose: Pose | None = None
-        """The vehicle's latest pose, on the ground's clock."""
+        """The vehicle's latest pose, timed by the ground's clock."""
         self.home: tuple[float, float] | None = None
-        """Home position reported by the autopilot: latitude and longitude [deg]."""
+        """Home position, latitude and longitude [deg]; None: not reported."""
         self.radio: RadioLevels | None = None
         self.battery_v: float | None = None
         self.battery_percent: int | None = None
         self.disk_free_mb: float | None = None
-        """Free space on the drone's flight disk [MB]; None before its first report."""
+        """Free space on the drone's flight disk [MB]; None: not reported."""
         self.round_trip_s: float | None = None
         """Round-trip time of the last ping to the drone's companion [s]."""
         self.loss = LossMeter()
@@ -134,11 +134,11 @@ class VehicleWatch:
         return self.identity.system_id in (None, system_id)
 
     def _alone(self, system_id: int, now_ns: int) -> bool:
-        """True for our station without an autopilot: a mast, or a person on foot."""
+        """True for a station without an autopilot: a mast, or a person on foot."""
         return system_id == self.identity.system_id and not self.present(now_ns)
 
     def _hear(self, peer: Peer, now_ns: int) -> None:
-        """Handle the heartbeat of our vehicle's autopilot; of any, until ours is known."""
+        """Handle an autopilot's heartbeat: our vehicle's, or any while ours is unknown."""
         ours = self.identity.system_id
         if ours is None:
             if not self.present(now_ns) and peer.system_id not in self.identity.excluded:
@@ -152,19 +152,19 @@ class VehicleWatch:
         return self.autopilot is not None and now_ns - self._heard_ns < ns_from_s(5.0)
 
     def requests(self, now_ns: int) -> list[Message]:
-        """Request poses if none arrive: ArduPilot sends them only on request."""
+        """Messages that request poses if none arrive; ArduPilot sends them only on request."""
         silent = self.pose is None or now_ns - self.pose.time_ns > POSE_SILENCE_NS
         if not (silent and self.present(now_ns) and now_ns - self._asked_ns > ASK_AGAIN_NS):
             return []
         self._asked_ns = now_ns
         assert self.autopilot is not None
         return [
-            _interval(self.autopilot, message_id, 1e6 / ASKED_HZ)
+            _interval(self.autopilot, message_id, 1e6 / REQUESTED_HZ)
             for message_id in (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID)
         ]
 
     def questions(self, now_ns: int) -> list[Message]:
-        """Query the autopilot's version, home and battery from time to time."""
+        """Messages that query the autopilot's version, home and battery from time to time."""
         due = self._facts_asked_ns == 0 or now_ns - self._facts_asked_ns > FACTS_AGAIN_NS
         if not (due and self.present(now_ns)):
             return []
@@ -177,7 +177,7 @@ class VehicleWatch:
         return messages
 
     def ping(self, now_ns: int) -> Message:
-        """Write the next ping, addressed to all; the drone's companion answers."""
+        """Build the next ping. It is addressed to all; the drone's companion answers."""
         self._ping_number += 1
         return dialect.Ping(
             time_usec=now_ns // 1000,
@@ -261,7 +261,7 @@ class VehicleWatch:
 
 
 def request_message(peer: Peer, message_id: int) -> Message:
-    """Request a message once."""
+    """Build a request for a single message."""
     return _command(peer, MavCmd.REQUEST_MESSAGE, message_id)
 
 

@@ -1,7 +1,7 @@
-"""Upload surveys to the autopilot as its mission, and read its fence, over the ground's link.
+"""Upload surveys as missions to the autopilot, and read its fence, over the ground's link.
 
-An uploaded mission moves nothing until a pilot starts it. While the vehicle flies a mission,
-uploads are refused because they would change its path.
+An uploaded mission moves nothing until a pilot starts it. Uploads are refused while the vehicle
+flies a mission, since they would change its path.
 """
 
 import asyncio
@@ -32,19 +32,19 @@ from uavrt.messages import VehicleFence
 
 POLL_S = 0.05
 HOME_WITHIN_S, ASKS_EVERY_S = 8.0, 1.0
-HEARD_WITHIN_S = 5.0
-"""Longest gap between heartbeats [s]. They come each second; at a loss of a fifth, four in a
+HEARTBEAT_GAP_S = 5.0
+"""Longest gap between heartbeats in contact [s]. They come each second; at 20 % loss, four in a
 row are lost once in ten minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uploaded:
-    """A mission that the vehicle holds, as read back."""
+    """A mission as read back from the vehicle after an upload."""
 
     items: int
     sent_again: int
     strange: int
-    """Messages received but not used."""
+    """Number of messages received during the upload and not used."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class VehicleMissions:
 
     Raises `CommandRefused` if the vehicle flies a mission, is unknown or refuses, and
     `LinkError` if it does not answer.
-    `system_id`: number of the served vehicle; None while unknown.
+    `system_id`: returns the served vehicle's system id; None while unknown.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class VehicleMissions:
         self._send, self._system_id = send, system_id
         self._autopilots: dict[int, _Autopilot] = {}
         self._homes: dict[int, tuple[float, float]] = {}
-        """Home positions reported since the last request."""
+        """Home positions received since the last request."""
         self._transfer: MissionTransfer | None = None
         self._uploads = False
         self._busy = asyncio.Lock()
@@ -107,10 +107,7 @@ class VehicleMissions:
         limits: Limits,
         call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
     ) -> Uploaded:
-        """Upload a survey that stays within the fence and returns within it.
-
-        `call` runs the check of the path outside the event loop.
-        """
+        """Upload a survey that stays within the fence; `call` runs the check of the path."""
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
         home, fence = await self.home(), await self.fence()
@@ -132,11 +129,12 @@ class VehicleMissions:
                     return self._homes[peer.system_id]
         raise CommandRefused(
             "home position unknown: cannot check the fence",
-            remedy="Wait for its position; or save the survey, and check it in QGroundControl",
+            remedy="Wait for the vehicle's position, or save the survey and check it in "
+            "QGroundControl",
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
-        """Replace the vehicle's mission, and read it back."""
+        """Replace the vehicle's mission, read it back and compare."""
         async with self._busy:
             peer, behaviour = self._vehicle()
             self._check_mode(behaviour)
@@ -152,7 +150,7 @@ class VehicleMissions:
             differs = difference(items, download.items[len(whole) - len(items) :])
         if differs is not None:
             raise CommandRefused(
-                f"the vehicle does not hold what was sent: {differs}",
+                f"the mission on the vehicle differs from the one sent: {differs}",
                 remedy="Do not start its mission; upload it again",
             )
         counted = upload.counters + download.counters
@@ -184,7 +182,7 @@ class VehicleMissions:
         if transfer.silent:
             raise LinkError(transfer.fault, remedy="Check the radio link, and try again")
         raise CommandRefused(
-            transfer.fault, remedy="Start no mission of the vehicle before an upload has ended"
+            transfer.fault, remedy="Do not start a mission on the vehicle during an upload"
         )
 
     def _watch(self) -> None:
@@ -208,7 +206,7 @@ class VehicleMissions:
         if len(heard) > 1:
             raise CommandRefused(
                 f"{len(heard)} autopilots are received: {', '.join(map(str, sorted(heard)))}",
-                remedy="Switch on the drone side of the one that is meant",
+                remedy="Switch on the drone side of the vehicle that should get the survey",
             )
         ((number, one),) = heard.items()
         peer = Peer(number, MavComponent.COMP_ID_AUTOPILOT1)
@@ -219,7 +217,7 @@ class VehicleMissions:
         return {
             number: one
             for number, one in self._autopilots.items()
-            if now_s - one.heard_s < HEARD_WITHIN_S
+            if now_s - one.heard_s < HEARTBEAT_GAP_S
         }
 
     def _check_mode(self, behaviour: Behaviour) -> None:
@@ -227,8 +225,8 @@ class VehicleMissions:
         mode = self._autopilots[peer.system_id].heartbeat.custom_mode
         if mode in behaviour.mission_modes:
             raise CommandRefused(
-                f"the vehicle is in {behaviour.mode_name(mode)}: another mission would change "
-                "its path",
+                f"the vehicle flies in mode {behaviour.mode_name(mode)}, and another mission "
+                "would change its path",
                 remedy="Let the pilot hold position first",
             )
 

@@ -1,6 +1,6 @@
 """Format a position as decimal degrees, DMS, UTM and MGRS.
 
-MGRS lettering: NGA.SIG.0012, WGS 84 scheme "AA".
+MGRS letters follow NGA.SIG.0012, WGS 84 scheme "AA".
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Readout:
     decimal: str
     dms: str
     utm: str | None
-    """None beyond 84° north and 80° south, where UTM ends."""
+    """UTM notation; None beyond 84° north and 80° south, where UTM ends."""
     mgrs: str | None
 
 
@@ -36,7 +36,7 @@ def readout(latitude_deg: float, longitude_deg: float) -> Readout:
 
 
 def dms(angle_deg: float, letters: str) -> str:
-    """Write degrees, minutes and seconds to a tenth, with the letter of the hemisphere.
+    """Format degrees, minutes and seconds to a tenth, with the letter of the hemisphere.
 
     >>> dms(-41.5, "NS")
     '41°30′00.0″S'

@@ -1,4 +1,4 @@
-"""Bearings and positions for the page, during and after a flight, by the common estimator."""
+"""Bearings and positions for the page, during and after a flight."""
 
 import base64
 from collections.abc import Sequence
@@ -38,25 +38,25 @@ from uavrt.terrain.elevation_files import open_elevation
 from uavrt.units import wrap_degrees_360
 
 SECTORS = 16
-"""Sectors of the pulse rose, as in the original ground station's finest rotation."""
+"""Number of sectors of the pulse rose; the original's finest rotation has as many."""
 LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
-"""Most positions computed in one estimate of a flight in progress, after the first one; each
-takes some 80 ms of a core. Further tags follow in turn."""
+"""Most results of each kind computed in one estimate of a flight in progress, after the first
+estimate. Each takes some 80 ms of a core; further tags follow in turn."""
 Record = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaChoice:
-    """Antenna, its mounting, shared errors and elevation data for the estimates."""
+    """Antenna, its mounting, shared errors and elevation data used by the estimates."""
 
     pattern: str = "RA-23K"
     offset_deg: float = 0.0
-    """Boresight clockwise from the heading in the drone's pulses; 0 when the drone's own
-    settings hold the mounting."""
+    """Boresight clockwise from the heading in the drone's pulses [deg]; 0 if the drone's
+    settings include the mounting."""
     heading_sigma_deg: float = COMMON.heading_sigma_deg
-    """Error that all headings of a flight share, one standard deviation."""
+    """Error shared by all headings of a flight, one standard deviation [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
-    """With a monopole: error that all heights over a tag share, one standard deviation."""
+    """With a monopole: error shared by all heights above a tag, one standard deviation [m]."""
     dem: str = ""
     """Elevation file or folder; empty: the ground is taken as level."""
 
@@ -74,7 +74,7 @@ class AntennaChoice:
 
 @lru_cache(maxsize=1)
 def _elevation(dem: str) -> Elevation:
-    """Open elevation files once: a flight in progress is estimated many times."""
+    """Open elevation files, cached: a flight in progress is estimated many times."""
     return open_elevation(Path(dem))
 
 
@@ -85,19 +85,19 @@ class Estimates:
     bearings: list[Record]
     positions: list[Record]
     found: Found = field(default_factory=Found)
-    """Results that other vehicles use for their positions of the tags."""
+    """Results that other vehicles use for their own positions of the tags."""
     more: bool = False
-    """True if data already received is not fully evaluated yet."""
+    """True while received data is still to be evaluated."""
 
     def record(self) -> dict[str, list[Record]]:
-        """Record for the page."""
+        """These estimates as a record for the page."""
         return {"bearings": self.bearings, "positions": self.positions}
 
     @property
     def outline(self) -> tuple[tuple[int, int, int, float], ...]:
         """Summary that changes with each new result: tag, turn, pulses and bearing.
 
-        Of signal strengths the number of positions and their sum, rounded to a decibel.
+        For signal strengths: number of positions, and their sum rounded to a decibel.
         """
         bearings = tuple(
             (one.tag_id, one.number, one.heard, one.bearing.bearing_deg)
@@ -110,7 +110,7 @@ class Estimates:
 
 
 class Estimator:
-    """Repeats the estimates of a flight; unchanged results are kept."""
+    """Repeats the estimates of a flight; results whose data has not changed are reused."""
 
     def __init__(self) -> None:
         self._cache = Cache()
@@ -119,10 +119,7 @@ class Estimator:
         self._past: tuple[tuple[Path, str, float], list[HeardInTurn]] | None = None
 
     def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
-        """Turns of the same drone's past flights, from which its antenna pattern is learned.
-
-        Each flight is read once per antenna; unreadable flights are left out.
-        """
+        """Readable turns of the drone's past flights, to learn its antenna pattern from."""
         if antenna.pattern == MONOPOLE:
             return ()
         key = (place, antenna.pattern, antenna.offset_deg)
@@ -149,10 +146,14 @@ class Estimator:
     ) -> Estimates:
         """Estimate all bearings and positions of a flight in its present state.
 
-        The `companions`' results are used for tags of the same number and frequency: as
-        received, else as searched for, else as `listed` here. Other vehicles' estimates
-        identify this vehicle's strengths by its `name`. Turns of `past` flights refine the
-        antenna pattern. For searched tags, missed pulses count, too. A bearing computed on the
+        `companions`: estimates of other vehicles, used for tags of the same number and
+        frequency. A tag's frequency is the received one, else that searched for, else that in
+        `listed`.
+        `past`: turns that refine the antenna pattern.
+        `name`: name by which other vehicles' estimates refer to this vehicle's signal
+        strengths.
+
+        For tags that were searched for, missed pulses count, too. A bearing computed on the
         drone is kept if it used more pulses of its turn than have reached the ground.
         """
         sent = {tag.tag_id for tag in tags}
@@ -191,13 +192,13 @@ class Estimator:
 
 
 def _on_ground(one: LiveBearing, spans_ns: Sequence[tuple[int, int]]) -> bool:
-    """True if a drone's bearing belongs to a turn on the ground, by later information."""
+    """True for a drone's bearing from a turn that was on the ground, as reported later."""
     middle_ns = (one.start_time_ns + one.end_time_ns) // 2
     return any(first <= middle_ns <= last for first, last in spans_ns)
 
 
 def _bearing(one: TagBearing, heard: Heard, offset_deg: float) -> Record:
-    """Bearing for the page; one computed on the drone has no rose."""
+    """Record of a bearing for the page; one computed on the drone has no rose."""
     assert one.turn is not None
     return bearing_record(one) | {
         "turn": one.number,
@@ -211,7 +212,7 @@ def _bearing(one: TagBearing, heard: Heard, offset_deg: float) -> Record:
 
 
 def _rose(one: TagBearing, heard: Heard, offset_deg: float) -> list[float | None]:
-    """Highest SNR in each of 16 sectors, the first one centred on north."""
+    """Highest SNR in each of 16 sectors [dB]; the first sector is centred on north."""
     own = heard.pulses[one.tag_id]
     first, last = np.searchsorted(own.time_ns, [one.start_time_ns, one.end_time_ns + 1])
     yaw = yaws_deg(own.quaternion_wxyz[first:last]) + offset_deg
@@ -226,7 +227,7 @@ def _rose(one: TagBearing, heard: Heard, offset_deg: float) -> list[float | None
 
 
 def _end_ns(one: TagPosition, bearings: Sequence[TagBearing], heard: Heard) -> int:
-    """Time of the last data that a position uses [ns]."""
+    """Time of the newest data used for a position [ns]."""
     if one.position is not None and one.position.track:
         return one.position.track[-1].time_ns
     ends = [
@@ -240,7 +241,7 @@ def _end_ns(one: TagPosition, bearings: Sequence[TagBearing], heard: Heard) -> i
 
 
 def _position(one: TagPosition) -> Record:
-    """Position for the page."""
+    """Record of a position for the page."""
     found = one.position
     assert found is not None
     record = position_record(one)

@@ -1,4 +1,4 @@
-"""The operator's log: status texts, acknowledgements and messages of the station."""
+"""The operator's log: status texts, acknowledgements, and messages of the station."""
 
 import json
 from collections import deque
@@ -13,14 +13,14 @@ from uavrt.foreign import decode_record, size_of
 from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
-"""Lines sent to a page; the file keeps all."""
+"""Most lines kept in memory and sent to a page; the file keeps all."""
 TAIL = 400_000
-"""Bytes read from the end of the file at the start."""
+"""Bytes read from the end of the log file at the start."""
 MAX_TEXT = 400
 
 
 class _Line(msgspec.Struct, frozen=True):
-    """A line of the file; invalid ones are not sent to a page."""
+    """One line of the log file; invalid lines are not sent to a page."""
 
     time_ns: int
     severity: int
@@ -29,7 +29,7 @@ class _Line(msgspec.Struct, frozen=True):
 
 
 class EventLog:
-    """Lines in memory and, one JSON object each, in a file, whose earlier ones are read."""
+    """Log lines in memory and in a file of JSON lines; earlier lines of the file are read."""
 
     def __init__(self, path: Path, disk: Disk = at_once) -> None:
         self._path = path
@@ -39,7 +39,7 @@ class EventLog:
         self._read()
 
     def add(self, time_ns: int, severity: int, text: str, source: str) -> dict[str, Any]:
-        """Add a line of a MAVLink severity and source, cut at 400 characters; return it."""
+        """Add and return a line of a MAVLink severity and a source, cut at 400 characters."""
         self._number += 1
         line = {
             "number": self._number,

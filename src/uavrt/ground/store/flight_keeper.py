@@ -1,4 +1,4 @@
-"""The ground's own flight recording: start, resume after a restart, end."""
+"""Start, resume and end the ground station's own recording of a flight."""
 
 import math
 import sqlite3
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import RecordingError
-from uavrt.ground.store.beside_drone import is_the_drones
+from uavrt.ground.store.drone_directory import is_drone_directory
 from uavrt.ground.store.flight_queue import FlightQueue
 from uavrt.ground.store.flight_writer import FlightWriter, Stored
 from uavrt.ground.store.flights import Columns
@@ -36,18 +36,19 @@ from uavrt.recording.plain_database import open_plain
 log = get_logger()
 
 BURST_COMES_WITHIN_S = 60.0
-"""Longest wait for a burst whose content arrived first [s]; each is sent until acknowledged. If
-it does not arrive, it belongs to a flight that this ground station does not have."""
+"""Longest wait for a coded burst whose pulses arrived before it [s]; the drone repeats it until
+it is acknowledged. If it does not arrive, it belongs to another ground station's flight."""
 MOST_EARLY = 1000
-"""Most contents that wait for their burst."""
+"""Most burst contents that wait for their burst."""
 
 
 class FlightKeeper:
-    """Writes everything received into a flight directory of the ground's own.
+    """Writes all received data into a flight directory of the ground station.
 
-    Nothing here waits for the disk: `queue` takes the work and counts how much is durable.
+    Its methods do not wait for the disk: `queue` takes the writes and counts how many are
+    durable.
 
-    `directory`: where flights are created.
+    `directory`: parent of the flight directories.
     `disk`: thread for writing; without one, a commit writes before it returns.
     `also`: called in that thread with each pulse and burst content before its flight is
     committed. If it raises `RecordingError`, it is called again later and the flight waits.
@@ -70,13 +71,13 @@ class FlightKeeper:
         self.queue = FlightQueue(directory, disk, also, on_written)
         self._live = LiveColumns()
         self._path: Path | None = None
-        """Path of the open flight."""
+        """Directory of the open flight."""
         self._begun: set[Path] = set() if begun is None else begun
         self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._early_s: dict[tuple[int, int], float] = {}
-        """Bursts that have not arrived, and when their content first did [s]."""
+        """Time at which the content of each missing burst first arrived [s]."""
         self.without_burst = 0
-        """Contents discarded because their burst did not arrive."""
+        """Number of burst contents discarded because their burst did not arrive."""
         self.flight_id: str | None = None
         self.start_time_ns = 0
         self.ended = True
@@ -87,10 +88,7 @@ class FlightKeeper:
         return len(self._live.keys)
 
     def begin(self, tags: Iterable[Tag], flown: Path | None = None) -> str:
-        """Begin a flight; return its name.
-
-        `flown`: the drone's own recording of it in the same directory, of which ours is a copy.
-        """
+        """Begin a flight; return its name. `flown`: drone's recording that ours copies."""
 
         def is_taken(path: Path) -> bool:
             return path in self._begun or path.exists()
@@ -110,7 +108,7 @@ class FlightKeeper:
             sample_rate_hz=math.nan,
             tags=tuple(tags),
         )
-        among = flown is None and is_the_drones(self._directory)
+        among = flown is None and is_drone_directory(self._directory)
         self.queue.put(lambda writer: writer.begin(info, among_the_drones=among))
         self._path = path
         self._forget(path.name, now_ns)
@@ -119,10 +117,7 @@ class FlightKeeper:
         return path.name
 
     def resume(self, flight_id: str) -> bool:
-        """Continue with a flight after a restart; False if it no longer exists.
-
-        Reads and writes in the calling thread, which should be the disk thread if there is one.
-        """
+        """Continue with a flight after a restart, in this thread; False if it is gone."""
         path = self._directory / flight_id
         if Path(flight_id).name != flight_id:
             return False
@@ -153,12 +148,12 @@ class FlightKeeper:
         self.queue.store(lambda writer: writer.store(item))
 
     def _record(self, write: Callable[[FlightRecorder], None]) -> None:
-        """Queue a record that needs no receipt, while the flight goes on."""
+        """Queue a record that needs no receipt; ignored after the end of the flight."""
         if not self.ended:
             self.queue.record(write)
 
     def add_pulse(self, item: PulsePose) -> bool:
-        """Add a pulse; False if it is a repetition. Raises as `FlightQueue.store`."""
+        """Add a pulse; False for a repeated one. Raises as `FlightQueue.store`."""
         key = item.pulse.key
         if key in self._live.keys:
             return False
@@ -170,7 +165,7 @@ class FlightKeeper:
     def put_inside(self, burst: BurstInside) -> bool:
         """Add content to a burst of this flight; False if the burst is of another flight.
 
-        Raises `RecordingError`: not stored, because its burst has not arrived or the disk is
+        Raises `RecordingError`: not stored, because the burst has not arrived or the disk is
         slow.
         """
         if burst.key in self._live.keys:
@@ -187,7 +182,7 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_COMES_WITHIN_S:
-            raise RecordingError("the burst that it belongs to has not arrived")
+            raise RecordingError("the burst to which this content belongs has not arrived")
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(self.without_burst, "content of a burst discarded: its burst did not arrive")
@@ -210,11 +205,11 @@ class FlightKeeper:
         self._record(lambda flight: flight.write(health))
 
     def add_search_report(self, report: SearchReport) -> None:
-        """Add a search that found nothing."""
+        """Add the report of a search that found no pulse."""
         self._record(lambda flight: flight.write(report))
 
     def correct_tags(self, tags: tuple[Tag, ...]) -> None:
-        """Continue with corrected values of the flight's tags."""
+        """Continue with corrected values for the flight's tags."""
         self._record(lambda flight: flight.write(*tags))
 
     def add_beep(self, beep: Beep) -> None:
@@ -222,12 +217,12 @@ class FlightKeeper:
         self._record(lambda flight: flight.write(beep))
 
     def add_text(self, severity: int, text: str, time_ns: int) -> None:
-        """Add a text for the operator."""
+        """Add a status text for the operator."""
         said = StatusText(severity=severity, text=text)
         self._record(lambda flight: flight.write_status_text(said, time_ns))
 
     def add_note(self, text: str, time_ns: int) -> None:
-        """Add a mark of the operator, even after the end."""
+        """Add an operator's mark, also after the end of the flight."""
         if self._path is not None:
             self.queue.record(lambda flight: flight.write_note(text, time_ns))
 
@@ -240,7 +235,7 @@ class FlightKeeper:
         self.ended = True
 
     def close(self) -> None:
-        """End the recording; a later `commit` writes what the disk refuses now."""
+        """Close the recording; a later `commit` makes writes that the disk refuses now."""
         if self._path is not None:
             self._before = self._path, frozenset(self._live.keys)
             self.queue.put(FlightWriter.end)

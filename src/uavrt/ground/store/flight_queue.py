@@ -1,4 +1,4 @@
-"""Queue of writes into a ground station's flights, and the amount that is on the disk."""
+"""Queue of writes into a ground station's flights, with a count of the durable ones."""
 
 import asyncio
 from collections.abc import Callable
@@ -14,20 +14,21 @@ from uavrt.recording.flight_recorder import FlightRecorder
 log = get_logger()
 
 MOST_WAITING = 10_000
-"""Most pulses waiting for a failing disk; the drone keeps more and repeats unacknowledged
-ones."""
-MOST_OTHERS = 20_000
-"""Most poses, notes and similar records that wait while the disk does not answer."""
+"""Most pulses queued for a failing disk; the drone keeps all others and repeats them until
+acknowledged."""
+MOST_RECORDS = 20_000
+"""Most poses, notes and similar records queued while the disk does not answer."""
 RETRY_S = 1.0
 """Pause before a failed write is repeated [s]."""
 SLOW_S = 2.0
-"""Duration above which a write is reported as slow [s]; a healthy card takes milliseconds."""
-TURN_S = 0.01
-"""Interval at which `settle` checks for the end of a write [s]."""
+"""Duration above which a write is reported as slow [s]; a healthy memory card takes
+milliseconds."""
+SETTLE_CHECK_S = 0.01
+"""Interval at which `settle` checks whether a write has ended [s]."""
 
 
 class FlightQueue:
-    """Passes work to a `FlightWriter` in the disk thread; nothing here waits for the disk.
+    """Passes writes to a `FlightWriter` in the disk thread, without waiting for the disk.
 
     `on_written`: called after each write, successful or not.
     """
@@ -45,7 +46,7 @@ class FlightQueue:
         self._works: DiskBatches[tuple[bool, Callable[[FlightWriter], None]], Written] = (
             DiskBatches(disk, self.writer.write, self._written)
         )
-        """Pending work of the writer; True marks work that receipts wait for."""
+        """Queued writes; each with True if a receipt waits for it."""
         self._taken = self._applied = self._durable = 0
         self._left_out = 0
         self._retry_at_s = 0.0
@@ -55,7 +56,7 @@ class FlightQueue:
 
     @property
     def fault(self) -> str | None:
-        """Why not everything is on the disk, or that it is slow; None otherwise."""
+        """Reason why data is not on the disk, or that the disk is slow; None otherwise."""
         handed_s = self._works.handed_s
         now_s = 0.0 if handed_s is None else monotonic_s() - handed_s
         before_s = 0.0 if self._error is not None or self.stored else self._works.took_s
@@ -65,13 +66,13 @@ class FlightQueue:
         error = RecordingError(
             f"the disk of {self._directory} takes {slow_s:.0f} s to write: "
             f"{self._waiting} pulses wait in memory",
-            remedy="Check or replace it",
+            remedy="Check or replace the disk",
         )
         return str(error)
 
     @property
     def progress(self) -> tuple[int, int]:
-        """Number of pulses and burst contents accepted, and how many of them are durable."""
+        """Number of accepted pulses and burst contents, and how many of them are durable."""
         return self._taken, self._durable
 
     @property
@@ -84,26 +85,26 @@ class FlightQueue:
         return self._taken - self._durable
 
     def store(self, work: Callable[[FlightWriter], None]) -> None:
-        """Queue work that a receipt waits for; raises `RecordingError` if the queue is full."""
+        """Queue a write that a receipt waits for; raises `RecordingError` if it is full."""
         if self._waiting >= MOST_WAITING:
             raise RecordingError(self.fault or "the disk is too slow for the pulses received")
         self.put(work, counts=True)
 
     def put(self, work: Callable[[FlightWriter], None], *, counts: bool = False) -> None:
-        """Queue work for the next commit; with `counts` a receipt waits for it."""
+        """Queue a write for the next commit; with `counts` a receipt waits for it."""
         self._taken += counts
         self._works.waiting.append((counts, work))
 
     def record(self, write: Callable[[FlightRecorder], None]) -> None:
-        """Queue work that needs no receipt; discard it if too much waits."""
-        if len(self._works.waiting) < MOST_WAITING + MOST_OTHERS:
+        """Queue a write that needs no receipt; it is discarded if the queue is full."""
+        if len(self._works.waiting) < MOST_WAITING + MOST_RECORDS:
             self.put(lambda writer: writer.record(write))
         else:
             self._left_out += 1
             log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write everything to the disk; what it refuses waits, and `fault` has the reason.
+        """Write all to the disk; refused writes stay queued, and `fault` has the reason.
 
         After a fault the next try comes a second later, unless `at_once`.
         """
@@ -119,7 +120,7 @@ class FlightQueue:
     def _written(
         self, works: list[tuple[bool, Callable[[FlightWriter], None]]], written: Written
     ) -> None:
-        """Update the number of durable items."""
+        """Update the number of durable items after a write."""
         self._applied += sum(counts for counts, _ in works)
         if written.fault is None:
             self._durable = self._applied
@@ -130,14 +131,14 @@ class FlightQueue:
         self._on_written()
 
     def mended(self) -> str:
-        """Get the repaired fault of the flight's database, once."""
+        """Return a repaired fault of the flight's database, only once."""
         text, self._mended = self._mended, ""
         return text
 
     async def settle(self, within_s: float) -> None:
-        """Wait until everything is written or refused, for `within_s` at most."""
+        """Wait until all is written or refused, at most `within_s`."""
         if self._works.waiting:
             self.commit()
         end_s = monotonic_s() + within_s
         while self._works.handed_s is not None and monotonic_s() < end_s:  # noqa: ASYNC110
-            await asyncio.sleep(TURN_S)
+            await asyncio.sleep(SETTLE_CHECK_S)

@@ -20,20 +20,20 @@ Stored = PulsePose | BurstInside
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """Result of writing a batch."""
+    """Result of one batch of writes."""
 
     fault: str | None
-    """Why not everything is on the disk; None if all is."""
+    """Reason why data is not on the disk; None if all is."""
     mended: str
-    """The repaired fault of the flight's database."""
+    """Fault of the flight's database that was repaired; empty without one."""
 
 
 class FlightWriter:
-    """The flight in progress, and earlier ones that are not completely on the disk.
+    """Writes the flight in progress, and earlier ones not completely on the disk.
 
-    `also`: called with each pulse and burst content before its flight is committed, since they
-    are not received again after a kill. If it raises `RecordingError`, it is called again later
-    and the flight waits.
+    `also`: called with each pulse and burst content before its flight is committed, since the
+    drone does not send them again afterwards. If it raises `RecordingError`, it is called again
+    later and the flight waits.
     """
 
     def __init__(self, also: Callable[[Stored], object]) -> None:
@@ -45,14 +45,14 @@ class FlightWriter:
         self._discarded = 0
 
     def begin(self, info: FlightInfo, *, among_the_drones: bool) -> None:
-        """Begin a flight; with `among_the_drones`, add it to the drone's order of flights."""
+        """Begin a flight; `among_the_drones`: add it to the drone's order of flights."""
         self._flight = FlightRecorder.open(info, durable=True)
         self._flight.write_note(GROUND_NOTE, info.start_time_ns)
         if among_the_drones:
             try:
                 note_flight(Path(info.directory))
             except OSError as error:
-                log.warning("order of flights not noted", reason=str(error))
+                log.warning("order of flights not written", reason=str(error))
 
     def go_on(self, path: Path) -> None:
         """Continue a flight after a restart; raises `RecordingError` if it cannot."""
@@ -73,7 +73,7 @@ class FlightWriter:
         self._listed.append(item)
 
     def store_before(self, path: Path, burst: BurstInside) -> None:
-        """Write burst content into an earlier flight; discard it if that no longer exists."""
+        """Write burst content into an earlier flight; discard it if that flight was removed."""
         if not FlightLayout(path).database.exists():
             self._discarded += 1
             log.seldom(self._discarded, "content of a burst discarded: its flight is gone")
@@ -90,7 +90,7 @@ class FlightWriter:
         self._flight = None
 
     def write(self, works: list[tuple[bool, Callable[["FlightWriter"], None]]]) -> Written:
-        """Execute all work and make it durable, with everything that waited before."""
+        """Execute queued writes and make them durable, with all that waited before."""
         for _, work in works:
             work(self)
         fault = None

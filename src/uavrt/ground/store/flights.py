@@ -1,6 +1,6 @@
-"""List the flights on this computer and read them in columns.
+"""List the flights on this computer, and read them in columns.
 
-A flight of 100 000 pulses is read in columns, never as objects: 10 MB in place of 150.
+Columns of a flight with 100 000 pulses take 10 MB, objects 150 MB.
 """
 
 import math
@@ -36,11 +36,11 @@ from uavrt.recording.schema import POSE_COLUMNS, pose_row, read_older
 
 CHUNK = 4000
 LAST_NS = 2**63
-"""Later than all times of flights, which have 64 bits [ns since 1970]."""
+"""Time later than that of any flight [ns since 1970]."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )
-"""Statuses of a pulse in flight, by the page's numbers."""
+"""Detection statuses of a pulse in flight; the page uses their indices."""
 
 PULSE_COLUMNS = (
     "tag_id",
@@ -62,7 +62,7 @@ PULSE_COLUMNS = (
     "ghost_of_tag_id",
     "clipped",
 )
-"""Columns of a pulse and its pose that `FlightLibrary.pulses` reads, by field name."""
+"""Columns that `FlightLibrary.pulses` reads, of a pulse and its pose, by field name."""
 PLACE_COLUMNS = (
     "latitude_deg",
     "longitude_deg",
@@ -72,7 +72,7 @@ PLACE_COLUMNS = (
     "quaternion_y",
     "quaternion_z",
 )
-"""Columns of a pose after its time that `FlightLibrary.columns` reads."""
+"""Columns of a pose, after its time, that `FlightLibrary.columns` reads."""
 
 _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     "detection_status": (
@@ -86,7 +86,7 @@ _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     ),
     "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
 }
-"""Conversion of non-numeric fields to one number, in SQL and in Python."""
+"""Conversion of non-numeric fields to a number, each as SQL and as a Python function."""
 _OF_POSE = POSE_COLUMNS.split(", ")
 _SELECT_PULSES = (
     "SELECT "
@@ -112,21 +112,21 @@ _FIRST_OF_QUATERNION = PULSE_COLUMNS.index("quaternion_w")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Columns:
-    """Pulses and poses of a flight."""
+    """Pulses and poses of one flight, in columns."""
 
     pulses: NDArray[np.float64]
-    """(len(PULSE_COLUMNS), n); times as float64 nanoseconds, good to 256 ns."""
+    """Array (len(PULSE_COLUMNS), n); times as float64 nanoseconds, exact to 256 ns."""
     poses: NDArray[np.float64]
-    """(8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
+    """Array (8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """Start and end of times on the ground, as the autopilot reported them [ns]."""
+    """Start and end of each time on the ground, as the autopilot reported [ns]."""
     takeoff_amsl_m: float = math.nan
-    """Height above sea level of the zero of relative altitudes, from the first pose [m]."""
+    """Height above sea level at which relative altitudes are zero, from the first pose [m]."""
     goes_on: bool = False
-    """True while more data may arrive."""
+    """True while the flight is in progress and more data may arrive."""
 
     def heard(self, tags: Sequence[Tag], name: str = "this vehicle") -> Heard:
-        """The same columns for the estimator."""
+        """Convert to the estimator's input."""
         pulses, poses, rate = self.pulses, self.poses, np.nan_to_num(self["rate"], nan=1.0)
         return Heard.of(
             self["tag_id"].astype(np.int64),
@@ -157,7 +157,7 @@ class Columns:
         )
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """One column of the pulses."""
+        """One column of the pulses, by its name."""
         column: NDArray[np.float64] = self.pulses[PULSE_COLUMNS.index(name)]
         return column
 
@@ -173,9 +173,10 @@ class FlightLibrary:
         self._quiet = FlightCache(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
-        """Get all flights, newest first; unreadable ones are left out.
+        """List all flights, newest first, without unreadable ones.
 
-        Flights recorded by the drone are sorted by the drone's order file, others by time.
+        Flights recorded by the drone are in the order of the drone's order file, others in
+        order of time.
         """
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
@@ -193,7 +194,7 @@ class FlightLibrary:
     def find(
         self, choice: FlightChoice, after: int, limit: int
     ) -> tuple[int, list[FlightSummary]]:
-        """Get the number of matching flights, and one page of them, newest first."""
+        """Number of flights that match, and one page of them, newest first."""
         found = [flight for flight in self.summaries() if choice.holds(flight)]
         return len(found), found[after : after + limit]
 
@@ -206,7 +207,7 @@ class FlightLibrary:
         return True
 
     def path(self, flight_id: str) -> Path:
-        """Get the directory of a flight; raises `UsageError`."""
+        """Directory of a flight; raises `UsageError` if there is no such flight."""
         path = self.directory / flight_id
         plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
         # Not by Path.is_file, which raises for names that no file can have.
@@ -215,7 +216,7 @@ class FlightLibrary:
         return path
 
     def summary(self, flight_id: str) -> FlightSummary:
-        """Get one line of the list; raises `UsageError` or `FormatError`."""
+        """Summary of a flight; raises `UsageError` or `FormatError`."""
         self.path(flight_id)
         return self._summary(flight_id)
 
@@ -226,7 +227,7 @@ class FlightLibrary:
         return flight if flight.starred == starred else replace(flight, starred=starred)
 
     def _keep(self, flight_ids: set[str]) -> None:
-        """Keep what is known of these flights, if it has changed, and forget others."""
+        """Write the cache of summaries for these flights, if it has changed."""
         known = self._known.kept
         for place in known.keys() - {f"{self.directory}/{one}" for one in flight_ids}:
             known.pop(place, None)
@@ -248,10 +249,7 @@ class FlightLibrary:
         )
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
-        """Read the idle noise of a vehicle's receiver in its past flights [dB].
-
-        Flights without a vehicle number count for each vehicle.
-        """
+        """Idle receiver noise in past flights of a vehicle, or of an unknown one [dB]."""
         flights = (
             flight
             for flight in self.summaries()
@@ -266,14 +264,14 @@ class FlightLibrary:
             return None
 
     def places(self, flight_id: str) -> Places:
-        """Get the take-off position and the marks of a flight; raises as `summary`."""
+        """Take-off position and marks of a flight; raises as `summary`."""
         with self._database(flight_id) as database:
             return places_of(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
             )
 
     def star(self, flight_id: str, starred: bool) -> None:
-        """Protect a flight and its copies from removal, or end the protection."""
+        """Protect a flight and its copies from removal, or end that protection."""
         self.path(flight_id)
         flown = flown_name(flight_id)
         for flight in self.directory.iterdir():
@@ -293,17 +291,17 @@ class FlightLibrary:
         )
 
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
-        """Read only the pulses, (len(PULSE_COLUMNS), n)."""
+        """Read the pulses of a flight: array (len(PULSE_COLUMNS), n)."""
         with self._database(flight_id) as database:
             return _columns(database, "pulses", _SELECT_CELLS, len(PULSE_COLUMNS))
 
     def poses(self, flight_id: str) -> NDArray[np.float64]:
-        """Read only the poses, (8, m)."""
+        """Read the poses of a flight: array (8, m), as `Columns.poses`."""
         with self._database(flight_id) as database:
             return _columns(database, "poses", _SELECT_POSES, 8)
 
     def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
-        """Get at most `limit` pulses as records, as stored, without the first `after`."""
+        """Read at most `limit` pulses as stored records, skipping the first `after`."""
         with self._database(flight_id) as database:
             rows = database.execute(
                 f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after)
@@ -325,7 +323,7 @@ class FlightLibrary:
         return records
 
     def log(self, flight_id: str) -> list[dict[str, Any]]:
-        """Get the status texts and notes of a flight in order of time."""
+        """Status texts and notes of a flight in order of time."""
         with self._database(flight_id) as database:
             rows = database.execute(
                 "SELECT time_ns, severity, text FROM status_texts UNION ALL "
@@ -348,7 +346,7 @@ class FlightLibrary:
 
 
 def pulse_cells(item: PulsePose) -> tuple[float, ...]:
-    """One pulse as numbers in the order of `PULSE_COLUMNS`."""
+    """A pulse as numbers, in the order of `PULSE_COLUMNS`."""
     pose = dict(zip(_OF_POSE, pose_row(item.pose), strict=True))
     cells = []
     for name in PULSE_COLUMNS:
@@ -386,11 +384,11 @@ def _mark(star: Path, starred: bool) -> None:
 
 
 def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
-    """True if a flight may belong to this vehicle."""
+    """True if a flight may be of this vehicle."""
     number = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
     return None in (number, system_id) or number == str(system_id)
 
 
 def known(value: float) -> float | None:
-    """A finite number; None otherwise, for JSON."""
+    """A finite number as it is; None for any other value, since JSON has no NaN."""
     return float(value) if math.isfinite(value) else None

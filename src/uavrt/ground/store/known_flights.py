@@ -1,6 +1,6 @@
-"""Cache of flight summaries, kept over a restart.
+"""Cache of flight summaries on the disk, since reading thousands of databases takes seconds.
 
-Reading thousands of databases takes seconds; this file can be deleted at any time.
+The cache file can be deleted at any time.
 """
 
 from collections.abc import Iterable
@@ -20,7 +20,7 @@ _VERSION = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightSummary:
-    """One line of the list of flights."""
+    """Summary of a flight, one line in the list of flights."""
 
     flight_id: str
     start_time_ns: int
@@ -28,16 +28,16 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` if this ground station recorded it, ``"drone"`` if it was copied."""
+    """``"ground"`` if this ground station recorded the flight, ``"drone"`` if it was copied."""
     starred: bool = False
-    """True if it is never removed automatically from its computer."""
+    """True for a flight that is never removed automatically."""
     vehicle: str | None = None
-    """Number and name of its vehicle, if the ground station recorded them."""
+    """Number and name of the vehicle; None unless the ground station recorded the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightChoice:
-    """Criteria by which flights are listed."""
+    """Criteria that select flights for a list."""
 
     tag_id: int | None = None
     """Flights that searched for this tag."""
@@ -61,7 +61,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 def kept_flights(path: Path) -> dict[str, tuple[Stamp, FlightSummary]]:
-    """Read what an earlier run knew of the flights beside a file, by directory."""
+    """Read the cached summaries from a file, by flight directory."""
     try:
         kept = read_record(path, _Kept)
     except (OSError, FormatError):
@@ -71,6 +71,6 @@ def kept_flights(path: Path) -> dict[str, tuple[Stamp, FlightSummary]]:
 
 
 def keep_flights(path: Path, flights: Iterable[tuple[Stamp, FlightSummary]]) -> None:
-    """Keep what is known of flights over a restart; raises `OSError`."""
+    """Write the cache of summaries; raises `OSError`."""
     content = msgspec.json.encode(_Kept(_VERSION, list(flights)))
     write_atomically(path, content, sync=False)

@@ -1,4 +1,4 @@
-"""The flight in progress in memory: its pulses and poses in columns, for the estimates."""
+"""Pulses and poses of the flight in progress, in memory as columns for the estimates."""
 
 import math
 from array import array
@@ -17,20 +17,20 @@ POSE_WIDTH = 8
 
 
 class LiveColumns:
-    """Columns of one flight."""
+    """Pulses and poses of one flight in progress."""
 
     def __init__(self) -> None:
         self.keys: set[tuple[int, int]] = set()
-        """Tag id and start time [ns] of each pulse."""
+        """Tag id and start time [ns] of each pulse, to recognise repeated ones."""
         self._pulses = array("d")
         self._poses = array("d")
         self._states = GroundStates()
         self._last_pose_ns = 0
         self._takeoff: tuple[float, float] = math.inf, math.nan
-        """Time of the first pose [ns], and the height above sea level of its reference."""
+        """Time of the first pose [ns], and height above sea level of the take-off point [m]."""
 
     def resume(self, keys: Iterable[tuple[int, int]], states: GroundStates) -> None:
-        """Continue with the pulses and states of a database."""
+        """Continue with the pulses and vehicle states of a database."""
         self.keys.update(keys)
         self._states = states
 
@@ -47,7 +47,7 @@ class LiveColumns:
         self._pulses.extend(pulse_cells(item))
 
     def doubt(self, burst: BurstInside) -> None:
-        """Mark a burst as possibly from another sender in the estimates."""
+        """Mark a burst in the estimates as possibly from another sender."""
         cells = np.frombuffer(self._pulses, np.float64).reshape(-1, PULSE_WIDTH)
         named = {name: cells[:, place] for place, name in enumerate(PULSE_COLUMNS)}
         same = named["start_time_ns"] == float(burst.start_time_ns)
@@ -55,7 +55,7 @@ class LiveColumns:
         named["also_possible_tag_id"][same] = burst.also_possible_tag_ids[0]
 
     def add_pose(self, pose: Pose) -> bool:
-        """Add a pose; False for one that follows the last too soon."""
+        """Add a pose; False if it is less than `POSE_STEP_NS` after the last one."""
         if 0 <= pose.time_ns - self._last_pose_ns < POSE_STEP_NS:
             return False
         self._last_pose_ns = pose.time_ns
@@ -73,11 +73,11 @@ class LiveColumns:
         return True
 
     def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> bool:
-        """Add whether the vehicle is armed and landed; False if nothing changed."""
+        """Add whether the vehicle is armed and has landed; False if nothing changed."""
         return self._states.add(time_ns, armed, landed)
 
     def columns(self, *, goes_on: bool) -> Columns:
-        """Copy everything, for another thread."""
+        """Copy all columns, for another thread."""
         pulses = np.frombuffer(self._pulses, np.float64) if self._pulses else np.empty(0)
         poses = np.frombuffer(self._poses, np.float64) if self._poses else np.empty(0)
         return Columns(

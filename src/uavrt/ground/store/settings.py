@@ -29,9 +29,9 @@ from uavrt.terrain.elevation_files import open_elevation
 from uavrt.units import number_in
 
 MOST_JOBS = 256
-"""Most writes that wait for a disk that does not answer: some for each of 16 vehicles."""
+"""Most writes queued for a disk that does not answer: 16 for each of 16 vehicles."""
 MOST_NAME = 40
-"""Most letters of a vehicle's name, which the page's header shows."""
+"""Most letters of a vehicle's name, which the page shows in its header."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class GroundSettings:
     """The ground station's settings, as the page shows them."""
 
     address: str = "udpin://127.0.0.1:14550"
-    """One or several addresses separated by spaces, the preferred one first."""
+    """One or several MAVLink addresses separated by spaces, the preferred one first."""
     generation: Generation = "G1"
     antenna: str = "RA-23K"
     antenna_offset_deg: float = 0.0
@@ -49,22 +49,23 @@ class GroundSettings:
     height_error_m: float = SURVEY.height_sigma_m
     """With a monopole: error shared by all heights above a tag, one standard deviation [m]."""
     gain: int | None = None
-    """Gain; None: from the drone's own settings."""
+    """Radio gain in the radio's own steps; None: from the drone's own settings."""
     center_frequency_mhz: float | None = None
-    """Centre frequency; None: the drone's tuner chooses."""
+    """Centre frequency [MHz]; None: the drone's tuner chooses."""
     roaming_m: float = 10.0
-    """Distance that an animal moves in a minute (one axis, one standard deviation), as a random
-    walk: positions become less certain with age. 0 for one at rest."""
+    """Distance that an animal moves in a minute, one axis, one standard deviation [m].
+    Positions become less certain with age as by a random walk; 0 for an animal at rest."""
     my_place: str = ""
-    """Address of this computer's GPS receiver (NMEA); empty: none."""
+    """Address of this computer's GPS receiver (NMEA); empty: no receiver."""
     vehicle_name: str = ""
     """The operator's name for the vehicle, shown with its number."""
     dem: str = ""
-    """Elevation file or folder on this computer; empty: the ground is taken as level."""
+    """Elevation file or folder on this computer; empty: level ground is assumed."""
     archive: str = ""
-    """Directory that `uavrt batch` wrote; empty: `archive` among the flights, if there."""
+    """Directory that `uavrt batch` wrote; empty: the folder `archive` among the flights, if it
+    exists."""
     left_out: tuple[int, ...] = ()
-    """Ids of listed tags that are excluded from the next flight."""
+    """Ids of listed tags that the next flight does not search for."""
 
     @property
     def antenna_choice(self) -> AntennaChoice:
@@ -78,7 +79,7 @@ class GroundSettings:
         )
 
     def changed(self, values: object) -> "GroundSettings":
-        """Apply changes of the page; raises `UsageError`."""
+        """Copy with changes from the page; raises `UsageError`."""
         if not isinstance(values, dict):
             raise UsageError("settings must be an object")
         unknown = set(values) - set(asdict(self))
@@ -92,12 +93,13 @@ _NEWEST_BYTES = 1_000_000
 
 
 class GroundStore:
-    """The directory's small files: settings, tags, the current flight.
+    """Small files of the station: settings, tags, the current flight.
 
-    `directory`: created if missing; holds flights, maps and reports of all vehicles.
+    `directory`: parent of all files; created if missing. Holds the flights, maps and reports of
+    all vehicles.
     `system_id`: number of a further vehicle, whose small files are in ``vehicles/NUMBER``.
-    `first`: the main vehicle's store, whose disk thread writes these files, too.
-    Raises `ConfigError`: it cannot be written.
+    `first`: store of the main vehicle, whose disk thread writes these files, too.
+    Raises `ConfigError`: the directory cannot be written.
     """
 
     def __init__(
@@ -108,12 +110,12 @@ class GroundStore:
         )
         """Thread that writes all files of the station."""
         self.flights_begun: set[Path] = set() if first is None else first.flights_begun
-        """Flights of all vehicles that may not be on the disk yet."""
+        """Directories of flights of all vehicles that may not be on the disk yet."""
         self._soon = DiskBatches(self.disk, self._write_last, self._wrote)
         self.directory: Path = directory
         self.system_id: int | None = system_id
         self.own = directory if system_id is None else directory / "vehicles" / str(system_id)
-        """Directory of the small files and of the record of received pulses."""
+        """Directory of this vehicle's small files and its record of received pulses."""
         with os_errors_as(
             ConfigError,
             f"cannot store flights in {directory}",
@@ -129,12 +131,12 @@ class GroundStore:
         self.vehicle: tuple[int | None, str | None] = (
             _vehicle(kept) if self.current_flight else (None, None)
         )
-        """System number and unique number of the served vehicle."""
+        """System id and unique number of the served vehicle."""
         self.further_vehicles = _numbers(kept.get("further_vehicles"))
-        """System numbers of the further vehicles."""
+        """System ids of the further vehicles."""
         page = kept.get("commander") if self.current_flight else None
         self.commander: str | None = page if isinstance(page, str) else None
-        """The commanding page."""
+        """Name of the commanding page, kept for a restart in flight."""
         self.settings = GroundSettings()
         settings = kept.get("settings")
         for name, value in settings.items() if isinstance(settings, dict) else ():
@@ -145,7 +147,7 @@ class GroundStore:
         """Corrections of listed tags with the old values, the newest last."""
 
     def of_vehicle(self, system_id: int) -> "GroundStore":
-        """Get the store of a further vehicle, which starts with these settings and tags."""
+        """Make the store of a further vehicle, which begins with these settings and tags."""
         known = (self.directory / "vehicles" / str(system_id)).exists()
         store = GroundStore(self.directory, system_id, self)
         if not known:
@@ -155,7 +157,7 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """Directory written by `uavrt batch`: as set, else among the flights; None: none."""
+        """Directory that `uavrt batch` wrote: as set, else among the flights; None: none."""
         if self.settings.archive:
             return Path(self.settings.archive)
         usual = self.directory / "archive"
@@ -176,7 +178,7 @@ class GroundStore:
 
     @property
     def log_path(self) -> Path:
-        """The log of all flights together."""
+        """Path of the log for all flights."""
         return self.own / "ground_log.jsonl"
 
     def set_tags(self, tags: tuple[Tag, ...]) -> None:
@@ -188,14 +190,11 @@ class GroundStore:
         self.tags = tags
 
     def correct_tag(self, correction: TagCorrection) -> None:
-        """Correct a listed tag by a measurement; keep the old values.
-
-        Raises `ConfigError`, `OSError`: one of the files cannot be written, or the tag is gone.
-        """
+        """Correct a listed tag and keep its old values; raises `ConfigError`, `OSError`."""
         tags = {tag.tag_id: tag for tag in self.tags}
         before = tags.get(correction.tag_id)
         if before is None:
-            raise ConfigError("it is no longer listed")
+            raise ConfigError("the tag is no longer listed")
         after = correction.applied(before)
         made = [*self.corrections, replace(correction, before=before, after=after)]
         with replacing(self._corrections_path) as part:
@@ -206,7 +205,7 @@ class GroundStore:
 
     @property
     def corrections_listed(self) -> list[TagCorrection]:
-        """The newest correction of each tag whose listed values are the corrected ones."""
+        """The newest correction of each tag that still has the corrected values."""
         last = {one.tag_id: one for one in standing_corrections(self.corrections)}
         return [
             last[tag.tag_id]
@@ -215,7 +214,7 @@ class GroundStore:
         ]
 
     def _read_corrections(self) -> list[TagCorrection]:
-        """Read the corrections; damaged lines are left out."""
+        """Read the corrections file; damaged lines are left out."""
         found = []
         with contextlib.suppress(OSError, FormatError):
             newest = read_file(self._corrections_path, OWN)[-_NEWEST_BYTES:]
@@ -230,21 +229,18 @@ class GroundStore:
         self._write()
 
     def set_flight(self, flight_id: str | None) -> None:
-        """Store which flight is in progress, for a restart."""
+        """Store the name of the flight in progress, for a restart."""
         self.current_flight = flight_id
         self._write_soon()
 
     def set_served(self, system_id: int | None, uid: str | None, page: str | None) -> None:
-        """Store the served vehicle and the commanding page, for a restart in flight.
-
-        Called repeatedly, so that what a full disk refuses is written once there is room.
-        """
+        """Store the served vehicle and commanding page, again after a refused write."""
         if self._behind or (self.vehicle, self.commander) != ((system_id, uid), page):
             self.vehicle, self.commander = (system_id, uid), page
             self._write_soon()
 
     def set_further_vehicles(self, numbers: tuple[int, ...]) -> None:
-        """Store the numbers of the further vehicles."""
+        """Store the system ids of the further vehicles."""
         self.further_vehicles = numbers
         self._write_soon()
 
@@ -255,7 +251,7 @@ class GroundStore:
             return {}
 
     def _write_soon(self) -> None:
-        """Write files that no operator waits for; retry if the disk refuses."""
+        """Write files without making an operator wait; retry if the disk refuses."""
         self._behind = True
         self._soon.waiting = [self._text()]
         self._soon.write()
@@ -296,7 +292,7 @@ class GroundStore:
 
 
 def _numbers(kept: object) -> tuple[int, ...]:
-    """Read a list of vehicle numbers; invalid ones are left out."""
+    """Read a list of vehicle numbers, without invalid ones."""
     if not isinstance(kept, list):
         return ()
     return tuple(one for one in kept if type(one) is int and 1 <= one <= 255)
@@ -318,7 +314,7 @@ _RANGES = {
 
 
 def _judged(name: str, value: Any) -> Any:
-    """Check one setting."""
+    """Validate one setting; return its value."""
     match name:
         case "address":
             addresses = [str(parse_address(text)) for text in str(value).split()]
@@ -348,11 +344,11 @@ def _judged(name: str, value: Any) -> Any:
             megahertz = number_in(str(value).replace(",", "."))
             check_start(None, megahertz * 1e6, None)
             return megahertz
-    raise UsageError(f"{name} cannot be {str(value)[:40]!r}")
+    raise UsageError(f"{name} cannot have the value {str(value)[:40]!r}")
 
 
 def _receiver(text: str) -> str:
-    """Check the address of a GPS receiver; empty for none."""
+    """Check the address of a GPS receiver; an empty one means no receiver."""
     try:
         return str(parse_address(text, baud=BAUD)) if text else ""
     except ConfigError as error:
@@ -363,7 +359,7 @@ def _receiver(text: str) -> str:
 
 
 def _readable(text: str, read: Callable[[Path], object]) -> str:
-    """Check a path by reading it; empty for none."""
+    """Check a path by reading from it; an empty path means none."""
     try:
         if text:
             read(Path(text))

@@ -31,7 +31,7 @@ class PulseLines:
             self._keys.update(item.pulse.key for item in read_pulse_file(path))
 
     def write(self, event: PulsePose | BurstInside) -> bool:
-        """Write a line; False for a known pulse. Raises as the constructor."""
+        """Write a line; False if the pulse is in the file. Raises as the constructor."""
         if isinstance(event, BurstInside):
             self._append(inside_record(event))
         elif event.pulse.key in self._keys:
@@ -63,10 +63,7 @@ class PulseLines:
 
 
 def read_ground_pulses(directory: Path, since_ns: int = 0) -> list[Pulse]:
-    """Read the pulses that a ground station has stored, with or without a page.
-
-    `since_ns`: flights that began earlier are left out [ns, UTC].
-    """
+    """Read stored pulses of all flights that began at or after `since_ns` [ns, UTC]."""
     flights = [read_flight(path.parent) for path in directory.glob("*/flight.sqlite")]
     if flights:
         return [

@@ -1,8 +1,8 @@
-"""Tables of tags as CSV: ours, and TagTracker's two databases, with or without a header line.
+"""Tables of tags as CSV: ours and TagTracker's databases, with or without a header line.
 
-TagTracker writes ``TagInfo.db`` (selected, id, name, manufacturer, MHz) and
-``TagManufacturer.db`` (id, name, two intervals, the meaning of each, pulse width, uncertainty,
-jitter) as CSV without a header line; spreadsheets use semicolons or tabs as separators.
+TagTracker writes ``TagInfo.db`` (selected, id, name, manufacturer, MHz) as CSV without a header
+line. Its ``TagManufacturer.db`` has id, name, two intervals, the meaning of each, pulse width,
+uncertainty and jitter. Spreadsheets separate columns by semicolons or tabs.
 """
 
 import csv
@@ -17,12 +17,12 @@ MAKER_NAMES = (
     *("pulse_width", "uncertainty", "jitter"),
 )
 _HEADINGS = ("manufacturerid", "ip_msecs_1", "frequency_mhz")
-"""Column names, one of which identifies a header line."""
+"""Column names; a line with one of them is a header line."""
 _SELECTED = {"0": False, "1": True, "false": False, "true": True}
 
 
 def read_csv(text: str) -> list[dict[str, str]]:
-    """Read rows by column name in lower case; none for another kind of file."""
+    """Read rows by column name in lower case; empty for another kind of file."""
     lines = [line for line in text.removeprefix("\ufeff").splitlines() if line.strip()]
     lines = [line for line in lines if not line.lstrip().startswith(("#", "["))]
     if not lines:
@@ -53,7 +53,7 @@ def is_selected(cell: str) -> bool:
 
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
-    """Rejoin a name that contains separators: the number of cells around it is known."""
+    """Rejoin a name that contains separators, since the number of the other cells is known."""
     last = next((place for place in range(len(cells), 0, -1) if cells[place - 1]), 0)
     cells = cells[:last]
     end = last - after
@@ -82,7 +82,7 @@ def _is_maker(cells: Sequence[str]) -> bool:
 
 
 def number_in_cell(written: object) -> float | None:
-    """Read a number with decimal point or comma."""
+    """Read a number with a decimal point or comma."""
     try:
         number = (
             math.nan if isinstance(written, bool) else float(str(written).replace(",", "."))

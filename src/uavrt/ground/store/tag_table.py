@@ -1,4 +1,4 @@
-"""The tag table of the page: rows as typed, faults per field; import and export."""
+"""The tag table of the page: typed rows, faults per field, import and export."""
 
 import hashlib
 import io
@@ -30,12 +30,14 @@ FIELDS: dict[str, Quantity] = {
     "k": "k",
     "false_alarm_percent": "false_alarm_probability",
 }
-"""Columns of the table in the users' units, and their descriptions."""
+"""Columns of the table in the users' units, with their descriptions."""
 CODE_FIELDS = ("kind", "gaps_ms")
-"""Further columns of coded tags, whose interval is that of bursts; other rows lack them."""
+"""Further columns of coded tags, whose interval is that between bursts; other rows lack
+them."""
 KINDS = ("beeping", "coded")
 LEAST_BARE_PERCENT = 0.05
-"""Percentages below this without a percent sign are taken for a mistyped probability."""
+"""Least false-alarm probability accepted without a percent sign [%]; a smaller number is
+probably meant as a fraction."""
 REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
 REQUIRED_OF_CODES = ("id", "frequency_mhz", "interval_ms")
 MAX_ROWS = 500
@@ -69,20 +71,22 @@ PRESETS: tuple[dict[str, Any], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldFault:
-    """One mistake: its row and field, and the remedy."""
+    """One mistake in the table: its row and field, and the remedy."""
 
     row: int
-    """Row, from 0."""
+    """Index of the row, from 0."""
     field: str
     text: str
 
 
 def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
-    """Check typed rows; return the tags, or none if there is any fault."""
+    """Check typed rows; return the tags, or no tags if there is any fault."""
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
-        raise UsageError(f"{len(rows)} tags are too many", remedy=f"At most {MAX_ROWS}")
+        raise UsageError(
+            f"{len(rows)} tags are too many", remedy=f"Use at most {MAX_ROWS} tags"
+        )
     found: list[FieldFault] = []
     drafts = [_draft(row, index, found) for index, row in enumerate(rows)]
     # A fault from the beginning: incomplete drafts are judged, but made into no tags.
@@ -93,7 +97,7 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
 
 
 def warnings_of(tags: Sequence[Tag]) -> list[str]:
-    """List valid but surprising entries: codes that are similar."""
+    """List valid but suspicious entries: codes that are easily confused."""
     return words_of_near_codes(tags, DetectionSettings().frequency_window_hz)
 
 
@@ -126,8 +130,8 @@ def _code_cells(tag: Tag) -> Row:
 def import_rows(files: Mapping[str, str]) -> list[Row]:
     """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
 
-    `files`: text of each file by name. TagTracker keeps tags and makers in two files, which are
-    imported together.
+    `files`: text of each file by name. TagTracker keeps tags and manufacturers in two files,
+    which must be imported together.
     """
     tables = {name: read_csv(text) for name, text in files.items()}
     makers = {
@@ -147,17 +151,14 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
             rows += rows_from_tags(parse_tags(text.encode(), name=name))
     if not rows:
         raise UsageError(
-            f"no tag in {', '.join(files)}",
+            f"no tag was found in {', '.join(files)}",
             remedy="TagTracker's manufacturers file has no tags; give its TagInfo.db as well",
         )
     return rows
 
 
 def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
-    """Ids of tags that TagTracker's ``TagInfo.db`` lists but does not search for.
-
-    None without a file that has such a column.
-    """
+    """Ids that ``TagInfo.db`` lists but does not search for; None without such a column."""
     table = [cells for text in files.values() for cells in read_csv(text)]
     found = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
     numbers = [
@@ -167,7 +168,7 @@ def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
 
 
 def _own_row(cells: Mapping[str, str]) -> Row:
-    """Read one line of a table in the form that `export_text` writes."""
+    """Read one line of a table as `export_text` writes it."""
     row = {key: cells.get(key, "") for key in (*FIELDS, "name")}
     return row | {key: cells[key] for key in CODE_FIELDS if cells.get(key)}
 
@@ -183,11 +184,13 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
         writer.writerow(names)
         writer.writerows([row.get(name, "") for name in names] for row in rows_from_tags(tags))
         return stream.getvalue()
-    raise UsageError(f"there is no format {name}", remedy="tags.toml, TagInfo.txt or tags.csv")
+    raise UsageError(
+        f"there is no format {name}", remedy="Choose from tags.toml, TagInfo.txt, tags.csv"
+    )
 
 
 def read_table(path: Path) -> tuple[Tag, ...]:
-    """Read the stored table; a damaged one gives no tags, and its file stays for repair."""
+    """Read the stored table; a damaged one gives no tags, and its file is left for repair."""
     try:
         return parse_tags(read_file(path, TAGS), name=path.name)
     except (OSError, TagFileError):
@@ -240,7 +243,7 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
 def _gaps(
     row: Mapping[str, Any], line: int, fault: Callable[[str, str], None]
 ) -> tuple[Entry, ...] | None:
-    """Read the gaps of a coded tag; None for a beeping one."""
+    """Read the gaps of a coded tag; None for a tag with single pulses."""
     kind = str(row.get("kind") or "").strip().lower()
     written = str(row.get("gaps_ms") or "").strip().strip("[]")
     if kind and kind not in KINDS:
@@ -262,7 +265,7 @@ def _gaps(
 
 
 def table_version(tags: Sequence[Tag]) -> str:
-    """Version of a table; tables with the same content have the same one."""
+    """Hash of a table's content."""
     text = json.dumps(rows_from_tags(tags), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -285,8 +288,8 @@ def _tracker_row(
     maker = makers.get(_key(cells["manufacturerid"]))
     if maker is None:
         raise UsageError(
-            f"{name}: tag {cells.get('id', '?')} names manufacturer "
-            f"{cells['manufacturerid']}, which is not there",
+            f"{name}: tag {cells.get('id', '?')} has manufacturer {cells['manufacturerid']}, "
+            "which is missing in TagManufacturer.db",
             remedy="Choose TagInfo.db and TagManufacturer.db together",
         )
     second = maker.get("ip_msecs_2", "")
@@ -310,7 +313,7 @@ def _percent(number: float) -> float | int | str:
 
 
 def _key(number: str) -> str:
-    """A manufacturer's number in one spelling."""
+    """A manufacturer's number in normalised spelling."""
     return number.removesuffix(".0").strip()
 
 

@@ -1,4 +1,4 @@
-"""Routes of one vehicle; docs/reference/ground-api.md describes them all."""
+"""Routes of one vehicle. docs/reference/ground-api.md describes all routes."""
 
 import asyncio
 from collections.abc import Iterable
@@ -33,15 +33,16 @@ from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
-"""Commands that a watching page may send: a stop can be urgent, a mark is harmless."""
+"""Commands that every page may send, even a watching one: a stop can be urgent, a mark is
+harmless."""
 
 
 class Api:
     """State, settings and commands of one vehicle.
 
-    `drone_settings`: ``uavrt.toml`` of the drone side, if the page runs on the drone's own
-    computer.
-    `worker`: parses files of others.
+    `drone_settings`: path of the drone side's ``uavrt.toml``, if the page runs on the drone's
+    own computer.
+    `worker`: process that parses files from others.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class Api:
         return self._session.snapshot()
 
     async def first_flight(self, request: Request) -> Any:
-        """The checklist before a first flight, each item with its remedy."""
+        """Checklist before a first flight, each item with its remedy."""
         library, keeper = self._session.library, self._vehicle.flight.keeper
         live = None if keeper.ended else keeper.flight_id
         number = self._vehicle.identity.system_id
@@ -101,16 +102,16 @@ class Api:
         return asdict(store.settings)
 
     async def facts(self, request: Request) -> Any:
-        """Operator, species and other facts for reports."""
+        """Operator, species and other facts that appear in reports."""
         return await asyncio.to_thread(facts_in, self._vehicle.store.directory)
 
     async def put_facts(self, request: Request) -> Any:
-        """Change some facts, for all flights without a report.toml of their own."""
+        """Change some facts; they apply to all flights without a report.toml of their own."""
         values, folder = await json_body(request), self._vehicle.store.directory
         return await asyncio.to_thread(change_facts, folder, values)
 
     async def choices(self, request: Request) -> Any:
-        """Choices of the form: serial ports, antennas, presets, maps."""
+        """Choices of the settings form: serial ports, antennas, presets, maps."""
         return {
             "ports": await asyncio.to_thread(serial_ports),
             "antennas": {
@@ -127,9 +128,9 @@ class Api:
         }
 
     async def connect(self, request: Request) -> Any:
-        """Connect to an address; an empty one disconnects."""
+        """Connect to an address; an empty address disconnects."""
         if self._vehicle.store.system_id is not None:
-            raise UsageError("further vehicles are on the links of the first page")
+            raise UsageError("further vehicles use the links of the main page")
         address = (await json_object(request)).get("address")
         if address:
             store = self._vehicle.store
@@ -143,7 +144,7 @@ class Api:
         return self._session.snapshot()["connection"]
 
     async def choose_vehicle(self, request: Request) -> Any:
-        """Serve another vehicle of this link: ``{"system_id": 2}``."""
+        """Serve another vehicle on this link: ``{"system_id": 2}``."""
         number = (await json_object(request)).get("system_id")
         if not isinstance(number, int) or isinstance(number, bool) or not 1 <= number <= 255:
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
@@ -151,7 +152,7 @@ class Api:
         return self._session.snapshot()["drone"]
 
     async def command_from_here(self, request: Request) -> Any:
-        """Give command to the requesting page; the previous one becomes a viewer."""
+        """Make the requesting page the commanding one; the previous one may only watch."""
         page = page_of(request)
         if not page or len(page) > MAX_PAGE_NAME:
             raise UsageError("only a page can take command")
@@ -161,7 +162,7 @@ class Api:
         return {"commander": page}
 
     async def put_map(self, request: Request) -> Any:
-        """Store the map file in the request body."""
+        """Store the request body as a map file."""
         name = request.path_params["name"]
         return await maps.store_map(self._maps, name, request.stream(), self._worker)
 
@@ -179,22 +180,22 @@ class Api:
             return Answer(409, {"accepted": False, "message": str(error)})
 
     async def parameters(self, request: Request) -> Any:
-        """Get the drone's parameters, requested now over the radio."""
+        """Query the drone's parameters over the radio."""
         return await self._session.commands.parameters()
 
     async def readout(self, request: Request) -> Any:
-        """A position in every notation: ``?latitude_deg=…&longitude_deg=…``."""
+        """Format a position in every notation: ``?latitude_deg=…&longitude_deg=…``."""
         try:
             latitude = float(request.query_params.get("latitude_deg", ""))
             longitude = float(request.query_params.get("longitude_deg", ""))
         except ValueError:
             latitude = longitude = float("nan")
         if not (-90.0 <= latitude <= 90.0 and -360.0 <= longitude <= 360.0):
-            raise FormatError("latitude_deg and longitude_deg must be a place on earth")
+            raise FormatError("latitude_deg and longitude_deg must be a position on earth")
         return asdict(readout(latitude, longitude))
 
     async def log(self, request: Request) -> Any:
-        """The operator's log."""
+        """Lines of the operator's log."""
         return self._vehicle.feed.log.lines()
 
     async def season(self, request: Request) -> Any:
@@ -203,7 +204,7 @@ class Api:
 
 
 def _first_flight(vehicle: ServedVehicle, noise_db: float | None) -> list[Finding]:
-    """Check whether all is ready for a first flight, using the noise of past ones."""
+    """Check whether all is ready for a first flight; compares the noise with past flights."""
     now_ns, watch, drone = vehicle.clock.now_ns(), vehicle.connection.watch, vehicle.drone
     pose = watch.pose if watch else None
     facts = FlightFacts(
@@ -222,7 +223,7 @@ def _first_flight(vehicle: ServedVehicle, noise_db: float | None) -> list[Findin
 
 
 def _card_and_clock(drone_settings: Path) -> list[Finding]:
-    """Check the drone's memory card, if it is in this computer, and the clock."""
+    """Check the clock, and the drone's memory card if it is in this computer."""
     from uavrt.computer.checks import check_card, check_kept_time
 
     settings = load_settings(drone_settings)

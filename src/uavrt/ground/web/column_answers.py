@@ -1,4 +1,4 @@
-"""Return columns of a flight as bytes, with their names in a header."""
+"""Send columns of a flight as bytes, with their names in an HTTP header."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,18 @@ POSE_COLUMNS = (
     "quaternion_z",
 )
 YAW = "yaw_deg"
-"""Column computed from the quaternion when requested by name."""
+"""Name of a column that is computed from the quaternion, on request."""
 
 
 def chosen_columns(
     cells: NDArray[np.float64], columns: tuple[str, ...], names: str | None
 ) -> Response:
-    """Return columns of little-endian float64.
+    """Response of columns as little-endian float64.
 
-    `columns`: their names; the quaternion's are ``quaternion_w`` and the three after it.
-    `names`: wanted columns in order, separated by commas, also ``yaw_deg``; None: all.
+    `columns`: names of the available columns; the quaternion's are ``quaternion_w`` and the
+    three after it.
+    `names`: requested columns, separated by commas, in order of output. May include
+    ``yaw_deg``; None: all columns.
     """
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}
@@ -49,7 +51,7 @@ def chosen_columns(
 
 
 def thinned(cells: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Thin (m, n) columns to `most` entries, including the last one."""
+    """Thin an array (m, n) evenly to `most` entries; the last one is always kept."""
     count = cells.shape[1]
     step = max(1, -(-count // max(1, most)))
     # Backwards, because where the drone is now matters more than where it began.

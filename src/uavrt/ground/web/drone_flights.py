@@ -1,4 +1,4 @@
-"""Routes of the drone's flights, and of waterfalls."""
+"""Routes to list and download the drone's flights, and to show waterfalls."""
 
 import asyncio
 from dataclasses import asdict
@@ -13,7 +13,7 @@ from uavrt.ground.web.waterfalls import LiveWaterfall, recorded_picture, recordi
 
 
 class ExtraApi:
-    """Flights on the drone, and pictures of samples."""
+    """Flights on the drone, and waterfalls of recorded and live samples."""
 
     def __init__(self, session: GroundSession) -> None:
         self._session = session
@@ -34,15 +34,15 @@ class ExtraApi:
         ]
 
     async def drone_flights(self, request: Request) -> Any:
-        """List the flights on the drone, requested now over the radio."""
+        """List the flights on the drone, queried over the radio."""
         return await self._session.downloads.flights()
 
     async def download(self, request: Request) -> Any:
-        """Get the progress of the last download."""
+        """Progress of the last download."""
         return self._session.downloads.record()
 
     async def start_download(self, request: Request) -> Any:
-        """Start to fetch a flight: ``{"flight_id": …, "everything": false}``."""
+        """Start to download a flight: ``{"flight_id": …, "everything": false}``."""
         wanted = await json_body(request)
         if not isinstance(wanted, dict):
             raise UsageError("a download must be an object with a flight_id")
@@ -63,13 +63,13 @@ class ExtraApi:
         return [path.name for path in await asyncio.to_thread(recordings, flight)]
 
     async def waterfall(self, request: Request) -> Any:
-        """A stretch of a recording: ``?tag=2&start_s=0&length_s=60&recording=NAME``."""
+        """Waterfall of a recording: ``?tag=2&start_s=0&length_s=60&recording=NAME``."""
         library, flight_id = self._session.library, request.path_params["flight_id"]
         flight, query = library.path(flight_id), request.query_params
         found = await asyncio.to_thread(recordings, flight)
         chosen = [one for one in found if one.name == query.get("recording", one.name)]
         if not chosen:
-            raise UsageError("there is no recording of samples in this flight on this computer")
+            raise UsageError("this flight has no recorded samples on this computer")
         tag_id = int(_number(query.get("tag", ""), "tag"))
         summary = await asyncio.to_thread(library.summary, flight_id)
         tag = tag_of(summary.tags, tag_id)
@@ -79,7 +79,7 @@ class ExtraApi:
         return asdict(made)
 
     async def live_waterfall(self, request: Request) -> Any:
-        """Start a live waterfall: ``{"address": "udp://127.0.0.1:20000"}``; empty ends it."""
+        """Start a live waterfall: ``{"address": "udp://127.0.0.1:20000"}``; "" ends it."""
         address = (await json_object(request)).get("address", "")
         await self._live.listen(str(address))
         return {"address": self._live.address}

@@ -1,4 +1,4 @@
-"""Export a flight to files for other programs, by the writers of ``uavrt export``."""
+"""Export a flight to files for other programs, as ``uavrt export`` does."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from uavrt.analysis.survey import read_survey
 from uavrt.ground.store.estimates import AntennaChoice
 
 EXPORTS: dict[str, OneFile] = {"csv": OneFile("text/csv", pulses_csv), **ONE_FILE}
-"""Formats that the page offers."""
+"""Export formats that the page offers."""
 
 
 def export(name: str, flight: Path, antenna: AntennaChoice) -> bytes:

@@ -1,4 +1,4 @@
-"""Show and change the facts for reports, stored in report.toml of the flights' folder."""
+"""Read and change the facts for reports, stored in report.toml in the folder of flights."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -8,14 +8,14 @@ from uavrt.errors import ConfigError, UsageError
 
 
 def facts_in(folder: Path) -> dict[str, str]:
-    """Get each field's text, empty if not set; raises `ConfigError`."""
+    """Text of each field, empty if it is not set; raises `ConfigError`."""
     path = folder / NAME
     found = read_facts(path) if path.is_file() else Facts()
     return {name: text or "" for name, text in asdict(found).items()}
 
 
 def change_facts(folder: Path, values: object) -> dict[str, str]:
-    """Change some fields, return all; raises `UsageError` or `ConfigError`."""
+    """Change some fields; return all. Raises `UsageError` or `ConfigError`."""
     now = facts_in(folder)
     if not isinstance(values, dict):
         raise UsageError("facts must be an object")

@@ -1,4 +1,4 @@
-"""Routes to serve further vehicles and to command all at once."""
+"""Routes to serve further vehicles, and to command all vehicles at once."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -49,14 +49,15 @@ class FleetApi:
         return self._fleet.records()
 
     async def leave(self, request: Request) -> Any:
-        """Stop serving a vehicle; it continues what it does."""
+        """Stop serving a vehicle, without a command to it."""
         await self._fleet.leave(int(request.path_params["number"]))
         return self._fleet.records()
 
     async def command(self, request: Request) -> Any:
-        """Send the same command to all vehicles; each answers separately.
+        """Send the same command to all vehicles; return an answer for each.
 
-        A refusal by one vehicle does not affect the others: a page commands those that it may.
+        A refusal by one vehicle does not affect the others. A page commands only vehicles that
+        it may command.
         """
         name, page = request.path_params["name"], page_of(request)
         if name not in TO_ALL:
@@ -69,7 +70,7 @@ class FleetApi:
 
 
 async def _answer(session: GroundSession, action: str, page: str | None) -> dict[str, Any]:
-    """Send a command to one vehicle under its usual rules; return its answer."""
+    """Send a command to one vehicle, by that vehicle's rules; return its answer."""
     who = {
         "system_id": session.vehicle.identity.system_id,
         "name": session.vehicle.store.settings.vehicle_name,

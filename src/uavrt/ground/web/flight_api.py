@@ -16,9 +16,9 @@ from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.tag_table import rows_from_tags
 from uavrt.ground.web.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.web.exports import EXPORTS, export
-from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
-from uavrt.ground.web.integrating import IntegrationDesk, fold_pictures
-from uavrt.ground.web.map_desk import asks_again
+from uavrt.ground.web.flight_maps import CoverageMapJobs, CoverageMapRequest, integrated_record
+from uavrt.ground.web.integration_jobs import IntegrationJobs, fold_pictures
+from uavrt.ground.web.map_jobs import is_repeated
 from uavrt.ground.web.reports import POLICY, Reporter
 from uavrt.ground.web.routing import Answer, Row, download, json_body, json_object, whole_number
 
@@ -26,14 +26,14 @@ T = TypeVar("T")
 
 
 class FlightApi:
-    """Routes for each flight of a library, evaluated with the configured antenna."""
+    """Routes for each flight of a library; estimates use the configured antenna."""
 
     def __init__(self, store: GroundStore, library: FlightLibrary) -> None:
         self._store, self._library = store, library
         self._estimates: dict[tuple[Any, ...], Estimates] = {}
         self._reporter = Reporter(store.directory / "reports")
-        self._silence = SilenceDesk()
-        self._integration = IntegrationDesk()
+        self._silence = CoverageMapJobs()
+        self._integration = IntegrationJobs()
 
     def routes(self) -> list[Row]:
         """List the routes."""
@@ -59,7 +59,7 @@ class FlightApi:
         return self._store.settings.antenna_choice
 
     async def _of(self, request: Request, read: Callable[..., T], *more: object) -> T:
-        """Read part of the requested flight in a thread."""
+        """Call a function with the requested flight, in a thread."""
         return await asyncio.to_thread(read, request.path_params["flight_id"], *more)
 
     async def _path(self, request: Request) -> Path:
@@ -80,7 +80,7 @@ class FlightApi:
         }
 
     async def star(self, request: Request) -> Any:
-        """Protect a flight from removal, or end that: ``{"starred": true}``."""
+        """Protect a flight from removal, or end the protection: ``{"starred": true}``."""
         starred = (await json_object(request)).get("starred")
         if not isinstance(starred, bool):
             raise FormatError("starred must be true or false")
@@ -88,16 +88,13 @@ class FlightApi:
         return {"flight_id": request.path_params["flight_id"], "starred": starred}
 
     async def pulses(self, request: Request) -> Any:
-        """Get some pulses as records: ``?after=0&limit=1000``."""
+        """Some pulses as records: ``?after=0&limit=1000``."""
         after = whole_number(request, "after", 0, 2**31)
         limit = whole_number(request, "limit", 1000, 10_000)
         return await self._of(request, self._library.records, after, limit)
 
     async def columns(self, request: Request) -> Any:
-        """Get all pulses in columns of little-endian float64, with their names in a header.
-
-        ``?names=tag_id,yaw_deg`` selects columns.
-        """
+        """Pulses as float64 columns, named in a header; ``?names=tag_id,yaw_deg`` selects."""
         names = request.query_params.get("names")
         return await self._of(
             request,
@@ -107,7 +104,7 @@ class FlightApi:
         )
 
     async def track(self, request: Request) -> Any:
-        """Get the vehicle's poses in columns; ``?most=20000`` thins them evenly."""
+        """The vehicle's poses in columns; ``?most=20000`` thins them evenly."""
         names = request.query_params.get("names")
         most = whole_number(request, "most", 10**9, 10**9)
         return await self._of(
@@ -118,7 +115,7 @@ class FlightApi:
         )
 
     async def estimates(self, request: Request) -> Any:
-        """Get bearings and positions of a flight, computed with the configured antenna."""
+        """Bearings and positions of a flight, computed with the configured antenna."""
         antenna = self._antenna
         summary = await self._of(request, self._library.summary)
         key = (summary.flight_id, summary.pulses, antenna)
@@ -133,28 +130,28 @@ class FlightApi:
         return self._estimates[key].record()
 
     async def integrated(self, request: Request) -> Any:
-        """Get the results of ``uavrt integrate`` for a flight."""
+        """Results that ``uavrt integrate`` has computed for a flight."""
         return await asyncio.to_thread(integrated_record, await self._path(request))
 
     async def integrate(self, request: Request) -> Any:
-        """Search below the noise over a whole flight, or report the progress."""
+        """Start a search below the noise over a whole flight, or report its progress."""
         path = await self._path(request)
         return await self._integration.answer(path, self._store.settings.dem)
 
     async def folds(self, request: Request) -> Any:
-        """Get pictures of a flight folded at its tags' intervals."""
+        """Pictures of a flight's samples, folded at its tags' intervals."""
         return await asyncio.to_thread(fold_pictures, await self._path(request))
 
     async def silence(self, request: Request) -> Any:
-        """Get the map of where a tag would have been detected, or its progress."""
+        """Map of where a tag would have been detected, or its progress."""
         path, wanted = await self._path(request), await json_body(request)
-        asked = Silence.asked(path, self._antenna, wanted)
-        return await asyncio.to_thread(self._silence.answer, asked, again=asks_again(wanted))
+        asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
+        return await asyncio.to_thread(self._silence.answer, asked, again=is_repeated(wanted))
 
     async def absence(self, request: Request) -> Any:
-        """Get the probability that an undetected tag is outside an outline."""
+        """Probability that an undetected tag is outside an outline."""
         path, wanted = await self._path(request), await json_body(request)
-        asked = Silence.asked(path, self._antenna, wanted)
+        asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
         return await asyncio.to_thread(self._silence.absence, asked, wanted)
 
     async def export(self, request: Request) -> Any:

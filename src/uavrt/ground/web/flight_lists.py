@@ -1,4 +1,4 @@
-"""Routes that list flights: those on this computer, and those of an archive."""
+"""Routes that list the flights on this computer and those of an archive."""
 
 import asyncio
 from dataclasses import asdict
@@ -17,16 +17,16 @@ from uavrt.ground.web.routing import Row, whole_number
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MOST = 500
-"""Most flights of an archive in one answer."""
+"""Most flights of an archive returned at once."""
 FIRST_YEAR, LAST_YEAR = 1970, 2200
-"""Range of years; nanoseconds since 1970 end in 2262."""
+"""First and last year accepted; 64-bit nanoseconds since 1970 end in 2262."""
 _ALL = 10**9
 
 
 class FlightListApi:
-    """Lists flights by tag and day, in pages.
+    """Lists flights by tag and day, in parts.
 
-    `worker`: reads the archive, which may be damaged or come from others.
+    `worker`: process that reads the archive, which may be damaged or come from others.
     """
 
     def __init__(self, session: GroundSession, worker: ForeignWorker) -> None:
@@ -52,7 +52,7 @@ class FlightListApi:
         return {"total": total, "flights": flights}
 
     async def archived(self, request: Request) -> Any:
-        """List some flights of the archive; ``directory`` is null without an archive."""
+        """List some flights of the archive; ``directory`` is null if there is no archive."""
         choice, (after, limit) = _choice(request), _page(request, MOST)
         archive = self._session.vehicle.store.archive
         if archive is None:
@@ -67,7 +67,7 @@ class FlightListApi:
 
 
 def _choice(request: Request) -> FlightChoice:
-    """Read the criteria; days are UTC, both included."""
+    """Read the criteria of a request; days are UTC, first and last included."""
     wanted = request.query_params
     first, last = (_day(wanted.get(name, ""), name) for name in ("from", "to"))
     return FlightChoice(

@@ -1,8 +1,8 @@
 """Parse files of others outside the event loop, which also serves the link to the drone.
 
-One process reads files and long requests, one after the other, at a lower priority. If it
-exceeds the CPU or memory limits of `uavrt.foreign`, the kernel ends it, the request is refused
-with an error, and the next one gets a new process. Requests and results are frames on its
+A separate process reads files and long requests, one after the other, at a lower priority. If
+it exceeds the CPU or memory limits of `uavrt.foreign`, the kernel ends it. The request then
+fails with an error, and the next one gets a new process. Requests and results are frames on its
 pipes: eight bytes of length, then a pickle.
 """
 
@@ -26,9 +26,9 @@ from uavrt.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Most requests waiting for the process; moving a tiled map sends some twenty."""
+"""Most requests queued for the process; moving a tiled map sends some twenty."""
 WALL_S = 60.0
-"""Longest time for one answer [s], generous for a busy computer."""
+"""Longest time for one answer [s]; enough for a busy computer."""
 _NICE = 10
 _LENGTH = struct.Struct(">Q")
 _REMEDY = "Give a smaller or simpler one"
@@ -41,9 +41,9 @@ _ENDS = {
 
 
 class ForeignWorker:
-    """Calls functions in another process, one at a time, within limits.
+    """Calls functions in another process, one at a time, with limits on time and memory.
 
-    The functions are module-level ones; arguments and results can be pickled.
+    Functions must be on module level; arguments and results must be picklable.
     """
 
     def __init__(self) -> None:
@@ -54,10 +54,7 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process; raises `UavrtError` or `CommandRefused`.
-
-        Where this is cancelled, as when the station ends, the process is ended.
-        """
+        """Call a function in the process, ended if this is cancelled; raises `UavrtError`."""
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"
@@ -76,7 +73,7 @@ class ForeignWorker:
             self._waiting -= 1
 
     def result(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process and block for its result; raises as `call` does."""
+        """Call a function in the process, and wait for its result; raises as `call`."""
         question = pickle.dumps((function, arguments), pickle.HIGHEST_PROTOCOL)
         with self._lock:
             process = self._running()
@@ -115,7 +112,7 @@ class ForeignWorker:
 
 
 def _nothing() -> None:
-    """Do nothing: no process needs to be ended."""
+    """Do nothing; used while there is no process to end."""
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
@@ -208,7 +205,7 @@ def main() -> None:
 
 
 def _plain(error: UavrtError) -> type[UavrtError]:
-    """Convert an error to a kind that consists of its message and remedy alone."""
+    """Copy an error as one that has only a message and a remedy, so that it can be pickled."""
     made_by = "__init__"
     for kind in type(error).__mro__:
         if getattr(kind, made_by) is getattr(UavrtError, made_by):
@@ -217,9 +214,10 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Limit processor time and memory of this process by the kernel.
+    """Limit this process's CPU time and memory by the kernel.
 
-    Windows has no such limits and macOS none of memory; only the timer of `_asked` ends it.
+    Windows has no such limits, and macOS none for memory; there only the timer of `_asked` ends
+    the process.
     """
     try:
         import resource

@@ -1,10 +1,9 @@
 """Restrict the server to this machine's own page and scripts; refuse other web sites.
 
-A web site that is open in the same browser must not reach the drone: it could send requests to
+A web site that is open in the same browser must not reach the drone. It could send requests to
 this server (cross-site request forgery) or point its own name at this machine (DNS rebinding).
-So a request's host must be one of ours, and its origin, if a browser sends one, must be the
-same host and port. Scripts send no origin and pass. Requests that use the drone's radio must be
-POST.
+So a request's host must be one of ours, and an origin sent by a browser must be the same host
+and port. Scripts send no origin and pass. Requests that use the drone's radio must be POST.
 """
 
 import hmac
@@ -17,7 +16,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from uavrt.ground.web.password_tries import Guesses
+from uavrt.ground.web.password_limit import PasswordLimit
 
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 COOKIE = "uavrt_ground"
@@ -58,15 +57,15 @@ _WORDS = {
         "wait": "Zu viele falsche Passwörter: in {seconds} s wieder versuchen.",
     },
 }
-"""Texts of the form, shown before the page and its translations may be loaded."""
+"""Texts of the password form, which is shown before the page's translations may be loaded."""
 
 
 class Guard:
     """ASGI middleware: hosts, origins, password, security headers.
 
     `app`: the guarded application.
-    `hosts`: allowed host names without port, besides the local ones; IP addresses of this
-    machine are allowed if a password is set.
+    `hosts`: allowed host names without port, in addition to the local ones. IP addresses of
+    this machine are allowed if a password is set.
     `password`: required from every browser; scripts send ``Authorization: Bearer PASSWORD``.
     """
 
@@ -76,11 +75,11 @@ class Guard:
         self._app = app
         self._hosts = LOCAL_NAMES | {host.lower() for host in hosts}
         self._password = password
-        self.guesses = Guesses()
+        self.guesses = PasswordLimit()
         self._session = secrets.token_urlsafe(32)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle a request, as ASGI requires."""
+        """Handle a request, by the ASGI interface."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -97,7 +96,7 @@ class Guard:
             await self._bounded(scope, receive, send)
 
     async def _bounded(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve a request; abort it if its body grows beyond `MAX_BODY`."""
+        """Serve a request; abort it if its body exceeds `MAX_BODY`."""
         taken = 0
 
         async def receive_bounded() -> Message:
@@ -120,7 +119,7 @@ class Guard:
         return self._password is None or self._known(scope)
 
     def _fault(self, scope: Scope) -> str | None:
-        """Why a request is refused; None if it may pass."""
+        """Reason why a request is refused; None if it is allowed."""
         headers = Headers(scope=scope)
         host = headers.get("host", "").lower()
         if not self._is_ours(host):
@@ -171,7 +170,7 @@ class Guard:
         return kind == "Bearer" and self._right(bearer, scope)
 
     def _right(self, given: str, scope: Scope) -> bool:
-        """True for the right password; not checked after too many attempts."""
+        """True for the right password; never after too many attempts."""
         assert self._password is not None
         address = _address(scope)
         if self.guesses.wait_s(address) > 0.0:
@@ -235,12 +234,12 @@ async def _body(receive: Receive) -> bytes:
 
 
 def _is_map(scope: Scope) -> bool:
-    """True for an upload of a map file, by a method that no form of another site can send."""
+    """True for an upload of a map file, which uses a method that other sites' forms cannot."""
     return scope["method"] == "PUT" and str(scope["path"]).startswith("/api/maps/")
 
 
 class _TooLargeError(Exception):
-    """A body beyond the size limit."""
+    """Raised for a request body beyond the size limit."""
 
 
 def _address(scope: Scope) -> str:

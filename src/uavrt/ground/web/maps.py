@@ -1,4 +1,4 @@
-"""Map files in the folder ``maps``: PMTiles and MBTiles."""
+"""Background map files in the folder ``maps``: PMTiles and MBTiles."""
 
 import asyncio
 import re
@@ -28,7 +28,7 @@ _MIME = {
 
 
 def map_routes(directory: Path, worker: ForeignWorker) -> list[Route]:
-    """Make the routes of map files, which browsers read in parts, and of their tiles."""
+    """Make the routes of map files, which browsers read in parts, and of map tiles."""
 
     async def map_file(request: Request) -> Any:
         path = map_path(directory, request.path_params["name"])
@@ -51,7 +51,7 @@ def map_routes(directory: Path, worker: ForeignWorker) -> list[Route]:
 
 
 def map_list(directory: Path) -> list[dict[str, Any]]:
-    """List the maps with kind, bounds and zooms; invalid files with their fault."""
+    """List the maps with kind, bounds and zoom levels; invalid files with their fault."""
     found = []
     for path in sorted(directory.iterdir()) if directory.is_dir() else []:
         if not _NAME.fullmatch(path.name):
@@ -64,7 +64,7 @@ def map_list(directory: Path) -> list[dict[str, Any]]:
 
 
 def map_path(directory: Path, name: str) -> Path:
-    """Get the path of a map; raises `UsageError`."""
+    """Path of a map by its name; raises `UsageError`."""
     path = directory / name
     if not _NAME.fullmatch(name) or not path.is_file():
         raise UsageError(f"there is no map {name[:80]!r}")
@@ -74,11 +74,12 @@ def map_path(directory: Path, name: str) -> Path:
 async def store_map(
     directory: Path, name: str, chunks: AsyncIterator[bytes], worker: ForeignWorker
 ) -> dict[str, Any]:
-    """Store an uploaded map file, complete or not at all; return its facts."""
+    """Store an uploaded map file and describe it; an incomplete upload is discarded."""
     if not _NAME.fullmatch(name):
         raise UsageError(
-            f"{name[:80]!r} cannot be a map's name",
-            remedy="Take letters, digits, spaces and . ( ) - _, then .pmtiles or .mbtiles",
+            f"{name[:80]!r} is not a valid name for a map file",
+            remedy="Use letters, digits, spaces and . ( ) - _, and end the name in .pmtiles "
+            "or .mbtiles",
         )
     taken = 0
     # A folder of its own: errors name the file, and two may come at once.
@@ -104,7 +105,7 @@ def _facts(one: MapFile) -> dict[str, Any]:
 
 
 def tile(path: Path, z: int, x: int, y: int) -> tuple[bytes, str, str | None] | None:
-    """Get a tile of an MBTiles file: content, media type, encoding; None if missing."""
+    """Read a tile of an MBTiles file: content, media type, encoding. None if it is missing."""
     content = read_map(path).tile(z, x, y)
     if content is None:
         return None

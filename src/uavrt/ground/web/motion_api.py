@@ -1,25 +1,27 @@
-"""Routes by which a page requests motions of the drone."""
+"""Routes by which a page requests motions of a drone."""
 
 import asyncio
 from typing import Any
 
 from starlette.requests import Request
 
-from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.web.foreign_requests import area_in_body
 from uavrt.ground.web.foreign_worker import ForeignWorker
-from uavrt.ground.web.foresight import Foresight, foresight_desk
-from uavrt.ground.web.map_desk import asks_again
+from uavrt.ground.web.map_jobs import is_repeated
+from uavrt.ground.web.plan_maps import PlanMapRequest, plan_map_jobs
 from uavrt.ground.web.routing import Row, json_body, page_of
 
 
 class MotionApi:
-    """Routes for the motions of one vehicle."""
+    """Routes for the motions of one vehicle's drone."""
 
-    def __init__(self, flying: Flying, store: GroundStore, worker: ForeignWorker) -> None:
+    def __init__(
+        self, flying: MotionCommands, store: GroundStore, worker: ForeignWorker
+    ) -> None:
         self._flying, self._store, self._worker = flying, store, worker
-        self._foresight = foresight_desk()
+        self._foresight = plan_map_jobs()
 
     def routes(self) -> list[Row]:
         """List the routes."""
@@ -34,31 +36,31 @@ class MotionApi:
         ]
 
     async def area(self, request: Request) -> Any:
-        """Get the corners of an area from a file's text, or from centre and radius."""
+        """Corners of an area, from a file's text or from centre and radius."""
         return await self._worker.call(area_in_body, await request.body())
 
     async def plan(self, request: Request) -> Any:
-        """Preview a motion without the drone."""
+        """Preview a motion without involving the drone."""
         return self._flying.plan(await json_body(request))
 
     async def coverage(self, request: Request) -> Any:
-        """Get the map of where a tag would be detected along a plan, or its progress."""
+        """Map of where a tag would be detected along a plan, or its progress."""
         store, wanted = self._store, await json_body(request)
-        asked = Foresight.asked(wanted, store.tags, store.settings.antenna_choice)
-        return await asyncio.to_thread(self._foresight.answer, asked, again=asks_again(wanted))
+        asked = PlanMapRequest.from_request(wanted, store.tags, store.settings.antenna_choice)
+        return await asyncio.to_thread(self._foresight.answer, asked, again=is_repeated(wanted))
 
     async def upload(self, request: Request) -> Any:
         """Upload a survey to the autopilot as its mission. Nothing moves yet."""
         return await self._flying.upload(await json_body(request), self._worker.call)
 
     async def ask(self, request: Request) -> Any:
-        """Request a motion: the drone's offer or its reason to refuse. Nothing moves yet."""
+        """Request a motion; return the drone's proposed order. Nothing moves yet."""
         return await self._flying.ask(await json_body(request), page_of(request))
 
     async def confirm(self, request: Request) -> Any:
-        """Confirm the offer, ``{"order_id": …, "sticks_unseen": false}``: the drone moves."""
+        """Confirm an order, ``{"order_id": …, "sticks_unseen": false}``; it then moves."""
         return await self._flying.confirm(await json_body(request), page_of(request))
 
     async def stop(self, request: Request) -> Any:
-        """Stop the drone. Every page may."""
+        """Stop the drone. Every page may do this."""
         return await self._flying.stop()

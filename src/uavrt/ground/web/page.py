@@ -14,29 +14,30 @@ from typing import Any
 from uavrt.clock import monotonic_s
 from uavrt.errors import ConfigError
 from uavrt.ground.station import Station, StationSettings
-from uavrt.ground.web.password_tries import LEAST_PASSWORD
+from uavrt.ground.web.password_limit import LEAST_PASSWORD
 from uavrt.ground.web.server import PageServer, ServerSettings, listening_socket, page_server
 from uavrt.heap import HeapKeeper
 
 TIDY_S = 5.0
-"""Interval of freeing memory [s]; opening a flight of 100 000 pulses uses 40 MB, which glibc
-would keep."""
+"""Interval of returning free memory to the system [s]. Opening a flight of 100 000 pulses uses
+40 MB, which glibc would keep."""
 
 SLOW_S = 0.03
-"""Duration of a garbage collection that visibly delays a pulse [s]."""
+"""Duration above which a garbage collection visibly delays a pulse on the page [s]."""
 MOST_FREEZES = 8
-"""Most freezes of objects; frozen objects are never collected, even if unused later."""
+"""Most times that all objects are exempted from garbage collection. Such objects are never
+freed, even if unused later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSettings(StationSettings):
-    """Options of ``uavrt ground`` with a page."""
+    """Options of ``uavrt ground`` that concern the page."""
 
     server: ServerSettings = field(default_factory=ServerSettings)
 
 
 class PageStation(Station):
-    """The ground station with its page."""
+    """The ground station together with its page's server."""
 
     def __init__(self, settings: PageSettings, show: Callable[[dict[str, Any]], None]) -> None:
         super().__init__(settings, show)
@@ -70,7 +71,7 @@ class PageStation(Station):
 
 
 def page_address(settings: ServerSettings, sock: socket.socket) -> str:
-    """Format the address for a browser on this computer."""
+    """URL of the page for a browser on this computer."""
     scheme = "https" if settings.certificate else "http"
     wildcard = settings.host in ("0.0.0.0", "::", "127.0.0.1")
     host = "127.0.0.1" if wildcard else settings.host
@@ -81,8 +82,8 @@ def page_address(settings: ServerSettings, sock: socket.socket) -> str:
 async def _tidied() -> None:
     """Free unused memory periodically, until cancelled.
 
-    Imported modules are frozen so that collections skip them. The first estimate or report
-    imports more; a slow collection then triggers another freeze.
+    Imported modules are exempted from garbage collection, which becomes faster. The first
+    estimate or report imports more; a slow collection then exempts those as well.
     """
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1

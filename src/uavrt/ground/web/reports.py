@@ -1,6 +1,7 @@
 """Make reports of flights by running ``uavrt report``.
 
-Its drawing library takes 65 MB, which the ground station, running all day, does not load.
+Its plotting library takes 65 MB, which a ground station that runs all day should not keep in
+memory.
 """
 
 import asyncio
@@ -17,20 +18,20 @@ POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; sandbox; "
     "frame-ancestors 'none'"
 )
-"""Content policy of a report: display only, since names in it were typed by people."""
+"""Content security policy of a report: no scripts, since people typed the names in it."""
 FACTS = "report.toml"
-"""File of facts about flights, written by people (`uavrt.analysis.facts`)."""
+"""Name of the file with facts about flights, written by people (`uavrt.analysis.facts`)."""
 
 
 class Reporter:
-    """Makes reports, one at a time, and keeps them until their flight changes."""
+    """Makes reports, one at a time; keeps each until its flight changes."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._busy = asyncio.Lock()
 
     async def report(self, flight: Path, antenna: AntennaChoice) -> bytes:
-        """Get the report of a flight as HTML; raises `RecordingError`."""
+        """Report of a flight as HTML; raises `RecordingError`."""
         place = self._directory / flight.name / _named(antenna)
         async with self._busy:
             return await asyncio.to_thread(_kept, place, flight) or await _made(
@@ -39,7 +40,7 @@ class Reporter:
 
 
 def _named(antenna: AntennaChoice) -> str:
-    """Name of the reports' folder for an antenna and its settings."""
+    """Name of the reports' folder for an antenna with its settings."""
     usual = AntennaChoice(pattern=antenna.pattern, offset_deg=antenna.offset_deg)
     name = antenna.pattern + (f"{antenna.offset_deg:+g}" if antenna.offset_deg else "")
     return (
@@ -48,7 +49,7 @@ def _named(antenna: AntennaChoice) -> str:
 
 
 def _kept(place: Path, flight: Path) -> bytes | None:
-    """Return the stored report if the flight has not changed since."""
+    """Stored report, if the flight has not changed since; else None."""
     report = place / "report.html"
     if not report.is_file():
         return None

@@ -1,4 +1,4 @@
-"""Route requests to their functions; write their answers and errors."""
+"""Route HTTP requests to their functions; encode answers and errors."""
 
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from uavrt.ground.listeners import encode
 from uavrt.ground.web.foreign_requests import read_body
 
 Handler = Callable[[Request], Awaitable[Any]]
-"""Returns a value for JSON, an `Answer`, or a response."""
+"""Function that answers a request with a value for JSON, an `Answer`, or a response."""
 
 
 class Row(NamedTuple):
@@ -31,14 +31,14 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A value with a status other than 200."""
+    """A value to be sent with an HTTP status other than 200."""
 
     status: int
     value: Any
 
 
 def made(rows: Iterable[Row], commander: Commander) -> list[Route]:
-    """Make the routes of a table of rows."""
+    """Convert rows to routes."""
     return [
         Route(
             f"/api{row.path}",
@@ -50,7 +50,7 @@ def made(rows: Iterable[Row], commander: Commander) -> list[Route]:
 
 
 def page_of(request: Request) -> str | None:
-    """Get the name of the requesting page; None for a script."""
+    """Name of the requesting page; None for a script."""
     return request.headers.get("x-page")
 
 
@@ -63,7 +63,7 @@ def _by(commander: Commander, handle: Handler) -> Handler:
 
 
 def answered(handle: Handler) -> Callable[[Request], Any]:
-    """Convert values to JSON and deliberate errors to answers with a remedy."""
+    """Encode values as JSON, and expected errors as answers with a remedy."""
 
     async def answer(request: Request) -> Response:
         try:
@@ -101,7 +101,7 @@ async def json_object(request: Request) -> dict[str, Any]:
 
 
 def whole_number(request: Request, name: str, default: int, most: int) -> int:
-    """Read an integer of the query; raises `FormatError`."""
+    """Read an integer from the query string; raises `FormatError`."""
     text = request.query_params.get(name, str(default))
     if not text.isascii() or not text.isdigit():
         raise FormatError(f"{name} must be a whole number")
@@ -109,7 +109,7 @@ def whole_number(request: Request, name: str, default: int, most: int) -> int:
 
 
 def download(content: bytes, name: str, kind: str) -> Response:
-    """Answer with a file."""
+    """Build an answer that the browser saves as a file."""
     # RFC 6266: headers are Latin; the name in full comes percent-encoded.
     plain = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in name)
     disposition = f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name, safe='')}"

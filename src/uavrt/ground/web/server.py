@@ -1,6 +1,7 @@
-"""The ground station on HTTP and WebSocket: sockets, guard, page; the routes are in `api`.
+"""HTTP and WebSocket server of the ground station: sockets, guard, page.
 
-Imported only for ``uavrt ground`` with a page: it needs the extra ``uavrt[ground]``.
+The routes are in `api`. Imported only for ``uavrt ground`` with a page: it needs the extra
+``uavrt[ground]``.
 """
 
 import asyncio
@@ -27,9 +28,13 @@ from uavrt.foreign import KEYS, read_file
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web import maps
+from uavrt.ground.web.access_qr import Served, access_list
 from uavrt.ground.web.api import api_rows
-from uavrt.ground.web.doorkeeper import ListeningSocket, doors_watched, protocol_of
-from uavrt.ground.web.doors import Served, doors
+from uavrt.ground.web.connection_limits import (
+    ListeningSocket,
+    connections_limited,
+    limited_protocol,
+)
 from uavrt.ground.web.drone_flights import ExtraApi
 from uavrt.ground.web.fleet_api import FleetApi
 from uavrt.ground.web.flight_lists import FlightListApi
@@ -52,24 +57,26 @@ works; scripts can use <a href="/api/state">/api/state</a> and its neighbours.</
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerSettings:
-    """Address, access and files of the page's server."""
+    """Address, access control and files of the page's server."""
 
     host: str = "127.0.0.1"
     port: int = DEFAULT_PORT
-    """Port; 0 takes any free one."""
+    """TCP port; 0 takes any free one."""
     names: frozenset[str] = frozenset()
     """Host names accepted in requests, in addition to the local ones."""
     password: str | None = None
     certificate: Path | None = None
     key: Path | None = None
     access_point: str | None = None
-    """How phones join this computer's own Wi-Fi: ``WIFI:T:WPA;S:name;P:password;;``."""
+    """Text by which phones join this computer's own Wi-Fi:
+    ``WIFI:T:WPA;S:name;P:password;;``."""
     drone_settings: Path | None = None
-    """``uavrt.toml`` of the drone side on this computer, which the page may set up."""
+    """Path of the ``uavrt.toml`` of the drone side on this computer, which the page may set
+    up."""
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:
-    """Bind the server's socket, so that a busy port is reported before anything starts."""
+    """Bind the server's socket; a busy port is reported before anything starts."""
     _check_certificate(settings)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     sock = ListeningSocket(family)
@@ -90,10 +97,12 @@ def listening_socket(settings: ServerSettings) -> ListeningSocket:
 
 
 def _check_certificate(settings: ServerSettings) -> None:
-    """Refuse a certificate or key that cannot be used, before anything starts."""
+    """Raise `ConfigError` for an unusable certificate or key, before anything starts."""
     if settings.certificate is None:
         if settings.key is not None:
-            raise ConfigError("a key without a certificate", remedy="Also give --certificate")
+            raise ConfigError(
+                "--key is given without a certificate", remedy="Also give --certificate"
+            )
         return
     for path in (settings.certificate, settings.key):
         if path is not None:
@@ -101,7 +110,7 @@ def _check_certificate(settings: ServerSettings) -> None:
                 read_file(path, KEYS)  # OpenSSL takes any length
             except OSError as error:
                 reason = f"{path} cannot be read: {error.strerror}"
-                raise ConfigError(reason, remedy="Check the name") from error
+                raise ConfigError(reason, remedy="Check the file's name") from error
     try:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(settings.certificate, settings.key, _no_pass_phrase)
@@ -113,26 +122,26 @@ def _check_certificate(settings: ServerSettings) -> None:
 
 
 def _no_pass_phrase() -> str:
-    """Prevent OpenSSL from prompting for a pass phrase at the terminal."""
+    """Raise `ConfigError`, so that OpenSSL does not prompt for a pass phrase."""
     remedy = "Write it without one: openssl pkey -in KEY -out NEW"
     raise ConfigError("the page's key has a pass phrase", remedy=remedy)
 
 
 class PageServer(uvicorn.Server):
-    """Uvicorn that leaves signals to the caller."""
+    """Uvicorn server that leaves signals to the caller."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture no signals: ``uavrt ground`` stops everything in its order."""
+        """Capture no signals, since ``uavrt ground`` handles them."""
         yield
 
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:
-        """Serve the page, with limited connections per client."""
+        """Serve the page, with a limited number of connections per client."""
         entrance = sockets[0] if sockets else None
         assert isinstance(entrance, ListeningSocket)
-        self.config.http = protocol_of(entrance)
+        self.config.http = limited_protocol(entrance)
         try:
-            with doors_watched(entrance):
+            with connections_limited(entrance):
                 await super().serve(sockets)
         finally:
             assert isinstance(self.config.app, Starlette)
@@ -160,7 +169,7 @@ def page_server(fleet: Fleet, settings: ServerSettings) -> PageServer:
 def application(
     session: GroundSession, settings: ServerSettings, fleet: Fleet | None = None
 ) -> Starlette:
-    """Make the web application of a session, and of the other vehicles of its fleet."""
+    """Make the web application of a session and of the further vehicles of its fleet."""
     worker = ForeignWorker()
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
     routes = _routes(session, worker, settings.drone_settings)
@@ -184,7 +193,7 @@ def _doors(settings: ServerSettings) -> Handler:
     )
 
     async def ways_in(request: Request) -> Any:
-        return doors(served, request.url)
+        return access_list(served, request.url)
 
     return ways_in
 
@@ -212,7 +221,7 @@ def _routes(
 
 
 def _with_flights_written(session: GroundSession, handler: Handler) -> Handler:
-    """Write pending flights to disk before the handler runs, unless the disk is slow."""
+    """Write pending flights to disk before a handler runs, unless the disk is slow."""
 
     async def handle(request: Request) -> Any:
         vehicles = (session.vehicle, *session.vehicle.companions)
@@ -232,7 +241,7 @@ class FurtherVehicles:
         self._made: dict[int, tuple[GroundSession, Starlette]] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on to its vehicle."""
+        """Pass a request on to its vehicle's application."""
         number = int(scope["path_params"]["number"])
         session = self._fleet.session(number)
         if session is None:

@@ -1,4 +1,4 @@
-"""Routes of a drone's first set-up, if the page runs on the drone's own computer."""
+"""Routes of a drone's first set-up, available if the page runs on the drone's own computer."""
 
 import asyncio
 from dataclasses import asdict
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class SetUpApi:
     """Routes of the steps of `uavrt.computer.first_setup`.
 
-    `session`: the page's; it takes over the drone's name and antenna.
+    `session`: the page's session, which takes over the drone's name and antenna.
     """
 
     def __init__(self, session: GroundSession, setup: "FirstSetup") -> None:
@@ -38,7 +38,7 @@ class SetUpApi:
         ]
 
     async def state(self, request: Request) -> Any:
-        """Get whether the set-up is wanted, and the initial values and choices of each step."""
+        """Whether the set-up is wanted, with the initial values and choices of each step."""
         setup = self._setup
         if not setup.wanted:
             return {"wanted": False}
@@ -50,7 +50,7 @@ class SetUpApi:
         }
 
     async def take(self, request: Request) -> Any:
-        """Check and write a step: 422 with ``faults: [{field, text}]``, or its new values."""
+        """Check and write a step; 422 with ``faults: [{field, text}]``, or its new values."""
         setup = self._setup
         body = await json_body(request)
         faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
@@ -80,17 +80,14 @@ class SetUpApi:
         return finished
 
     async def command_key(self, request: Request) -> Any:
-        """Get the drone's command key as a file for a commanding laptop."""
+        """The drone's command key as a file, for a laptop that commands the drone."""
         key = await asyncio.to_thread(self._setup.command_key)
         attached = {"Content-Disposition": 'attachment; filename="command.key"'}
         return Response(key, media_type="text/plain", headers=attached)
 
 
 def set_up_rows(session: GroundSession, config: Path | None) -> list[Row]:
-    """List the routes of the set-up.
-
-    `config`: the drone side's settings on this computer; None: the page runs elsewhere.
-    """
+    """List the routes of the set-up; `config` is None if the page runs elsewhere."""
     if config is None:
         return [Row("/set-up", "GET", _unwanted)]
     # Only a drone's computer has what it looks at; the page of a laptop runs anywhere.
@@ -104,7 +101,7 @@ async def _unwanted(_request: Request) -> Any:
 
 
 def _running(config: Path) -> SystemStatus | None:
-    """Query the state of the drone side on this computer; None if it is not running."""
+    """State of the drone side on this computer; None if it is not running."""
     from uavrt.monitor.reader import running_status, status_socket_path
 
     try:

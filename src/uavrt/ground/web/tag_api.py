@@ -36,8 +36,8 @@ class TagApi:
     async def put(self, request: Request) -> Any:
         """Store the tag table if it has no faults; otherwise report all of them.
 
-        With ``If-Match: "VERSION"`` only if the table still has that version: another page may
-        have changed it.
+        ``If-Match: "VERSION"`` stores it only if the table still has that version, since
+        another page may have changed it.
         """
         rows = await json_body(request)
         tags, faults = await self._worker.call(tag_table.tags_from_rows, rows)
@@ -59,16 +59,16 @@ class TagApi:
         return {"faults": [], **_table(tags)}
 
     async def check(self, request: Request) -> Any:
-        """Report the faults of a table that is being typed; without any, its warnings."""
+        """Report the faults of a table while it is typed; without any, its warnings."""
         checked = await self._worker.call(checked_tags, await request.body())
         return checked | {"faults": [asdict(fault) for fault in checked["faults"]]}
 
     async def read(self, request: Request) -> Any:
-        """Read rows from files, and the tags that these exclude; nothing is stored yet."""
+        """Read rows from tag files, and which tags the files exclude; nothing is stored yet."""
         return await self._worker.call(imported_tags, await request.body())
 
     async def export(self, request: Request) -> Any:
-        """Get the table as a file."""
+        """The tag table as a file."""
         name = request.path_params["name"]
         text = tag_table.export_text(self._vehicle.store.tags, name)
         return download(text.encode(), name, "text/plain; charset=utf-8")

@@ -1,9 +1,9 @@
-"""Waterfall of a channel: from samples in a flight directory, or live from a UDP port.
+"""Waterfall of a channel, from samples in a flight directory or live from a UDP port.
 
-The radio link is far too slow for samples. A waterfall therefore uses what this computer has:
-recordings in a flight's ``iq/`` (fetched, copied, or made by ``uavrt run --ground``), and
-channels that the drone sends as datagrams over a fast link (``[udp_channels]``); on the drone
-itself they arrive over the loopback.
+The radio link is far too slow for samples. A waterfall therefore needs samples on this
+computer. One source is a recording in a flight's ``iq/``: downloaded, copied, or made by
+``uavrt run --ground``. The other is channels that the drone sends as datagrams over a fast link
+(``[udp_channels]``), or over the loopback if the page runs on the drone.
 """
 
 import asyncio
@@ -32,32 +32,33 @@ from uavrt.units import ns_from_s
 log = get_logger()
 
 HALF_WIDTH_HZ = 800.0
-"""Half-width of the picture around the tag [Hz]; the search covers 500 Hz on either side."""
+"""Half-width of the picture around the tag's frequency [Hz]; the search covers ± 500 Hz."""
 LONGEST_S = 120.0
-"""Longest stretch of a recording at once [s]: 120 s at 3 MS/s take about 4 s of a core."""
+"""Longest stretch of a recording in one picture [s]; 120 s at 3 MS/s take about 4 s of a
+core."""
 LOWEST_DB, SPAN_DB = -3.0, 33.0
-"""Level of value 0 and span of 255 values: -3 … +30 dB over the picture's median."""
+"""Level of pixel value 0, and range of all 255 values: -3 to 30 dB over the picture's
+median."""
 LIVE_RATE_HZ = 3750.0
 LIVE_PULSE_S = 0.02
 LIVE_COLUMNS = 8
-"""Frames of 10 ms joined by their maximum: 12.5 columns a second."""
+"""Number of 10 ms frames combined by their maximum into one column: 12.5 columns a second."""
 NOISE_COLUMNS = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A stretch of a waterfall as the page draws it."""
+    """A stretch of a waterfall, as the page draws it."""
 
     start_time_ns: int
     column_s: float
     low_hz: float
     high_hz: float
-    """Upper edge relative to the tag or, live, to the channel's centre."""
+    """Upper edge relative to the tag's frequency or, live, to the channel's centre [Hz]."""
     columns: int
     rows: int
     values: str
-    """Columns one after the other, each from low to high frequency, one byte per cell,
-    base64."""
+    """Pixels as base64, one byte each: column after column, from low to high frequency."""
 
 
 def recordings(flight: Path) -> list[Path]:
@@ -70,8 +71,8 @@ def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> P
 
     `path`: a SigMF recording.
     `start_s`, `length_s`: the stretch, from the recording's beginning; `LONGEST_S` at most.
-    Raises `FormatError`: it cannot be read, or has no samples there. Raises `TunerError`: the
-    tag is outside the recorded band.
+    Raises `FormatError`: the recording cannot be read, or has no samples there.
+    Raises `TunerError`: the tag is outside the recorded band.
     """
     source = open_recording(path)
     try:
@@ -99,7 +100,7 @@ def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> P
     finally:
         source.close()
     if waterfall is None or not waterfall.power.any():
-        raise FormatError(f"{path.name} holds no samples there")
+        raise FormatError(f"{path.name} has no samples in that time")
     power = waterfall.power
     return picture(
         power,
@@ -118,7 +119,7 @@ def picture(
     column_s: float,
     frequencies_hz: NDArray[np.float64],
 ) -> Picture:
-    """Convert (columns, rows) powers to bytes relative to a noise; missing ones become 0."""
+    """Scale powers (columns, rows) to bytes relative to the noise; missing ones become 0."""
     with np.errstate(divide="ignore"):
         level_db = 10.0 * np.log10(power / noise)
     cells = np.clip(255.0 * (level_db - LOWEST_DB) / SPAN_DB, 0.0, 255.0).astype(np.uint8)
@@ -134,7 +135,7 @@ def picture(
 
 
 class LiveWaterfall:
-    """The channel at a UDP port; `show` gets each new `Picture` as a dictionary."""
+    """Waterfall of the channel at a UDP port; `show` gets each `Picture` as a dictionary."""
 
     def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
         self._show = show
@@ -142,7 +143,7 @@ class LiveWaterfall:
         self.address: str | None = None
 
     async def listen(self, address: str) -> None:
-        """Receive at one address; an empty one ends it. Raises `UavrtError`."""
+        """Receive at an address; an empty address ends it. Raises `UavrtError`."""
         self.close()
         if not address:
             return
@@ -163,7 +164,7 @@ class LiveWaterfall:
 
 
 class ChannelStream:
-    """Convert datagrams of a channel to columns of a picture; pure except for `show`."""
+    """Converts datagrams of a channel to columns of a picture, passed to `show`."""
 
     def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
         self._show = show
@@ -172,7 +173,7 @@ class ChannelStream:
         self._index = 0
         self._noise: list[NDArray[np.float32]] = []
         self.refused = 0
-        """Datagrams that do not belong to a channel."""
+        """Number of datagrams that are not of a channel."""
 
     def receive(self, payload: bytes) -> None:
         """Handle a datagram."""
@@ -181,7 +182,7 @@ class ChannelStream:
             self._style = self._style or stamp_style(payload)
         except FormatError as error:
             if self.refused == 0:
-                log.warning("not a channel's datagram", reason=str(error))
+                log.warning("invalid channel datagram", reason=str(error))
             self.refused += 1
             return
         self._frames.put(time_ns, np.where(np.isfinite(samples), samples, 0.0))
@@ -189,7 +190,7 @@ class ChannelStream:
             self._draw(*frame)
 
     def _draw(self, time_ns: int, samples: NDArray[np.complex64], lost: int) -> None:
-        """Draw one frame of 0.27 s; pulses at its edges appear in two frames."""
+        """Draw one block of 0.27 s; pulses at its edges appear in two blocks."""
         self._index += lost
         waterfall = Waterfall(
             offset_hz=0.0,
@@ -229,15 +230,15 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._stream = stream
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Pass a received datagram on."""
+        """Pass a received datagram to the stream."""
         try:
             self._stream.receive(data)
         except (UavrtError, ValueError) as error:
-            log.warning("a channel's datagram was not drawn", reason=str(error))
+            log.warning("channel datagram not drawn", reason=str(error))
 
 
 def tag_of(tags: tuple[Tag, ...], tag_id: int) -> Tag:
-    """Find a tag; raises `UsageError`."""
+    """Find a tag by its id; raises `UsageError`."""
     for tag in tags:
         if tag.tag_id == tag_id:
             return tag
@@ -255,7 +256,7 @@ def _blocks(source: RecordingSource) -> Iterator[IQBlock]:
 
 
 def _noise(power: NDArray[np.float32]) -> float:
-    """Median of the non-empty cells."""
+    """Median of the cells that are not empty."""
     return float(np.median(power[power > 0.0])) if power.any() else 1.0
 
 

@@ -48,11 +48,7 @@ def circle_steering(
 def pair_steering(
     spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
 ) -> Steering:
-    """Steering function of two elements side by side: their sum, and right minus left.
-
-    The difference separates right from left; ahead and behind need a turn. With `modes` false,
-    the left and the right element themselves.
-    """
+    """Steering function of two elements side by side: sum and difference, or each alone."""
     turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
 
     def steering(direction_deg: _Floats) -> _Complex:
@@ -113,7 +109,8 @@ def amplitude_monopulse(
     used = heard.sum(axis=1) >= 2
     if not used.any():
         raise UsageError(
-            "no pulse was heard by two antennas", remedy="Use the strongest antenna's boresight"
+            "no pulse was received by two antennas",
+            remedy="Use the strongest antenna's boresight",
         )
     gain = pattern.gain_db(difference_deg(GRID_DEG[:, None], boresight_deg[None, :]))
     log_density = np.zeros(len(GRID_DEG))

@@ -38,11 +38,7 @@ def lobe_moments(density: NDArray[np.float64], best_deg: float) -> tuple[float, 
 
 
 def lobe_mean_deg(density: NDArray[np.float64], best_deg: float) -> float:
-    """Mean direction of the lobe around a direction, [0, 360).
-
-    It has the least expected squared error. For few pulses the lobe is asymmetric, and its
-    maximum errs by 1 to 4 % more.
-    """
+    """Mean direction of the lobe around a direction, with the least squared error [0, 360)."""
     off = difference_deg(GRID_DEG, best_deg)
     weight = np.where(np.abs(off) <= PATTERN.lobe_deg, density, 0.0)
     return float(wrap_degrees_360(best_deg + weight @ off / weight.sum()))
@@ -58,10 +54,7 @@ def peak_deg(log_density: NDArray[np.float64]) -> float:
 
 
 def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, float]:
-    """Shortest arc that holds `share` of a probability given on `GRID_DEG`.
-
-    Returns: from and to [deg], clockwise, each in [0, 360).
-    """
+    """Shortest arc, clockwise from and to [deg], that holds `share` of a probability."""
     count = len(density)
     edges = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])
     goal = edges[:count] + share

@@ -32,9 +32,9 @@ class SwitchSchedule:
     def __post_init__(self) -> None:
         if self.positions < 2 or not 0 <= self.settle_samples < self.dwell_samples:
             raise UsageError(
-                f"a switch with {self.positions} positions, {self.dwell_samples} samples each, "
-                f"{self.settle_samples} of them settling",
-                remedy="It needs two positions and a longer stay than it takes to settle",
+                f"the antenna switch has {self.positions} positions of {self.dwell_samples} "
+                f"samples, and settles for {self.settle_samples} samples",
+                remedy="Give two or more positions, and a shorter time to settle",
             )
 
     def visits(self, first_sample: int, count: int) -> NDArray[np.intp]:

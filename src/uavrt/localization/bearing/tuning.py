@@ -12,13 +12,13 @@ class TurnTuning:
     path_window_s: float = 15.0
     """Time before and after a pose over which its change of place is measured [s]."""
     window_shift_m: float = 3.0
-    """Least change of place in both of these windows of a pose on a path [m]."""
+    """Least change of place within the time before, and after, a pose on a path [m]."""
     path_m: float = 7.5
     """Least distance between the ends of a path [m]: half the radius of a turn in place."""
     drift_spans_deg: tuple[float, ...] = (45.0, 90.0)
     """Spans of yaw over which drift is measured [°]; turns with stops need the longer."""
     drift_step_deg: float = 5.0
-    """Step between the starts of these spans [°]."""
+    """Step between the starts of the spans over which drift is measured [°]."""
     one_turn_deg: float = 450.0
     """Largest yaw of a single turn [°]; more may be two turns with a path between them."""
     reversal_deg: float = 25.0
@@ -40,7 +40,7 @@ class TurnTuning:
     ground_share: float = 0.15
     """Height below which the drone is on the ground, as a share of its usual height."""
     ground_m: tuple[float, float] = (2.0, 6.0)
-    """Limits of that height [m]; a barometer drifts by metres in a flight."""
+    """Limits of the height below which the drone is on the ground [m]; barometers drift."""
     around_start_m: float = 100.0
     """Distance from take-off and landing beyond which a low pose is over lower ground [m]."""
 
@@ -83,7 +83,7 @@ class PatternTuning:
 class TwoPathTuning:
     """Search for a second path, such as a reflection, that explains a rotation better."""
 
-    apart_deg: tuple[float, ...] = (20, 35, 50, 65, 80, 100, 120, 150, 180)
+    apart_deg: tuple[int, ...] = (20, 35, 50, 65, 80, 100, 120, 150, 180)
     """Candidate angles between the two paths [°]."""
     weaker_db: tuple[float, ...] = (-6.0, -3.0, -1.0, 0.0)
     """Candidate levels of the weaker path relative to the stronger [dB]."""

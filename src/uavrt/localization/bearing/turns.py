@@ -83,7 +83,9 @@ def find_turns(
         Arrays differ in length, or times do not rise.
     """
     if len({len(time_ns), len(yaw_deg), len(latitude_deg), len(longitude_deg)}) != 1:
-        raise UsageError("times, headings and positions differ in number")
+        raise UsageError(
+            "times, headings and positions differ in number", remedy="Give one for each pose"
+        )
     if len(time_ns) < 4:
         return []
     if np.any(np.diff(time_ns) <= 0):

@@ -74,10 +74,7 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float]) -> float:
-        """Radius of the circle around a point that holds a given probability [m].
-
-        Each cell's probability is spread over its range of distances.
-        """
+        """Radius of the circle around a point that holds a given probability [m]."""
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
         parts = (np.arange(4) - 1.5) / 4.0

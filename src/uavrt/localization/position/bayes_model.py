@@ -10,7 +10,7 @@ from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearing_evidence import BearingEvidence, von_mises
 from uavrt.localization.position.common_errors import Explanation
 from uavrt.localization.position.level_evidence import LevelEvidence, Levels, Propagation
-from uavrt.localization.position.over_hills import OverHills
+from uavrt.localization.position.over_hills import TrackHillLosses
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import Strengths
@@ -60,7 +60,7 @@ class Model:
         self.listeners: tuple[Strengths, ...] = ()
         if stations is not None:
             self.bearings = _bearing_evidence(stations, self.plane, known)
-            self.listeners = _judged(stations, self)
+            self.listeners = _usable_receivers(stations, self)
             usable = tuple(one for one in self.listeners if one.unused is None)
             self._levels = _level_evidence(stations, usable, self, known.propagation)
         self.track = None if powers is None else _power_evidence(powers, self, known)
@@ -145,7 +145,7 @@ def _bearing_evidence(
 
 def _power_evidence(powers: PowerTrack, model: Model, known: Known) -> SurveyEvidence:
     east, north = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)
-    over = OverHills.of(model.hills, east, north, powers.height_m)
+    over = TrackHillLosses.of(model.hills, east, north, powers.height_m)
     return SurveyEvidence(east, north, powers, known.propagation, known.height_sigma_m, over)
 
 
@@ -153,7 +153,7 @@ _HILLS_UNKNOWN = "their losses behind hills are not computed"
 _NO_LEVELS = "no bearing has a strength"
 
 
-def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
+def _usable_receivers(stations: Stations, model: Model) -> tuple[Strengths, ...]:
     """Receivers that never turned, each with the reason if its levels cannot be used here."""
     why = None
     if model.hills is not None:
@@ -193,7 +193,7 @@ def _level_evidence(
         return None
     over = None
     if heard.height_m is not None and not listeners:
-        over = OverHills.of(model.hills, east, north, height)
+        over = TrackHillLosses.of(model.hills, east, north, height)
     return LevelEvidence(levels, listeners, propagation, over)
 
 

@@ -135,10 +135,10 @@ def _solved(model: Model) -> _Solved:
             point=cells.likely_mean(model.log_likelihood),
         )
     point = most_probable(cells, model.log_likelihood)
-    return _explained(model, cells, point, _agreement(model, point))
+    return _with_explanations(model, cells, point, _agreement(model, point))
 
 
-def _explained(
+def _with_explanations(
     model: Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
 ) -> _Solved:
     """Add places by other explanations of the bearings to the posterior of a resting tag."""

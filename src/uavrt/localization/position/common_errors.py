@@ -234,11 +234,7 @@ UNKNOWN_SIGMAS = Caution(
 def cautions_of(
     fit: Fit, outlier_probabilities: tuple[float, ...] | None = None
 ) -> tuple[Caution, ...]:
-    """Cautions for the operator on the most probable explanation.
-
-    `outlier_probabilities`: for each bearing of a resting tag, averaged over its possible
-        places.
-    """
+    """Cautions for the operator on the most probable explanation and on outliers."""
     found = []
     if fit.explanation == "compass":
         text = (
@@ -287,11 +283,7 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
-    """(n,) True for probable outliers.
-
-    The fit uses only the first lobe of a bearing. A bearing with two lobes that agrees by the
-    second one is no outlier by the posterior.
-    """
+    """(n,) True for outliers by the fit, unless a second lobe agrees by the posterior."""
     odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:
         return odd

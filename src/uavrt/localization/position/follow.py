@@ -7,7 +7,7 @@ import numpy as np
 
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bayes_model import Model
-from uavrt.localization.position.moving import way_by_bearings, way_by_powers
+from uavrt.localization.position.moving import path_by_bearings, path_by_powers
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
 from uavrt.localization.position.tuning import TRACK, WALK
@@ -52,7 +52,7 @@ def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
         north_m=float(grid.north_m[-1]),
     )
     heading_sigma_deg = model.known.heading_sigma_deg
-    way = way_by_bearings(stations, model.plane, around, heading_sigma_deg=heading_sigma_deg)
+    way = path_by_bearings(stations, model.plane, around, heading_sigma_deg=heading_sigma_deg)
     left_out = tuple(one.because(_MOVES) for one in model.listeners)
     return replace(position, track=way, listeners=left_out)
 
@@ -71,7 +71,7 @@ def _by_powers(
         half_s = 0.5 * float(np.ptp(powers.time_s))
         first, last = walk.at(-half_s), walk.at(half_s)
         fading_db = walk.fading_db
-    way = way_by_powers(
+    way = path_by_powers(
         powers, model.plane, (first, last), fading_db=fading_db, hills=model.hills
     )
     if walk is None or not walked:

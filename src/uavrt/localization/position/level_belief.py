@@ -40,7 +40,7 @@ class Listening:
     """Direction of the boresight, clockwise from true north; None for an upright monopole."""
 
 
-def by_chance_density(heard: Listening) -> float:
+def false_pulse_density(heard: Listening) -> float:
     """Density of the power of pulses that are not the tag's [1/dB].
 
     Half of them are noise just above the threshold, and half have any strength. With any
@@ -114,7 +114,7 @@ def antenna_gain_db(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Behind:
+class GroundEffect:
     """Effect of the ground on a pulse, for a tag at each place."""
 
     rise_m: _Floats
@@ -126,7 +126,7 @@ class Behind:
     @classmethod
     def hills(
         cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
-    ) -> "Behind | None":
+    ) -> "GroundEffect | None":
         """Ground effect between the drone and each place; None over level ground."""
         if hills is None:
             return None
@@ -162,7 +162,7 @@ class LevelBelief:
         north_m: _Floats,
         exponent: _Floats,
         pattern: AntennaPattern | None,
-        behind: Behind | None = None,
+        behind: GroundEffect | None = None,
     ) -> _Floats:
         """Expected SNR at the drone if the tag is at each place [dB]."""
         # As Python's floats they leave single precision as it is.
@@ -180,7 +180,7 @@ class LevelBelief:
         error = 0.0 if self.error is None else self.error.mean * behind.doubtful_db
         return np.asarray(expected - behind.lost_db - error)
 
-    def spread_db2(self, behind: Behind | None) -> _Floats:
+    def spread_db2(self, behind: GroundEffect | None) -> _Floats:
         """Variance of the expected SNR at the drone, without fading [dB²]."""
         error = self.error
         if error is None or behind is None:
@@ -198,7 +198,7 @@ class LevelBelief:
         missed_share: float = LEVEL.by_chance,
         chance_share: float = LEVEL.by_chance,
         elsewhere: float = 0.0,
-        behind: Behind | None = None,
+        behind: GroundEffect | None = None,
     ) -> _Floats:
         """Update with one pulse or miss; returns its log-likelihood at each place.
 
@@ -215,7 +215,7 @@ class LevelBelief:
             innovation = float(heard.snr_db) - expected_db
             scale = (1.0 - missed_share) / LEVEL.root_two_pi / np.sqrt(variance)
             density = np.exp(-0.5 * innovation * innovation / variance) * scale
-            others = chance_share * by_chance_density(heard) + elsewhere
+            others = chance_share * false_pulse_density(heard) + elsewhere
             mixed = density + max(others, LEVEL.least_share)
             if learns:
                 # What came by chance says nothing of the strength.
@@ -233,7 +233,7 @@ class LevelBelief:
             self._learn(behind, -ratio / np.sqrt(variance), part)
         return np.asarray(np.log(mixed))
 
-    def _learn(self, behind: Behind | None, moved: _Floats, shrunk: _Floats) -> None:
+    def _learn(self, behind: GroundEffect | None, moved: _Floats, shrunk: _Floats) -> None:
         """Update the level's mean and variance with a received level.
 
         `moved`: deviation from the expected level over its variance [1/dB].

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.position.level_belief import antenna_gain_db
-from uavrt.localization.position.over_hills import OverHills
+from uavrt.localization.position.over_hills import TrackHillLosses
 from uavrt.localization.position.strengths import Strengths
 from uavrt.localization.position.tuning import LEVEL, POWER
 
@@ -59,7 +59,7 @@ class LevelEvidence:
         levels: Levels,
         listeners: tuple[Strengths, ...],
         propagation: Propagation,
-        over_hills: OverHills | None = None,
+        over_hills: TrackHillLosses | None = None,
     ) -> None:
         self._levels, self._listeners, self._known = levels, listeners, propagation
         self._over_hills = over_hills
@@ -105,10 +105,7 @@ class LevelEvidence:
         return gain
 
     def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
-        """(places,) log-likelihood with P, the receivers' errors and n integrated out.
-
-        `gain_db`: standard deviation of the errors of receivers that never turned.
-        """
+        """(places,) log-likelihood with P, the receivers' errors and n integrated out."""
         errors, listeners = self._errors, len(self._listeners)
         normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)
         normal[:, range(listeners), range(listeners)] += gain_db**-2.0

@@ -39,7 +39,7 @@ class LossError:
     """Covariance of the error with the tag's strength [dB]."""
 
     @classmethod
-    def unlearnt(cls, shape: tuple[int, ...] | int) -> "LossError":
+    def before_pulses(cls, shape: tuple[int, ...] | int) -> "LossError":
         """Distribution of the error before any pulse."""
         return cls(
             mean=np.full(shape, LOSS.mean, np.float32),

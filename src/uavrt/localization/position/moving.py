@@ -28,7 +28,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 _Floats = NDArray[np.float64]
 
 
-def way_by_bearings(
+def path_by_bearings(
     stations: Stations, plane: TangentPlane, around: Area, *, heading_sigma_deg: float
 ) -> tuple[TrackPoint, ...]:
     """Path of a tag through the bearings of a flight.
@@ -48,10 +48,10 @@ def way_by_bearings(
     def take(tracker: ParticleTracker, number: int) -> None:
         tracker.take_bearing(float(east[number]), float(north[number]), posterior[number])
 
-    return _both_ways((prior, prior), times, take, plane, stations.origin_ns)
+    return _forwards_and_backwards((prior, prior), times, take, plane, stations.origin_ns)
 
 
-def way_by_powers(
+def path_by_powers(
     powers: PowerTrack,
     plane: TangentPlane,
     ends: tuple[tuple[float, float], tuple[float, float]],
@@ -92,15 +92,14 @@ def way_by_powers(
         )
 
     priors = (prior, replace(prior, area=_around(ends[1], half_m)))
-    return _both_ways(priors, times, take, plane, powers.origin_ns)
+    return _forwards_and_backwards(priors, times, take, plane, powers.origin_ns)
 
 
 def _checked(times: _Floats | None, what: str) -> _Floats:
     if times is None or len(times) < TRACK.least_times:
         raise UsageError(
             f"a track needs the times of three or more {what} of one flight",
-            remedy="Name one flight alone, or use the method bayes, which takes the tag to "
-            "rest",
+            remedy="Name one flight alone, or use the method bayes for a tag at rest",
         )
     return times
 
@@ -143,7 +142,7 @@ def _blurred(posterior: _Floats, sigma_deg: float) -> _Floats:
     return np.asarray(np.maximum(blurred, 0.0))
 
 
-def _both_ways(
+def _forwards_and_backwards(
     priors: tuple[TagPrior, TagPrior],
     times: _Floats,
     take: Callable[[ParticleTracker, int], None],

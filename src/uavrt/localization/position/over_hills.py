@@ -13,7 +13,7 @@ _Floats = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OverHills:
+class TrackHillLosses:
     """Losses behind hills for the pulses of a track, by a ground model."""
 
     hills: HillLosses
@@ -24,7 +24,7 @@ class OverHills:
     @classmethod
     def of(
         cls, hills: HillLosses | None, east_m: _Floats, north_m: _Floats, up_m: _Floats
-    ) -> "OverHills | None":
+    ) -> "TrackHillLosses | None":
         """Losses for pulses received at positions; heights count from the take-off's ground.
 
         `hills`: ground model in the plane of the places; None is level ground.
@@ -38,12 +38,12 @@ class OverHills:
         """(places, n) loss of each pulse for a tag at each of the places (places,) [dB]."""
         return self.losses(east_m, north_m) * np.float32(self.factor)
 
-    def chosen(self, pulses: NDArray[np.bool_] | NDArray[np.intp]) -> "OverHills":
+    def chosen(self, pulses: NDArray[np.bool_] | NDArray[np.intp]) -> "TrackHillLosses":
         """Losses for the pulses selected by an index array or a mask."""
         return replace(self, losses=replace(self.losses, which=self.losses.which[pulses]))
 
 
-def along_error_db(lost_db: _Floats) -> float:
+def track_error_db(lost_db: _Floats) -> float:
     """Standard deviation of the error of losses (n,) [dB], without the common error."""
     hidden = float(np.mean(lost_db > POWER.hidden_db))
     return float(np.hypot(POWER.hill_error * np.std(lost_db), POWER.map_error_db * hidden**0.5))

@@ -27,7 +27,7 @@ from uavrt.localization.position.censored_power import (
     thinned,
 )
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.over_hills import OverHills, along_error_db
+from uavrt.localization.position.over_hills import TrackHillLosses, track_error_db
 from uavrt.localization.position.tuning import POWER
 
 _DB = 10.0 / np.log(10.0)
@@ -63,7 +63,7 @@ class PowerTrack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Seen:
+class PulseGeometry:
     """Geometry between places and pulses, shape (places, pulses), for any height."""
 
     east_m: _Reals
@@ -108,7 +108,7 @@ class PowerEvidence:
         propagation: Propagation,
         *,
         correlation: float = 0.0,
-        over_hills: OverHills | None = None,
+        over_hills: TrackHillLosses | None = None,
     ) -> None:
         self.over_hills = over_hills
         self._correlation = correlation
@@ -132,8 +132,8 @@ class PowerEvidence:
         """Fit level and exponent at each of the places (places,)."""
         return fit_each([self], east_m, north_m)[0]
 
-    def fitted(self, seen: "Seen") -> PowerFit:
-        """Fit level and exponent at places whose geometry is given."""
+    def fitted(self, seen: "PulseGeometry") -> PowerFit:
+        """Fit level and exponent at places, given their geometry to the pulses."""
         count = int(self._heard.sum())
         loss, gain = self._propagated(seen, self.used)
         heard = self._over_mean(self.used[:count], loss[:, :count], gain[:, :count])
@@ -152,10 +152,7 @@ class PowerEvidence:
         return replace(fit, level_db=fit.level_db + self._mean_db)
 
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
-        """Correlation of neighbouring pulses' fading, at the most likely of (places,).
-
-        One value for all places: separate ones would favour some of equally likely places.
-        """
+        """Correlation of neighbouring pulses' fading, at the most likely of (places,)."""
         fit = self.fit(east_m, north_m)
         top = int(np.argmax(fit.log_likelihood))
         loss, z = self._heard_from(east_m[top : top + 1], north_m[top : top + 1])
@@ -167,7 +164,7 @@ class PowerEvidence:
         lost_db = over.lost_db(east_m[top : top + 1], north_m[top : top + 1])[0]
         step_m = np.median(np.hypot(np.diff(self._east_m), np.diff(self._north_m)))
         alike = float(np.clip(POWER.same_error_m / max(step_m, 1e-3), 1.0, len(residual)))
-        by_hills = correlation_over_hills(residual, along_error_db(lost_db), alike)
+        by_hills = correlation_over_hills(residual, track_error_db(lost_db), alike)
         return max(lasting_correlation(residual), by_hills)
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
@@ -183,31 +180,34 @@ class PowerEvidence:
     def propagation(
         self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
     ) -> tuple[_Reals, _Reals]:
-        """(places, pulses) -10 log10(r / 100 m), and the antenna's gain [dB].
-
-        Single precision is several times as fast and errs by a millionth of a dB.
-        """
+        """(places, pulses) -10 log10(r / 100 m), and antenna gain [dB]; single precision."""
         return self._propagated(self.seen_from(east_m, north_m, pulses), pulses)
 
-    def seen_from(self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]) -> "Seen":
+    def seen_from(
+        self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
+    ) -> "PulseGeometry":
         """Geometry from the positions of pulses to places on the ground."""
         single = np.float32
         dx = east_m.astype(single)[:, None] - self._east_m[pulses].astype(single)[None, :]
         dy = north_m.astype(single)[:, None] - self._north_m[pulses].astype(single)[None, :]
         ground = dx * dx + dy * dy
         log_ground = np.log(np.maximum(ground, single(1e-6)))
-        seen = Seen(east_m=dx, north_m=dy, square_m2=ground, log_square=log_ground)
+        seen = PulseGeometry(east_m=dx, north_m=dy, square_m2=ground, log_square=log_ground)
         if self.over_hills is None:
             return seen
         over = self.over_hills.chosen(pulses)
         rise = over.hills.rise_m(east_m, north_m)[:, np.newaxis].astype(single)
         return replace(seen, rise_m=rise, lost_db=over.lost_db(east_m, north_m))
 
-    def _propagated(self, seen: "Seen", pulses: NDArray[np.intp]) -> tuple[_Reals, _Reals]:
+    def _propagated(
+        self, seen: "PulseGeometry", pulses: NDArray[np.intp]
+    ) -> tuple[_Reals, _Reals]:
         loss, gain = self._over_level(seen, pulses)
         return loss, gain if seen.lost_db is None else gain - seen.lost_db
 
-    def _over_level(self, seen: "Seen", pulses: NDArray[np.intp]) -> tuple[_Reals, _Reals]:
+    def _over_level(
+        self, seen: "PulseGeometry", pulses: NDArray[np.intp]
+    ) -> tuple[_Reals, _Reals]:
         single, ground = np.float32, seen.square_m2
         height: _Reals = self._track.height_m[pulses].astype(single)[None, :]
         if seen.rise_m is not None:

@@ -40,10 +40,7 @@ def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
 def refined(
     x: _Floats, y: _Floats, probability: _Floats, times: int = 4
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Interpolate a probability on a finer grid: cubic in its logarithm.
-
-    Returns: x, y and probability on the finer grid; the probability sums to 1.
-    """
+    """Interpolate a probability on a finer grid: x, y and values, cubic in the logarithm."""
     # Below 1e-12 of the peak nothing is drawn; a zero has no logarithm.
     logs = np.log(np.maximum(probability, 1e-12 * probability.max()))
     fine = np.exp(_cubic(_cubic(logs, times).T, times).T)

@@ -169,7 +169,7 @@ def signal_surface(track: PowerTrack) -> SignalSurface:
     across = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1]
     if across / np.sqrt(len(places)) < 1.0:
         raise UsageError(
-            "the pulses were heard along one line, which makes no map",
+            "the pulses were received along one line, which makes no map",
             remedy="Fly several lines",
         )
     surface = LinearNDInterpolator(places, smoothed(track.snr_db[heard]))

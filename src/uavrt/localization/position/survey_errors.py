@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.localization.position.censored_power import PowerFit
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.over_hills import OverHills
+from uavrt.localization.position.over_hills import TrackHillLosses
 from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack, fit_each
 from uavrt.localization.position.tuning import POWER, SURVEY
 from uavrt.localization.results import Caution
@@ -41,7 +41,7 @@ class SurveyEvidence:
         track: PowerTrack,
         propagation: Propagation,
         height_sigma_m: float,
-        over_hills: OverHills | None = None,
+        over_hills: TrackHillLosses | None = None,
     ) -> None:
         self._over_hills = over_hills
         self._east_m, self._north_m, self._track = east_m, north_m, track
@@ -55,11 +55,11 @@ class SurveyEvidence:
         self._correlation = 0.0
         heard = ~np.isnan(track.snr_db)
         if over_hills is not None or not np.all(heard):
-            self._correlation = self._lasting()
+            self._correlation = self._correlation_of_fading()
         shifts_m, self._log_prior = np.zeros(1), np.zeros(1)
         readings = [self.kept]
         if int(heard.sum()) >= SURVEY.least_pulses:
-            place, spread_m, shift_m = self._roughly(heard)
+            place, spread_m, shift_m = self._rough_fit(heard)
             readings = self._readings(heard, place, spread_m, shift_m)
             self.kept = readings[0]
             # What is made of misses compares places, but not heights: a flight whose heights
@@ -67,7 +67,7 @@ class SurveyEvidence:
             if height_sigma_m > 0.0 and np.mean(heard) >= SURVEY.received_share:
                 shifts_m = self._weigh_heights(place, spread_m)
                 self._log_prior = _log_prior_of_height(shifts_m, self._height_sigma_m)
-        self._read = [
+        self._evidences = [
             (
                 [self._evidence(float(shift), kept) for shift in shifts_m],
                 _log_prior_of_reading(kept),
@@ -87,12 +87,12 @@ class SurveyEvidence:
             return _over_readings(
                 [
                     (self._fit_heights(heights, east_m, north_m), log_prior)
-                    for heights, log_prior in self._read
+                    for heights, log_prior in self._evidences
                 ]
             )
         score = np.full(len(east_m), -np.inf)
         middle = None
-        ((own, _),) = self._read
+        ((own, _),) = self._evidences
         for factor, share in POWER.hill_factors:
             heights = [one.losing(factor) for one in own]
             found = self._fit_heights(heights, east_m, north_m)
@@ -124,7 +124,7 @@ class SurveyEvidence:
             over_hills=None if over is None else over.chosen(kept),
         )
 
-    def _lasting(self) -> float:
+    def _correlation_of_fading(self) -> float:
         """Correlation of neighbouring pulses' fading, for missed pulses or hills."""
         axes = reversed(self._coarsely(SURVEY.coarse_cells))
         north, east = (one.ravel() for one in np.meshgrid(*axes))
@@ -145,7 +145,7 @@ class SurveyEvidence:
         lowest = float(np.median(self._track.height_m)) - SURVEY.least_height_m
         return tuple(one for one in SURVEY.shifts_m if one > -lowest)
 
-    def _roughly(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
+    def _rough_fit(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
         """Place, search radius [m] and height error [m] of the best robust fit."""
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)

@@ -131,8 +131,8 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
     step = (
         max(around.east_m - around.west_m, around.north_m - around.south_m) / WALK.rough_cells
     )
-    rest = _closed_in(moved, rest, step, 0.0)
-    walk = _closed_in(moved, walk, step, 0.3)
+    rest = _integrated_peak(moved, rest, step, 0.0)
+    walk = _integrated_peak(moved, walk, step, 0.3)
     odds = np.log(COMMON.walking_share / (1.0 - COMMON.walking_share))
     odds += walk.log_evidence - rest.log_evidence
     best = walk if odds > 0.0 else rest
@@ -144,7 +144,7 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
     )
 
 
-def _closed_in(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
+def _integrated_peak(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
     """Evidence integrated around a peak, on grids that narrow to its width."""
     for _ in range(WALK.rounds):
         half = (0.5 * WALK.fine_cells - 0.5) * step_m / 2.0
@@ -193,7 +193,7 @@ def _best(
 
 
 def _fading_db(moved: _Moved, peak: _Peak) -> float:
-    """Scatter of the powers about the fit [dB], as if pulses were independent."""
+    """Standard deviation of fading [dB] by the scatter about the fit and its correlation."""
     evidence = moved.evidence(peak.velocity)
     east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
     fit = evidence.fit(east, north)

@@ -17,10 +17,10 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearing_evidence import BearingEvidence
 from uavrt.localization.position.level_belief import (
-    Behind,
+    GroundEffect,
     LevelBelief,
     Listening,
-    by_chance_density,
+    false_pulse_density,
 )
 from uavrt.localization.position.loss_error import LossError
 from uavrt.localization.position.tuning import LEVEL, TRACK
@@ -217,8 +217,8 @@ class _Remembered:
     origin: NDArray[np.int32]
 
 
-class _Walk:
-    """Motion model: hypotheses rest, walk randomly or travel, and change between these."""
+class _MotionModel:
+    """Motion of hypotheses: they rest, walk randomly or travel, and change between these."""
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
@@ -247,7 +247,7 @@ class _Walk:
             loss_error=(
                 np.empty((count, 0), np.float32)
                 if prior.hills is None
-                else LossError.unlearnt(count).columns()
+                else LossError.before_pulses(count).columns()
             ),
             mean_db=np.full(count, level, np.float32),
             variance_db2=np.full(count, variance, np.float32),
@@ -307,8 +307,8 @@ class _Walk:
             TRACK.strays_sigmas * prior.walking_m_per_root_s * float(np.sqrt(self._since_s))
         )
         strays += 2.0 * prior.travelling_m_s * self._since_s
-        _stay_about(state.east_m, area.west_m - strays, area.east_m + strays)
-        _stay_about(state.north_m, area.south_m - strays, area.north_m + strays)
+        _turn_back_inside(state.east_m, area.west_m - strays, area.east_m + strays)
+        _turn_back_inside(state.north_m, area.south_m - strays, area.north_m + strays)
 
     def _drift(self, state: _Particles, step: float) -> None:
         """Random walk of the strength about its prior mean, limited to the prior's variance."""
@@ -351,7 +351,9 @@ class _Walk:
 
     def resampled(self, state: _Particles, weight: _Singles, count: int) -> _Particles:
         """Resample systematically, with Silverman's smoothing to separate copies."""
-        chosen = state.chosen(_comb(weight, (np.arange(count) + self._rng.random()) / count))
+        chosen = state.chosen(
+            _systematic_indices(weight, (np.arange(count) + self._rng.random()) / count)
+        )
         bandwidth = 0.5 * count ** (-1.0 / 6.0)
         # Shrunk towards the mean by as much as the smoothing widens.
         shrink = float(np.sqrt(1.0 - bandwidth**2 * 0.25))
@@ -369,7 +371,7 @@ class _Walk:
         return chosen
 
 
-def _stay_about(place: _Singles, least: float, most: float) -> None:
+def _turn_back_inside(place: _Singles, least: float, most: float) -> None:
     """Turn back hypotheses farther outside the area than an animal can have walked."""
     if float(place.min()) < least:
         np.copyto(place, 2.0 * least - place, where=place < least)
@@ -377,12 +379,12 @@ def _stay_about(place: _Singles, least: float, most: float) -> None:
         np.copyto(place, 2.0 * most - place, where=place > most)
 
 
-def _comb(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
+def _systematic_indices(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
     """Indices of the hypotheses at given places, 0 to 1, of the sum of all weights."""
     return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
-class _Past:
+class _StoredPaths:
     """Stored places of the hypotheses, which can be traced back through their ancestors."""
 
     def __init__(self) -> None:
@@ -425,12 +427,12 @@ class ParticleTracker:
 
     def __init__(self, prior: TagPrior, rng: Generator, *, particles: int = 10_000) -> None:
         self._prior, self._rng, self._count = prior, rng, particles
-        self._walk = _Walk(prior, rng)
+        self._walk = _MotionModel(prior, rng)
         self._state = self._walk.fresh(particles)
         self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
         self._time_s: float | None = None
         self._surprise = 0.0
-        self._past = _Past()
+        self._past = _StoredPaths()
         self._heard_from_m: tuple[float, float] | None = None
 
     @property
@@ -479,11 +481,11 @@ class ParticleTracker:
             state.loss_error = level.error.columns()
         evidence = self._weigh(likelihood)
         if heard.snr_db is None:
-            self._wonder(min(-evidence, TRACK.unheard_nats) - TRACK.decay_nats)
+            self._add_surprise(min(-evidence, TRACK.unheard_nats) - TRACK.decay_nats)
         else:
-            chance = max(prior.chance_share, LEVEL.by_chance) * by_chance_density(heard)
+            chance = max(prior.chance_share, LEVEL.by_chance) * false_pulse_density(heard)
             by_others = chance + elsewhere
-            self._wonder(float(np.log(by_others)) + chance / by_others - evidence)
+            self._add_surprise(float(np.log(by_others)) + chance / by_others - evidence)
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
 
     def density(self, heard: Listening) -> float:
@@ -501,7 +503,7 @@ class ParticleTracker:
 
     def _expected(
         self, heard: Listening
-    ) -> tuple[LevelBelief, _Floats, _Floats | float, Behind | None]:
+    ) -> tuple[LevelBelief, _Floats, _Floats | float, GroundEffect | None]:
         """Strengths, expected levels, their scatter, and ground effects for one pulse."""
         state, prior = self._state, self._prior
         level = LevelBelief(
@@ -510,7 +512,7 @@ class ParticleTracker:
             known=prior.level_sigma_db == 0.0,
             error=LossError.of_columns(state.loss_error),
         )
-        behind = Behind.hills(prior.hills, heard, state.east_m, state.north_m)
+        behind = GroundEffect.hills(prior.hills, heard, state.east_m, state.north_m)
         expected = level.expected_db(
             heard, state.east_m, state.north_m, state.exponent, prior.pattern, behind
         )
@@ -537,7 +539,9 @@ class ParticleTracker:
         east = self._state.east_m.astype(np.float64)
         north = self._state.north_m.astype(np.float64)
         gained = self._weigh(evidence.log_likelihood(east, north, 1.0))
-        self._wonder(float(np.log(LEVEL.by_chance * LEVEL.any_strength_per_db)) + 1.0 - gained)
+        self._add_surprise(
+            float(np.log(LEVEL.by_chance * LEVEL.any_strength_per_db)) + 1.0 - gained
+        )
         return gained
 
     def exponent(self) -> tuple[float, float]:
@@ -547,11 +551,7 @@ class ParticleTracker:
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update with a normal likelihood of the exponent, learned from other tags.
-
-        `precision`: reciprocal of its variance.
-        `weighted`: its mean times the precision.
-        """
+        """Update with a normal exponent: its `precision`, and mean `weighted` by that."""
         self._walk.learn_exponent(precision, weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)
@@ -578,7 +578,7 @@ class ParticleTracker:
         of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time before
         which all hypotheses were replaced.
         """
-        kept = _comb(self._weight, (np.arange(TRACK.paths) + 0.5) / TRACK.paths)
+        kept = _systematic_indices(self._weight, (np.arange(TRACK.paths) + 0.5) / TRACK.paths)
         return self._past.trail(self._state, kept)
 
     def spread(self) -> Spread:
@@ -588,7 +588,7 @@ class ParticleTracker:
     def hypotheses(self, count: int) -> Hypotheses:
         """Select a few hypotheses evenly by weight, without random numbers."""
         state = self._state
-        index = _comb(self._weight, (np.arange(count) + 0.5) / count)
+        index = _systematic_indices(self._weight, (np.arange(count) + 0.5) / count)
         walk = self._prior.walking_m_per_root_s
         return Hypotheses(
             east_m=state.east_m[index],
@@ -625,7 +625,7 @@ class ParticleTracker:
         self._weight = (gained / max(whole, 1e-37)).astype(np.float32)
         return evidence
 
-    def _wonder(self, nats: float) -> None:
+    def _add_surprise(self, nats: float) -> None:
         """Sum how much less likely pulses are than by chance; a large sum draws hypotheses."""
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > TRACK.lost_nats:

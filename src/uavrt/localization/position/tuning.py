@@ -26,7 +26,7 @@ class GridTuning:
     rounds: int = 18
     """Largest number of times that cells are quartered."""
     map_share: float = 0.999
-    """Least probability inside the extent of the map; the rest is spread too wide."""
+    """Least probability inside the map's extent."""
     peak_cells: int = 44
     """Number of cells along a side of the even grid on which the maximum is found."""
 
@@ -37,7 +37,7 @@ class GridTuning:
     peak_heights: float = 0.25
     """Width of a survey's likelihood peak, as a share of the height above the tag."""
     least_extent_share: float = 1.0 / 16.0
-    """Least width of cells that are made for that peak, as a share of the survey's extent."""
+    """Least width of cells that resolve a survey's peak, as a share of its extent."""
 
     negligible: float = 0.005
     """Probability of an explanation (rest, walk, compass error) below which it is left out."""
@@ -88,7 +88,7 @@ class CommonErrorTuning:
     least_stations: int = 4
     """Least number of bearings from which common errors are estimated."""
     widest_gap_deg: float = 210.0
-    """Widest arc without a station, seen from the tag, for such an estimate [°]."""
+    """Widest arc without a station, seen from the tag, to estimate common errors [°]."""
     wrong_compass_share: float = 0.02
     """Prior share of flights with a wrong compass."""
     wrong_compass_deg: float = 20.0
@@ -131,25 +131,24 @@ class PowerTuning:
     missed_share: float = 0.02
     """Prior share of strong pulses that are missed by chance."""
     missed_pulses: float = 50.0
-    """Weight of that prior [pulses]."""
+    """Weight of the prior share of chance misses [pulses]."""
     censored_rounds: int = 8
     """Number of iterations of the fit with missed pulses."""
     most_misses: int = 60
     """Largest number of misses used; more are thinned out and weighted."""
     log_root_two_pi: float = 0.918_938_533_2
-    """Logarithm of √(2π)."""
     lowest_sigmas: float = -12.0
     """Lower end of the normal distribution's tables [standard deviations]."""
     highest_sigmas: float = 8.0
-    """Upper end of these tables [standard deviations]."""
+    """Upper end of the normal distribution's tables [standard deviations]."""
     table_steps: int = 64
-    """Number of their steps in one standard deviation."""
+    """Number of steps of the normal distribution's tables in one standard deviation."""
     stretches: tuple[int, ...] = (8, 16, 32)
     """Lengths of stretches in which residuals are averaged to find lasting errors [pulses]."""
     least_stretches: int = 5
-    """Least number of stretches that shows the scatter of their means."""
+    """Least number of stretches whose means show lasting errors."""
     most_lasting: float = 0.98
-    """Largest correlation of neighbouring pulses that is estimated from these means."""
+    """Largest correlation of neighbouring pulses that means of stretches may show."""
 
     hill_error: float = 0.25
     """Standard deviation of a loss behind hills, as a share: coarse map, trees, one edge."""
@@ -181,7 +180,7 @@ class SurveyTuning:
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0
-    """Standard deviation of these errors [standard deviations of the usual ones]."""
+    """Standard deviation of far greater height errors, over that of the usual ones."""
     shifts_m: tuple[float, ...] = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
     """Candidate errors of the height [m]."""
     least_height_m: float = 3.0
@@ -193,9 +192,9 @@ class SurveyTuning:
     nodes: tuple[float, ...] = (-1.5, 0.0, 1.5)
     """Heights evaluated at each place, about the mean [standard deviations]."""
     least_sigma_m: float = 1.5
-    """Least standard deviation of the height for these nodes [m]."""
+    """Least standard deviation of the height when it is averaged over nodes [m]."""
     least_bend: float = 0.05
-    """Least curvature of the parabola through these nodes' log-likelihoods [nats]."""
+    """Least curvature of the log-likelihood over the height nodes [nats]."""
 
     foreign_share: float = 0.02
     """Prior share of pulses that another sender transmitted."""
@@ -204,7 +203,7 @@ class SurveyTuning:
     most_readings: int = 4
     """Largest number of sets of foreign pulses that are compared."""
     readings_nats: float = 6.0
-    """Log-probability below the best set within which a set is kept [nats]."""
+    """Log-probability below the best set of foreign pulses within which a set counts [nats]."""
     fading_shares: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """Candidate shares of a pulse's fading that its neighbours have, too."""
     most_foreign: float = 0.25
@@ -229,9 +228,9 @@ class SurveyTuning:
     mirror_reach: float = 1.75
     """Distance within which mirror images are searched [coarse steps]."""
     mirror_cells: int = 15
-    """Number of cells along a side of that search."""
+    """Number of cells along a side of the search for mirror images."""
     mirror_nats: float = 20.0
-    """Log-likelihood below the best within which such a place is examined [nats]."""
+    """Log-likelihood below the best within which a mirror image is examined [nats]."""
     least_db: float = 0.05
     """Least residual scatter of powers [dB]: their resolution."""
     freedom: float = 3.0
@@ -281,7 +280,6 @@ class LevelTuning:
     false_pulse_db: float = 3.0
     """Mean power of false pulses above the threshold [dB], exponentially distributed."""
     root_two_pi: float = 2.506_628_275
-    """Square root of 2π."""
     least_share: float = 1e-30
     """Least probability of a pulse or a miss by chance, which keeps logarithms finite."""
     pattern_steps: int = 4096
@@ -289,7 +287,7 @@ class LevelTuning:
     tail_step: float = 0.005
     """Step of the table of the normal distribution's tail [standard deviations]."""
     tail_sigmas: float = 12.0
-    """Range of that table to both sides [standard deviations]."""
+    """Range of the table of the normal tail to both sides [standard deviations]."""
     receiver_gains_db: tuple[tuple[float, float], ...] = ((0.7, 6.0), (0.3, 20.0))
     """Common error of another receiver's levels: probability and standard deviation [dB] of two
     cases. Another radio or cable makes some decibels. An antenna 6 m over the ground receives a
@@ -327,7 +325,7 @@ class TrackTuning:
     unheard_nats: float = 0.7
     """Largest effect of one unexplained miss on the measure of a lost track [nats]."""
     decay_nats: float = 0.1
-    """Decay of that measure with each expected pulse [nats]."""
+    """Decay of the measure of a lost track with each expected pulse [nats]."""
     switching_per_s: float = 0.005
     """Rate at which an animal changes between rest, browsing and travel [1/s]."""
     lost_nats: float = 12.0
@@ -342,7 +340,7 @@ class TrackTuning:
     point_step_s: float = 15.0
     """Least time between two points of a path that are not at a bearing [s]."""
     most_points: int = 40
-    """Largest number of such points."""
+    """Largest number of points of a path that are not at a bearing."""
     fastest_m_s: float = 2.0
     """Largest mean speed at which an animal leaves the place found for a flight [m/s]."""
     margin_m: float = 300.0
@@ -350,7 +348,7 @@ class TrackTuning:
     end_m: float = 120.0
     """Uncertainty of a survey's first and last place: constant part [m]."""
     end_m_s: float = 0.15
-    """Increase of that uncertainty with the survey's duration [m/s]."""
+    """Increase of the uncertainty of a survey's ends with its duration [m/s]."""
     fading_factor: float = 1.1
     """Factor on a pulse's fading, because ten thousand hypotheses are too few for a survey's
     sharp likelihood. Without it, circles of walkers at 1 m/s held .85."""

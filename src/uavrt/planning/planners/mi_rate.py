@@ -16,7 +16,7 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.information import information_nats
 from uavrt.planning.planners.tangents import tangents
 from uavrt.planning.planners.ways import (
-    Ways,
+    CandidatePaths,
     checked,
     headings,
     here,
@@ -95,7 +95,7 @@ class MiRate:
     def _best(
         self,
         situation: Situation,
-        ways: Ways,
+        ways: CandidatePaths,
         spans: _Floats,
         legs: Legs,
         goals: list[int | None],
@@ -106,11 +106,11 @@ class MiRate:
         turns = len(spans) > count
         allowed = np.append(ways.allowed, self._may_stay(situation)) if turns else ways.allowed
         if not allowed.any():
-            return self._away(situation, ways)
+            return self._least_disturbing(situation, ways)
         rate = np.full(len(spans), np.nan)
         weighed = np.flatnonzero(allowed)
         legs, spans_s = chosen_rows(legs, weighed), spans[weighed]
-        nats = self._nats(situation, legs)
+        nats = self._information(situation, legs)
         gives = _worth(situation, nats, spans_s)
         chance = np.array([one.existence_probability for one in wanted])
         rate[weighed] = chance @ gives / spans_s
@@ -147,7 +147,7 @@ class MiRate:
 
     def _ways(
         self, situation: Situation, *, exploring: bool
-    ) -> tuple[Ways, _Floats, Legs, list[int | None]]:
+    ) -> tuple[CandidatePaths, _Floats, Legs, list[int | None]]:
         """Candidate paths, their times, samples, and target tags; the turn is the last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
@@ -179,7 +179,7 @@ class MiRate:
         staying = np.where(np.flatnonzero(useful) >= fixed, _RATING.stay_s, 0.0)
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
         legs = sampled(situation, east, north, spans, _RATING.samples)
-        if exploring and self._turns(situation):
+        if exploring and self._can_turn(situation):
             legs = joined_rows([legs, turning(state, 360.0, self._rotation_s, _RATING.samples)])
             spans = np.append(spans, self._rotation_s)
         goals = [one for one, fits in zip(goals, useful, strict=True) if fits]
@@ -212,9 +212,9 @@ class MiRate:
     def _may_stay(self, situation: Situation) -> bool:
         return here(situation).refused[0] is None
 
-    def _away(self, situation: Situation, ways: Ways) -> Decision:
+    def _least_disturbing(self, situation: Situation, ways: CandidatePaths) -> Decision:
         """Choose the least disturbing path, if the area allows any, when none is allowed."""
-        stays = self._stays(situation)
+        stays = self._wait_or_turn(situation)
         if stays is not None:
             return stays
         inside = ways.allowed | ways.disturbs
@@ -228,7 +228,7 @@ class MiRate:
             reason="an animal may be near on every path: this is the safest",
         )
 
-    def _stays(self, situation: Situation) -> Decision | None:
+    def _wait_or_turn(self, situation: Situation) -> Decision | None:
         """Wait, or turn to locate an animal that may be near; None if neither helps."""
         stay = here(situation)
         if stay.refused[0] is None:
@@ -240,7 +240,7 @@ class MiRate:
         if (
             not stay.disturbs[0]
             or near > _RATING.near_probability
-            or not self._turns(situation)
+            or not self._can_turn(situation)
         ):
             return None
         rule = situation.keep_away
@@ -248,7 +248,7 @@ class MiRate:
         turn = turning(situation.state, 360.0, self._rotation_s, _RATING.samples)
         clouds = np.array([one.spread().rms_m for one in situation.wanted])
         vague = clouds > _RATING.vague_factor * rule.margin * rule.radius_m
-        nats = np.where(vague, self._nats(situation, turn)[:, 0], 0.0)
+        nats = np.where(vague, self._information(situation, turn)[:, 0], 0.0)
         most = int(np.argmax(nats))
         if nats[most] < _RATING.turn_nats:
             return None
@@ -257,11 +257,11 @@ class MiRate:
             reason=f"to locate tag {situation.wanted[most].tag_id}, which may be near, first",
         )
 
-    def _turns(self, situation: Situation) -> bool:
+    def _can_turn(self, situation: Situation) -> bool:
         directional = any(one.prior.pattern is not None for one in situation.wanted)
         return situation.vehicle.hovers and directional and self._rotation_s > 0.0
 
-    def _nats(self, situation: Situation, legs: Legs) -> _Floats:
+    def _information(self, situation: Situation, legs: Legs) -> _Floats:
         drones = situation.others
         others = None if drones is None else drones.legs(situation.state.time_s)
         return information_nats(

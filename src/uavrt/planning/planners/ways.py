@@ -13,7 +13,7 @@ _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ways:
+class CandidatePaths:
     """Straight paths from the drone's position, and whether they may be flown."""
 
     east_m: _Floats
@@ -50,12 +50,8 @@ def headings(
 
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
-) -> Ways:
-    """Check which paths the area and the distance to animals allow.
-
-    `east_m`, `north_m` (ways,): ends.
-    `stays_s`: time at the end, to which the same limits apply.
-    """
+) -> CandidatePaths:
+    """Check which paths, and stays at their ends, area and distance to animals allow."""
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
@@ -78,7 +74,9 @@ def checked(
     if rule is not None:
         reason = f"within {rule.radius_m * rule.margin:.0f} m of an animal, perhaps"
         refused = [reason if near else one for one, near in zip(refused, disturbs, strict=True)]
-    return Ways(east_m=east_m, north_m=north_m, refused=refused, disturbs=disturbs, kept=kept)
+    return CandidatePaths(
+        east_m=east_m, north_m=north_m, refused=refused, disturbs=disturbs, kept=kept
+    )
 
 
 def _near_others(
@@ -89,9 +87,9 @@ def _near_others(
     if others is None or not others.strips:
         return refused
     apart, start = others.separation, (state.east_m, state.north_m)
-    near = others.strips_apart_m(start, east_m, north_m)
+    near = others.strip_distance_m(start, east_m, north_m)
     place = np.array([state.east_m]), np.array([state.north_m])
-    now = float(others.strips_apart_m(start, *place)[0])
+    now = float(others.strip_distance_m(start, *place)[0])
     least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
     reason = f"within {apart.distance_m:.0f} m of another drone's path"
     return [
@@ -99,7 +97,7 @@ def _near_others(
     ]
 
 
-def here(situation: Situation) -> Ways:
+def here(situation: Situation) -> CandidatePaths:
     """Path of no length, at whose end the drone stays for a cycle."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
@@ -125,7 +123,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """True if no whole circle fits after a cycle on a path, or at its end."""
+    """Reason if no whole circle fits after a cycle on a path, or at its end; else None."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)

@@ -1,8 +1,4 @@
-"""Read the signal CSV of pyradiotracking, with semicolons between the cells.
-
-A heading, then one row for each signal::
-
-    Device; Time; Frequency; Duration; max (dBW); avg (dBW); std (dB); noise (dBW); snr (dB)
+"""Read the signal CSV of pyradiotracking: a row for each signal, semicolons between the cells.
 
 Times are ISO 8601 or seconds since 1970; durations are seconds, or ``0:00:00.020``. Stations
 stand still and report no place, so the pulses have no pose. That system's SNR is average power

@@ -1,27 +1,16 @@
 """Pulse CSV of TagTracker, the newer custom QGroundControl: every variant that was flown.
 
-One row for each pulse, recognised by its first cell, the tunnel's command number; ``#`` lines
-are headings, of which four forms exist, one of them none. The cells of a row ``7``::
+A row has one pulse and begins with the tunnel's command number; ``#`` lines are headings, of
+which four forms exist. The cells of a row ``7``::
 
     7, tag_id, frequency_hz, start_time_s, predict_next_start_s, snr, stft_score,
        group_seq_counter, group_ind, group_snr, [noise_psd,]
        detection_status, confirmed_status, latitude, longitude, altitude_rel,
        roll, pitch, yaw  |  orientation_x, _y, _z, _w     [, antenna_offset]
 
-=======  =====  ==========  ======  ==========================================
-columns  noise  attitude    offset  written by
-=======  =====  ==========  ======  ==========================================
-19       no     quaternion  no      2023
-20       no     quaternion  yes     2023
-20       yes    quaternion  no      2023–24
-21       yes    quaternion  yes     2023–24
-20       yes    Euler       yes     2024–26; what we write
-=======  =====  ==========  ======  ==========================================
-
-They are distinguished by what fits *every* row, not by their count: a quaternion has length 1,
-states are small whole numbers. What follows the attitude is the offset, or nothing; programs
-that write tables pad short rows with empty cells, zeros or ``NaN``, as in the original's own
-``rotation_example.csv`` with its 21 columns.
+docs/reference/formats.md lists the variants, with 19 to 21 columns. They are distinguished by
+what fits *every* row, not by their count: a quaternion has length 1, states are small whole
+numbers. Programs that write tables pad short rows with empty cells, zeros or ``NaN``.
 
 A row ``20`` (since September 2026, 23 columns) comes from the detector in Python::
 
@@ -29,8 +18,8 @@ A row ``20`` (since September 2026, 23 columns) comes from the detector in Pytho
         score_ratio, signal_psd, noise_psd, detection_status, confirmed_status, rate_state,
         candidate_id, latitude, longitude, altitude_rel, roll, pitch, yaw, antenna_offset
 
-and ``10`` / ``11``, latitude, longitude, altitude AMSL mark where a rotation starts / stops.
-The antenna's offset is applied here, once.
+Rows ``10`` and ``11`` mark where a rotation starts and stops: latitude, longitude, altitude
+AMSL. The antenna's offset is applied here, once.
 """
 
 import math

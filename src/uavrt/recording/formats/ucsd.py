@@ -1,9 +1,4 @@
-"""Read ping and estimate CSV files of UCSD's Radio Telemetry Tracker.
-
-A heading, then one row for each ping or estimate::
-
-    Run, Timestamp, Frequency, Amplitude, Easting, Northing, Altitude, Heading, EPSG Code
-    Run, Timestamp, Frequency, Easting, Northing, EPSG Code
+"""Read ping and estimate CSV files of UCSD's Radio Telemetry Tracker, one row for each.
 
 Timestamps are seconds since 1970, or ISO 8601. The amplitude is a level in decibels over an
 unknown reference, so only its differences have a meaning, that of SNR differences. A target is

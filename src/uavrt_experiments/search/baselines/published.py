@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from uavrt.columns import joined_rows
 from uavrt.planning.actions import FlyTo, Hold, Rotate
-from uavrt.planning.planners.ways import Ways, checked, headings, turning
+from uavrt.planning.planners.ways import CandidatePaths, checked, headings, turning
 from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs
 from uavrt_experiments.search.baselines.renyi import pulses_along, renyi_nats
@@ -82,7 +82,7 @@ class Renyi:
         times = np.maximum(last[:, None] - before, situation.pulse_s)
         return vehicle.along(state, east, north, situation.wind, times)
 
-    def _facing(self, situation: Situation, ways: Ways) -> NDArray[np.intp]:
+    def _facing(self, situation: Situation, ways: CandidatePaths) -> NDArray[np.intp]:
         """Allowed paths with the greatest antenna gain towards the tags."""
         allowed = np.flatnonzero(ways.allowed)
         state = situation.state
@@ -146,7 +146,7 @@ class Shannon:
         )
 
     def _rewards(
-        self, situation: Situation, ways: Ways, allowed: NDArray[np.intp], span: float
+        self, situation: Situation, ways: CandidatePaths, allowed: NDArray[np.intp], span: float
     ) -> _Floats:
         legs = pulses_along(situation, ways.east_m[allowed], ways.north_m[allowed], span)
         if self._rotation_s > 0.0:

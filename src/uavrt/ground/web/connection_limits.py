@@ -1,9 +1,9 @@
-"""Limit open connections to the page: per client, and those without a request.
+"""Limit the page's open connections: per client, and those without a request.
 
-The page shares its process with the drone's link and the flight's files, so connections may use
-only a part of the file descriptors, and each client only some of that. A connection without a
-complete request is closed within seconds. If a client has too many, its oldest idle one is
-closed for its newest.
+The page shares its process with the drone's link and the flight's files. So its connections may
+use only part of the file descriptors, and each client only part of those. A connection without
+a complete request is closed within seconds. A client's new connection beyond its limit closes
+its oldest idle one.
 """
 
 import asyncio
@@ -19,35 +19,36 @@ from uavrt.clock import monotonic_s
 
 MOST_CONNECTIONS = 256
 MOST_BY_CLIENT = 64
-"""Most connections per client; a browser keeps some ten open for each page."""
+"""Most connections of one client; a browser keeps some ten open per page."""
 SILENT_S = 10.0
 """Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Connections may use one in this many file descriptors; link and flight have the others."""
+"""Connections may use one in this many file descriptors; the rest is left to link and
+flight."""
 _AT_ONCE = 16
-"""Most connections accepted per turn of the event loop."""
+"""Most connections accepted in one turn of the event loop."""
 
 Peer = tuple[str, int]
 
 
 @dataclass(slots=True, eq=False)
 class _Connection:
-    """An open connection."""
+    """An open connection of a client."""
 
     socket: socket.socket
     since_s: float = field(default_factory=monotonic_s)
-    has_asked: bool = False
+    has_request: bool = False
 
 
-class _Counted(socket.socket):
-    """A connection's socket that reports when it is closed."""
+class _ReportingSocket(socket.socket):
+    """Socket that calls `on_close` when it is closed."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.on_close: Any = None
 
     def close(self) -> None:
-        """Close it."""
+        """Close the socket, and report that once."""
         super().close()
         done, self.on_close = self.on_close, None
         if done is not None:
@@ -63,10 +64,10 @@ class ListeningSocket(socket.socket):
         self._taken = 0
         self.most = MOST_CONNECTIONS
         self.refused = 0
-        """Connections that were closed at once or to make room for others."""
+        """Number of connections closed because of the limits."""
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept the next connection within the limits; raises `BlockingIOError`."""
+        """Accept the next connection within the limits; raises `BlockingIOError` if none."""
         self._taken += 1
         try:
             if self._taken > _AT_ONCE:
@@ -75,7 +76,7 @@ class ListeningSocket(socket.socket):
         except BlockingIOError:
             self._taken = 0
             raise
-        taken = _Counted(plain.family, plain.type, plain.proto, fileno=plain.detach())
+        taken = _ReportingSocket(plain.family, plain.type, plain.proto, fileno=plain.detach())
         peer = (str(address[0]), int(address[1]))
         if not self._make_room(peer[0]):
             self.refused += 1
@@ -85,20 +86,20 @@ class ListeningSocket(socket.socket):
         taken.on_close = lambda: self._forget(peer, one)
         return taken, address
 
-    def asked(self, peer: Peer) -> None:
-        """Record that a complete request has arrived."""
+    def request_received(self, peer: Peer) -> None:
+        """Record that a client's connection has sent a complete request."""
         if (one := self._open.get(peer)) is not None:
-            one.has_asked = True
+            one.has_request = True
 
     def close_silent(self) -> None:
-        """Close connections without a request in time, including incomplete TLS handshakes."""
+        """Close connections whose request or TLS handshake is not complete in time."""
         before_s = monotonic_s() - SILENT_S
         for peer, one in list(self._open.items()):
-            if not one.has_asked and one.since_s < before_s:
+            if not one.has_request and one.since_s < before_s:
                 self._end(peer, one)
 
     def _make_room(self, host: str) -> bool:
-        """True if a client may open one more, perhaps by closing an idle one."""
+        """True if a client may open one more connection; may close an idle one for that."""
         of_client = [item for item in self._open.items() if item[0][0] == host]
         if len(of_client) >= MOST_BY_CLIENT:
             return self._end_oldest(of_client)
@@ -106,13 +107,13 @@ class ListeningSocket(socket.socket):
 
     def _end_oldest(self, some: list[tuple[Peer, _Connection]]) -> bool:
         for peer, one in some:  # in the order in which they came
-            if not one.has_asked:
+            if not one.has_request:
                 self._end(peer, one)
                 return True
         return False
 
     def _end(self, peer: Peer, one: _Connection) -> None:
-        """Shut a connection; the event loop then closes it."""
+        """Shut a connection down; the event loop then closes it."""
         self.refused += 1
         self._forget(peer, one)
         with contextlib.suppress(OSError):
@@ -123,10 +124,10 @@ class ListeningSocket(socket.socket):
             del self._open[peer]
 
 
-class AskingProtocol(H11Protocol):
-    """HTTP that reports to its listening socket which connections have made a request."""
+class LimitedProtocol(H11Protocol):
+    """HTTP protocol that reports complete requests to its listening socket."""
 
-    doors: ListeningSocket | None = None
+    listening: ListeningSocket | None = None
 
     def handle_events(self) -> None:
         """Handle received data, as uvicorn does."""
@@ -140,34 +141,34 @@ class AskingProtocol(H11Protocol):
         super().handle_websocket_upgrade(event)
 
     def _asked(self) -> None:
-        if self.doors is not None and self.client is not None:
-            self.doors.asked(self.client)
+        if self.listening is not None and self.client is not None:
+            self.listening.request_received(self.client)
 
 
-def protocol_of(doors: ListeningSocket) -> type[AskingProtocol]:
-    """Make the protocol of a listening socket's connections."""
-    return type("AskingProtocol", (AskingProtocol,), {"doors": doors})
+def limited_protocol(listening: ListeningSocket) -> type[LimitedProtocol]:
+    """Make the protocol class for the connections of a listening socket."""
+    return type("LimitedProtocol", (LimitedProtocol,), {"listening": listening})
 
 
 @contextlib.contextmanager
-def doors_watched(doors: ListeningSocket) -> Iterator[None]:
-    """Close silent connections within this context, and reserve descriptors for the rest."""
-    doors.most = min(MOST_CONNECTIONS, max(8, _descriptors() // _SHARE_OF_FILES))
-    watching = asyncio.get_running_loop().create_task(_watch(doors))
+def connections_limited(listening: ListeningSocket) -> Iterator[None]:
+    """Context that closes silent connections and limits descriptors used by connections."""
+    listening.most = min(MOST_CONNECTIONS, max(8, _descriptors() // _SHARE_OF_FILES))
+    watching = asyncio.get_running_loop().create_task(_watch(listening))
     try:
         yield
     finally:
         watching.cancel()
 
 
-async def _watch(doors: ListeningSocket) -> None:
+async def _watch(listening: ListeningSocket) -> None:
     while True:
         await asyncio.sleep(SILENT_S / 5.0)
-        doors.close_silent()
+        listening.close_silent()
 
 
 def _descriptors() -> int:
-    """Number of descriptors for this process, raised to the system's limit."""
+    """Raise this process's limit of file descriptors to the system's; return it."""
     try:
         import resource
     except ImportError:  # Windows

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ground.link.given_ways import GivenWays
+from uavrt.ground.link.path_assignments import PathAssignments
 from uavrt.messages import Course
 
 PLACE, GOAL = (47.0, 8.0), (47.001, 8.0)
@@ -15,9 +15,9 @@ WAY = (PLACE, GOAL)
 
 
 @pytest.fixture
-def ways() -> GivenWays:
+def ways() -> PathAssignments:
     """Two drones that have spoken, long enough ago."""
-    made = GivenWays()
+    made = PathAssignments()
     for number in (1, 2):
         assert made.take(number, STANDS, 0.0)
     return made
@@ -27,12 +27,12 @@ def asks(number: int, sequence: int, *given: tuple[int, int]) -> Course:
     return replace(STANDS, sequence=sequence, asked=number, asked_way=WAY, given=given)
 
 
-def verdict(ways: GivenWays, vehicle: int) -> tuple[int, int]:
+def verdict(ways: PathAssignments, vehicle: int) -> tuple[int, int]:
     told = ways.reports_for(vehicle, 10.0)[0]
     return told.granted, told.denied
 
 
-def test_a_way_is_given_to_who_knew_all_others(ways: GivenWays) -> None:
+def test_a_way_is_given_to_who_knew_all_others(ways: PathAssignments) -> None:
     assert ways.take(1, asks(7, 2, (2, 1)), 10.0)
     assert verdict(ways, 1) == (7, 0)
     (told,) = ways.reports_for(2, 11.0)
@@ -55,13 +55,13 @@ def test_a_way_is_given_to_who_knew_all_others(ways: GivenWays) -> None:
         replace(asks(7, 2, (2, 1)), searching=False),
     ],
 )
-def test_a_way_is_not_given_to_who_knew_less(ways: GivenWays, asked: Course) -> None:
+def test_a_way_is_not_given_to_who_knew_less(ways: PathAssignments, asked: Course) -> None:
     assert ways.take(1, asked, 10.0)
     assert verdict(ways, 1) == (0, 7)
     assert ways.reports_for(2, 10.0)[0].version == 1
 
 
-def test_of_two_that_ask_at_once_one_gets_its_way(ways: GivenWays) -> None:
+def test_of_two_that_ask_at_once_one_gets_its_way(ways: PathAssignments) -> None:
     ways.take(1, asks(7, 2, (2, 1)), 10.0)
     ways.take(2, asks(4, 2, (1, 1)), 10.0)
     assert (verdict(ways, 1), verdict(ways, 2)) == ((7, 0), (0, 4))
@@ -69,7 +69,9 @@ def test_of_two_that_ask_at_once_one_gets_its_way(ways: GivenWays) -> None:
     assert verdict(ways, 2) == (5, 4)
 
 
-def test_who_gives_up_a_way_frees_it_and_late_words_change_nothing(ways: GivenWays) -> None:
+def test_who_gives_up_a_way_frees_it_and_late_words_change_nothing(
+    ways: PathAssignments,
+) -> None:
     asked = asks(7, 2, (2, 1))
     ways.take(1, asked, 10.0)
     ways.take(1, replace(STANDS, sequence=3), 11.0)
@@ -80,7 +82,7 @@ def test_who_gives_up_a_way_frees_it_and_late_words_change_nothing(ways: GivenWa
     assert (told.course.goal, told.course.asked_way) == (PLACE, ())
 
 
-def test_a_way_that_nobody_asked_for_is_news_to_the_others(ways: GivenWays) -> None:
+def test_a_way_that_nobody_asked_for_is_news_to_the_others(ways: PathAssignments) -> None:
     home = replace(STANDS, sequence=2, goal=GOAL, returning=True)
     assert ways.take(1, home, 10.0)
     ways.take(2, asks(7, 2, (1, 1)), 10.0)
@@ -88,7 +90,7 @@ def test_a_way_that_nobody_asked_for_is_news_to_the_others(ways: GivenWays) -> N
 
 
 def test_nothing_is_given_before_all_can_have_spoken() -> None:
-    ways = GivenWays()
+    ways = PathAssignments()
     ways.take(1, STANDS, 0.0)
     assert not ways.take(1, asks(7, 2), 1.0)
     assert verdict(ways, 1) == (0, 0)
@@ -97,7 +99,7 @@ def test_nothing_is_given_before_all_can_have_spoken() -> None:
     assert verdict(ways, 1) == (0, 7)
 
 
-def test_a_drone_that_begins_to_count_anew_is_heard(ways: GivenWays) -> None:
+def test_a_drone_that_begins_to_count_anew_is_heard(ways: PathAssignments) -> None:
     ways.take(1, replace(STANDS, sequence=40_000), 5.0)
     ways.take(1, replace(STANDS, sequence=3), 6.0)
     assert ways.reports_for(2, 6.0)[0].age_s == 0.0
@@ -108,7 +110,7 @@ def test_every_way_that_is_given_was_chosen_with_all_the_others(
     turns: list[tuple[int, bool, bool]],
 ) -> None:
     """Whoever asks, with new or old knowledge, and whether it flies then or not."""
-    ways = GivenWays()
+    ways = PathAssignments()
     known: dict[int, dict[int, int]] = {number: {} for number in (1, 2, 3)}
     owned = dict.fromkeys(known, 0)
     for number in known:
@@ -130,7 +132,7 @@ def test_every_way_that_is_given_was_chosen_with_all_the_others(
 
 def test_who_has_spoken_is_told_also_when_the_other_has_landed_or_is_silent() -> None:
     """Else it waits for each way for good: it knows of the other as long as it searches."""
-    ways = GivenWays()
+    ways = PathAssignments()
     assert ways.recipients([1]) == set()
     assert ways.recipients([1, 2]) == {1, 2}
     ways.take(1, STANDS, 0.0)

@@ -16,7 +16,7 @@ from uavrt.messages import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class Refined:
     """Refined times and energies of several bursts.
 
     `energies` (bursts, pulses) [noise energies]: hidden pulses have the usual one of noise,
@@ -28,13 +28,12 @@ class Look:
     energies: NDArray[np.float64]
 
 
-def look(
+def refine(
     cells: Cells, tag: Tag, *, row: int, part: float, begins: NDArray[np.float64], most: float
-) -> Look:
+) -> Refined:
     """Find the position between cells with the largest sum.
 
-    `part`: stretch of all gaps, as a share of the tolerance. `most`: largest energy that counts
-    for a pulse [noise energies].
+    `part`: stretch of all gaps, as a share of the tolerance. `most`: largest that counts.
     """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
     parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(REFINE.stretches)) / starts_s[-1]
@@ -53,7 +52,7 @@ def look(
     energy[:, :, :, _hidden(cells, np.rint(middle).astype(np.int64))] = REFINE.hidden_energy
     total = np.minimum(energy, most).sum(axis=(3, 4))
     turn, move, stretch = np.unravel_index(int(total.argmax()), total.shape)
-    return Look(
+    return Refined(
         begins=own[move],
         columns=own[move][:, None] + offsets[stretch],
         energies=energy[turn, move, stretch],
@@ -98,13 +97,12 @@ def _energies(
         + over * sums[:, bursts, pulses, low + beyond + 1]
         for beyond in (0, cells.length)
     ]
-    heard = edges[1] - edges[0]
-    energies: NDArray[np.float64] = (heard.real**2 + heard.imag**2) / cells.length
+    summed = edges[1] - edges[0]
+    energies: NDArray[np.float64] = (summed.real**2 + summed.imag**2) / cells.length
     return energies
 
 
 def _hidden(cells: Cells, columns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """True if stored cells at or near a column were replaced by noise, in all rows."""
     near = columns[..., None] + np.array((-REFINE.near_columns, 0, REFINE.near_columns))
     at = np.clip(near - cells.base, 0, cells.kept.shape[1] - 1)
     hidden: NDArray[np.bool_] = (cells.kept[:, at] == NEUTRAL).all(axis=0).any(axis=-1)

@@ -11,7 +11,7 @@ import pytest
 from uavrt.errors import ConfigError
 from uavrt.ground.web.guard import Guard
 from uavrt.ground.web.page import PageSettings, PageStation
-from uavrt.ground.web.password_tries import LEAST_PASSWORD, TRIES, WINDOW_S, Guesses
+from uavrt.ground.web.password_limit import LEAST_PASSWORD, TRIES, WINDOW_S, PasswordLimit
 from uavrt.ground.web.server import ServerSettings
 
 PASSWORD = "marmot-7"
@@ -27,7 +27,7 @@ class Clock:
 
 def test_an_address_and_a_household_of_ipv6_have_five_guesses_a_minute() -> None:
     clock = Clock()
-    guesses = Guesses(clock)
+    guesses = PasswordLimit(clock)
     for number in range(TRIES):
         assert guesses.wait_s(f"2001:db8::{number:x}") == 0.0
         guesses.wrong(f"2001:db8::{number:x}")
@@ -45,7 +45,7 @@ def test_an_address_and_a_household_of_ipv6_have_five_guesses_a_minute() -> None
 
 def test_no_number_of_guesses_from_elsewhere_delays_an_address() -> None:
     clock, pick = Clock(), random.Random(3)
-    guesses = Guesses(clock)
+    guesses = PasswordLimit(clock)
     for _ in range(20_000):
         guesses.wrong(str(ipaddress.IPv4Address(pick.getrandbits(32) | 1)))
         clock.now_s += 0.01

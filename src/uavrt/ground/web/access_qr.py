@@ -11,27 +11,24 @@ from starlette.datastructures import URL
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 WILDCARD = ("0.0.0.0", "::")
 UNROUTED = ("192.0.2.1", 9)
-"""Address for documentation (RFC 5737): no packet is sent, but the system then reports which of
-our addresses it would use."""
+"""Address for documentation (RFC 5737). A socket connected to it sends no packet, but shows
+which of our own addresses the system would use."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Served:
-    """How the page is served."""
+    """How the page is served: address and access."""
 
     host: str
-    """Address that the server listens on."""
+    """Address on which the server listens."""
     names: frozenset[str]
-    """Host names of this computer."""
+    """Host names of this computer, accepted in requests."""
     access_point: str | None
-    """Text of its own Wi-Fi's QR code."""
+    """Text of the QR code by which a phone joins this computer's Wi-Fi; None without one."""
 
 
-def doors(served: Served, asked: URL) -> list[dict[str, Any]]:
-    """List how others can open the page: kind, text, and a QR code for a phone's camera.
-
-    None if the page is served to this computer only.
-    """
+def access_list(served: Served, asked: URL) -> list[dict[str, Any]]:
+    """Addresses and Wi-Fi for other devices: kind, text and QR code; empty if only local."""
     if served.host in LOOPBACK:
         return []
     found = [("page", address) for address in addresses(served, asked)]
@@ -41,7 +38,7 @@ def doors(served: Served, asked: URL) -> list[dict[str, Any]]:
 
 
 def addresses(served: Served, asked: URL) -> list[str]:
-    """Get the addresses at which other computers reach the page."""
+    """Addresses by which other computers reach the page."""
     names = sorted(served.names)
     if not names and asked.hostname and asked.hostname not in LOOPBACK:
         names = [asked.hostname]
@@ -52,7 +49,7 @@ def addresses(served: Served, asked: URL) -> list[str]:
 
 
 def own_address() -> list[str]:
-    """Get this computer's address in its network; None without one."""
+    """Own address of this computer in its network; empty without a network."""
     with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.connect(UNROUTED)
         return [str(sock.getsockname()[0])]
@@ -60,6 +57,6 @@ def own_address() -> list[str]:
 
 
 def picture(text: str) -> str:
-    """Draw a QR code (ISO/IEC 18004) as a data URI; dark on white in any theme."""
+    """Draw a QR code (ISO/IEC 18004) as a data URI, dark on white in any theme."""
     code = segno.make(text, micro=False, error="m")
     return code.svg_data_uri(scale=4, border=4, light="#fff", dark="#000")

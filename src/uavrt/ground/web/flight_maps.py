@@ -1,7 +1,7 @@
-"""Results about a whole flight after it: verdicts from its samples, and maps of silence.
+"""Results about a whole flight after its end: tags found in its samples, and coverage maps.
 
-Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_desk` makes the map
-of where a tag would have been detected; the page polls until it is ready.
+Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs` makes the
+coverage map; the page polls until it is ready.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, map_record, power_in
+from uavrt.ground.web.map_jobs import MapJobs, OnStep, Record, map_record, power_in
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.integrated import read_integrated
 from uavrt.terrain.elevation_files import open_elevation
@@ -26,7 +26,7 @@ _MOST_CORNERS = 500
 
 
 def integrated_record(flight: Path) -> Record:
-    """Verdicts of a whole flight, and the pulses found afterwards, thinned evenly."""
+    """Record of a whole flight's results, with the pulses found afterwards, thinned evenly."""
     verdicts, pulses = read_integrated(flight)
     placed = [one for one in pulses if one.pose is not None]
     step = max(1, math.ceil(len(placed) / _MOST_PULSES))
@@ -46,8 +46,8 @@ def integrated_record(flight: Path) -> Record:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Silence:
-    """A request for a map of where a tag would have been detected."""
+class CoverageMapRequest:
+    """Requested map of where a tag would have been detected."""
 
     flight: Path
     tag_id: int
@@ -55,10 +55,12 @@ class Silence:
     antenna: AntennaChoice
 
     @classmethod
-    def asked(cls, flight: Path, antenna: AntennaChoice, wanted: object) -> "Silence":
-        """Check a page's request; raises `FormatError` or `UsageError`."""
+    def from_request(
+        cls, flight: Path, antenna: AntennaChoice, wanted: object
+    ) -> "CoverageMapRequest":
+        """Read a page's request; raises `FormatError` or `UsageError`."""
         if not isinstance(wanted, dict):
-            raise FormatError("a question must be an object")
+            raise FormatError("the request must be an object")
         tag_id = wanted.get("tag_id")
         if type(tag_id) is not int:
             raise FormatError("tag_id must be a whole number")
@@ -67,14 +69,14 @@ class Silence:
         )
 
 
-class SilenceDesk(MapDesk[Silence, "SilentMap"]):
+class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
     """Makes maps of where a tag would have been detected, one at a time; keeps the last."""
 
     def __init__(self) -> None:
         super().__init__(_made, _record, "map of silence")
 
-    def absence(self, asked: Silence, wanted: object) -> Record:
-        """Report the probability that an undetected tag is outside an outline."""
+    def absence(self, asked: CoverageMapRequest, wanted: object) -> Record:
+        """Probability that an undetected tag is outside an outline, as a record."""
         # Loaded with the first question only, as in `_made`.
         from uavrt.analysis.coverage import inside
         from uavrt.planning.area import Polygon
@@ -82,11 +84,13 @@ class SilenceDesk(MapDesk[Silence, "SilentMap"]):
 
         found = self.found(asked)
         if found is None:
-            raise UsageError("the map is not ready yet", remedy="Request it first")
+            raise UsageError(
+                "the map is not ready yet", remedy="Wait until the map is calculated"
+            )
         if found.ambiguous:
             raise UsageError(
-                f"a train on the frequency of tag {asked.tag_id} may be its own, "
-                "so it may not be silent"
+                f"pulses at the frequency of tag {asked.tag_id} may be its own, so its "
+                "absence cannot be judged"
             )
         if found.heard:
             raise UsageError(
@@ -118,7 +122,7 @@ def _is_place(one: object) -> bool:
     )
 
 
-def _made(asked: Silence, on_step: OnStep) -> "SilentMap":
+def _made(asked: CoverageMapRequest, on_step: OnStep) -> "SilentMap":
     from uavrt.analysis.silence import silent_map
 
     dem = asked.antenna.dem

@@ -9,37 +9,36 @@ from uavrt.clock import monotonic_s
 TRIES = 5
 WINDOW_S = 60.0
 LEAST_PASSWORD = 8
-"""Least length of a password. Only the server's speed limits guesses from many addresses: 3000
-a second. At 10 000 a second, half of all passwords of eight random letters and digits (36⁸)
-last 4 years."""
+"""Least length of a password. Guesses from many addresses are limited only by the server's
+speed, 3000 a second. At 10 000 a second, half of all passwords of eight random letters and
+digits (36⁸) last 4 years."""
 
 
-class Guesses:
+class PasswordLimit:
     """Limits wrong passwords to five a minute per address.
 
-    Other addresses' guesses never delay the right password, and a browser with the cookie is
-    not asked again.
+    The right password is never delayed by other addresses' guesses. A browser with the cookie
+    needs no password.
 
-    `now_s`: returns the time.
+    `now_s`: returns the time [s].
     """
 
     def __init__(self, now_s: Callable[[], float] = monotonic_s) -> None:
         self._now_s = now_s
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
-        """Times of each address's last wrong passwords; the address with the oldest one
-        first."""
+        """Times of each address's last wrong passwords [s], ordered by the oldest one."""
         self.refused = 0
-        """Attempts rejected without a check."""
+        """Number of attempts rejected without checking the password."""
 
     def wait_s(self, address: str) -> float:
-        """Time until the next attempt from an address is checked [s]; 0: now."""
+        """Time until the next password from an address is checked [s]; 0: at once."""
         times = self._wrong.get(_place(address), deque())
         wait_s = times[0] + WINDOW_S - self._now_s() if len(times) == TRIES else 0.0
         self.refused += wait_s > 0.0
         return max(0.0, wait_s)
 
     def wrong(self, address: str) -> None:
-        """Record a wrong password."""
+        """Record a wrong password from an address."""
         now_s, place = self._now_s(), _place(address)
         self._wrong.setdefault(place, deque(maxlen=TRIES)).append(now_s)
         self._wrong.move_to_end(place)
@@ -48,7 +47,7 @@ class Guesses:
 
 
 def _place(address: str) -> str:
-    """An IPv4 address, or the IPv6 network of a household, which has 2⁶⁴ addresses."""
+    """An IPv4 address, or the IPv6 /64 network, of which a household can use every address."""
     try:
         known = ipaddress.ip_address(address)
     except ValueError:

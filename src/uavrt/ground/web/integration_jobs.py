@@ -1,7 +1,7 @@
-"""Evaluate whole flights for the page, by running ``uavrt integrate``.
+"""Run ``uavrt integrate`` on whole flights for the page.
 
-It uses a core for seconds to a minute and up to a gigabyte; in a program of its own it does not
-slow down the ground station.
+It uses a core for up to a minute and up to a gigabyte; a separate process does not slow down
+the ground station.
 """
 
 import asyncio
@@ -17,22 +17,22 @@ from uavrt.recording.integrated import read_folds
 
 Record = dict[str, Any]
 _NONE_FOUND = 1
-"""Exit code of the program if it found no tag."""
+"""Exit code of ``uavrt integrate`` when no tag was found."""
 _SIGMAS = (-1.0, 6.0)
-"""Range of a fold's cells, dark blue to yellow [standard deviations]."""
+"""Range of the colours in a fold's picture, dark blue to yellow [standard deviations]."""
 _LARGER = 4
-"""Pixels of the picture per cell, in each direction."""
+"""Pixels per cell of a fold's picture, in each direction."""
 
 
-class IntegrationDesk:
-    """Evaluates whole flights, one at a time."""
+class IntegrationJobs:
+    """Evaluates whole flights, one at a time, and reports the progress."""
 
     def __init__(self) -> None:
         self._flight: Path | None = None
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Start to evaluate a flight, or report the progress; without `dem` on level ground."""
+        """Start to evaluate a flight, or report its progress; without `dem` on level ground."""
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_judged(flight, dem))
@@ -47,13 +47,13 @@ class IntegrationDesk:
 
 
 async def _judged(flight: Path, dem: str) -> str | None:
-    """Run the program; return its error text if it fails."""
+    """Run ``uavrt integrate``; return its error text if it fails."""
     code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
     return None if code in (0, _NONE_FOUND) else text or "the flight could not be judged"
 
 
 def fold_pictures(flight: Path) -> dict[str, Record]:
-    """Make pictures of a flight folded at its tags' intervals, by tag; phase to the right."""
+    """Draw a flight's samples folded at its tags' intervals, one picture per tag."""
     pictures = {}
     for one in read_folds(flight):
         cells = np.asarray(one.raster, np.float32)

@@ -1,9 +1,9 @@
-"""Assign paths to the drones that one ground station serves, so that they stay apart. Pure.
+"""Assign paths to the drones of one ground station, so that they stay apart. No I/O.
 
 A drone that requests a path names the other drones' paths that it has received. It gets the
-path only if that list is complete, so no two choose at once without each other's plans, however
-late a message is. Until it reports that it flies the new path it owns the old one, too; a
-silent drone keeps what it owns.
+path only if that list is complete. So no two drones choose at once without each other's plans,
+however late a message is. Until it reports that it flies the new path, its old one stays
+reserved, too. A silent drone's paths stay reserved.
 """
 
 from collections.abc import Collection
@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from uavrt.geodesy import distance_m
 from uavrt.messages import Course, Neighbour
 
-OLD = 100
-"""Largest lag of a sequence number that marks a message as delayed, not restarted."""
+MOST_LAG = 100
+"""Largest lag of a sequence number that means a delayed message; a larger lag means a restarted
+drone."""
 MOVED_M = 5.0
-"""Distance by which a goal that moved without a request counts as another path [m]."""
-FIRST_S = 3.0
-"""Time after the first report before paths are assigned [s]: by then all drones have
-reported."""
+"""Distance by which a goal must move, without a request, to count as a new path [m]."""
+FIRST_REPORTS_S = 3.0
+"""Wait after the first report before paths are assigned [s], in which all drones report."""
 _ROUND = 0x10000
 
 
@@ -29,41 +29,42 @@ class _Member:
     version: int = 1
     granted: int = 0
     denied: int = 0
-    way: tuple[tuple[float, float], ...] = ()
-    """Path that is assigned but not flown yet."""
+    path: tuple[tuple[float, float], ...] = ()
+    """Points of the path that is assigned but not flown yet, [latitude, longitude] in
+    degrees."""
 
 
-class GivenWays:
-    """All drones that have reported their course."""
+class PathAssignments:
+    """Paths of all drones that have reported a course."""
 
     def __init__(self) -> None:
         self._members: dict[int, _Member] = {}
         self._begun_s: float | None = None
 
     def take(self, vehicle: int, course: Course, now_s: float) -> bool:
-        """Store a drone's course; return whether all drones must be informed at once."""
+        """Store a drone's course; return True if the other drones must be informed at once."""
         one = self._members.get(vehicle)
         if self._begun_s is None:
             self._begun_s = now_s
-        early = now_s - self._begun_s < FIRST_S
+        early = now_s - self._begun_s < FIRST_REPORTS_S
         if one is None:
             self._members[vehicle] = _Member(course, now_s)
             return True
-        if 0 <= (one.course.sequence - course.sequence) % _ROUND < OLD:
+        if 0 <= (one.course.sequence - course.sequence) % _ROUND < MOST_LAG:
             return False
         before, one.course, one.heard_s = one.course, course, now_s
         changed = False
-        if one.way and course.flown == one.granted:
-            one.way = ()  # it flies it
-        elif one.way and course.asked != one.granted:
-            one.way = ()  # it does without
-        elif _elsewhere(before, course):
+        if one.path and course.flown == one.granted:
+            one.path = ()  # it flies it
+        elif one.path and course.asked != one.granted:
+            one.path = ()  # it does without
+        elif _leaves_path(before, course):
             one.version = _next(one.version)
             changed = True
-        return (not early and self._judge(vehicle, one)) or changed
+        return (not early and self._grant_or_refuse(vehicle, one)) or changed
 
-    def _judge(self, vehicle: int, one: _Member) -> bool:
-        """Grant or refuse a requested path; return whether the others must be informed."""
+    def _grant_or_refuse(self, vehicle: int, one: _Member) -> bool:
+        """Grant or refuse a requested path; return True if the others must be informed."""
         asked = one.course.asked
         if not asked or not one.course.asked_way or asked in (one.granted, one.denied):
             return False
@@ -74,7 +75,7 @@ class GivenWays:
             if other != vehicle
         )
         if one.course.searching and knew:
-            one.granted, one.way = asked, one.course.asked_way
+            one.granted, one.path = asked, one.course.asked_way
             one.version = _next(one.version)
         else:
             one.denied = asked
@@ -83,9 +84,10 @@ class GivenWays:
     def recipients(self, flying: Collection[int]) -> set[int]:
         """Select the drones that get reports about the others.
 
-        Of several, all that fly or ever sent a course; a single drone only while it requests a
-        path. A drone that once got a report needs further ones even when the other has landed
-        or the station has restarted: without them it would never be assigned a path again.
+        With several drones: all that fly or ever sent a course. A single drone gets one only
+        while it requests a path. A drone that once got a report needs further ones, even when
+        the others have landed or this station has restarted; otherwise it would never be
+        assigned a path again.
 
         `flying`: vehicles that fly by commands, as far as known.
         """
@@ -96,7 +98,7 @@ class GivenWays:
         return {vehicle for vehicle, one in self._members.items() if one.course.asked}
 
     def reports_for(self, vehicle: int, now_s: float) -> list[Neighbour]:
-        """Reports for a drone, one about each other drone; a single drone gets an empty one."""
+        """Reports to a drone, one per other drone; a single drone gets one empty report."""
         own = self._members.get(vehicle)
         answer = Neighbour(
             vehicle=0,
@@ -109,7 +111,7 @@ class GivenWays:
                 vehicle=other,
                 version=member.version,
                 age_s=now_s - member.heard_s,
-                course=replace(member.course, asked=0, asked_way=member.way, given=()),
+                course=replace(member.course, asked=0, asked_way=member.path, given=()),
             )
             for other, member in self._members.items()
             if other != vehicle
@@ -117,11 +119,8 @@ class GivenWays:
         return others or [answer]
 
 
-def _elsewhere(before: Course, course: Course) -> bool:
-    """True if it flies another path than before without a request: home, or its own order.
-
-    An assigned path has another number; a path that is being completed is shorter.
-    """
+def _leaves_path(before: Course, course: Course) -> bool:
+    """True for a course that leaves its path without a request: home, or by an own order."""
     if course.flown != before.flown or course.goal == course.place:
         return False
     return distance_m(*before.goal, *course.goal) > MOVED_M

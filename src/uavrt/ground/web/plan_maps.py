@@ -1,4 +1,4 @@
-"""Maps of where a tag would be detected along a plan, as ``uavrt coverage PLAN`` makes them."""
+"""Maps of where a tag would be detected along a planned path, as by ``uavrt coverage PLAN``."""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.geodesy import distance_m
 from uavrt.ground.link.flying import number_in, places_in
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, figures, map_record, power_in
+from uavrt.ground.web.map_jobs import MapJobs, OnStep, Record, figures, map_record, power_in
 from uavrt.localization.antenna import pattern_named
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
@@ -23,43 +23,43 @@ if TYPE_CHECKING:
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
 _LEVEL_SIGMA_DB = 3.0
-"""Uncertainty of the tag's level [dB]; the default of `uavrt coverage`."""
+"""Uncertainty of the tag's power [dB]; the default of `uavrt coverage`."""
 _MOST_PLACES, _MOST_CORNERS, _MOST_HEIGHTS, _MOST_LINES = 2000, 500, 5, 1000
 _FARTHEST_M = 50_000.0
-"""Largest distance from the first point of a plan [m]."""
+"""Largest distance of a plan's points from its first point [m]."""
 _MOST_CELLS = 45_000
-"""Most cells of a map. A small one has squares of 20 m and a margin of 2 km, as in `uavrt
-coverage`."""
+"""Most cells of a map. Maps below the limit have cells of 20 m and a margin of 2 km, as in
+`uavrt coverage`."""
 _MOST_PULSES = 20_000
-"""Most pulses of all heights together; more would take minutes."""
+"""Most simulated pulses for the maps of all heights; more would take minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foresight:
-    """A request for maps of a plan."""
+class PlanMapRequest:
+    """Requested maps of a plan."""
 
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude of each point [deg]."""
     spacing_m: float | None
     """Spacing of the lines over an area [m]; None: the points are a path."""
     heights_m: tuple[float, ...]
-    """Heights above the ground [m]."""
+    """Flight heights above the ground, one per map [m]."""
     speed_m_s: float
     tag: Tag
     listed: bool
-    """True if the table has the tag."""
+    """True for a tag of the table, False for an assumed tag."""
     tag_power_dbm: float
     antenna: AntennaChoice
 
     @classmethod
-    def asked(
+    def from_request(
         cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
-    ) -> "Foresight":
-        """Check a page's request; raises `FormatError` or `UsageError`."""
+    ) -> "PlanMapRequest":
+        """Read a page's request; raises `FormatError` or `UsageError`."""
         from uavrt.analysis.coverage import assumed_tag
 
         if not isinstance(wanted, dict):
-            raise FormatError("a question must be an object")
+            raise FormatError("the request must be an object")
         tag_id = wanted.get("tag_id")
         places, spacing_m = _plan_in(wanted)
         return cls(
@@ -75,35 +75,36 @@ class Foresight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Foreseen:
-    """Maps of a plan, one for each height."""
+class PlanMaps:
+    """Coverage maps of a plan, one per height."""
 
-    asked: Foresight
+    request: PlanMapRequest
     maps: "tuple[Coverage, ...]"
     best: int
 
 
-def foresight_desk() -> MapDesk[Foresight, Foreseen]:
-    """Make the desk that computes maps of plans."""
-    return MapDesk(_made, _record, "map of a plan")
+def plan_map_jobs() -> MapJobs[PlanMapRequest, PlanMaps]:
+    """Make the `MapJobs` that computes maps of plans."""
+    return MapJobs(_made, _record, "map of a plan")
 
 
 def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
-    """Points of a path or of an outline, and the spacing of the lines over it."""
+    """Points of a path or of an outline, and the line spacing in an outline [m]."""
     way, outline = wanted.get("way"), wanted.get("outline")
     if (way is None) == (outline is None):
         raise FormatError("a plan must be either a path or an outline")
     given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
     if not isinstance(given, list) or not least <= len(given) <= most:
-        raise FormatError(f"a plan has {least} to {most} places")
+        raise FormatError(f"a plan must have {least} to {most} points")
     places = places_in(given)
     if way is None and places[0] == places[-1]:
         places = places[:-1]
     farthest_m = max(distance_m(*places[0], *one) for one in places)
     if not farthest_m <= _FARTHEST_M:
         raise UsageError(
-            f"the plan reaches {farthest_m / 1000.0:.0f} km from its first place",
-            remedy=f"Plan {_FARTHEST_M / 1000.0:.0f} km or less",
+            f"the plan reaches {farthest_m / 1e3:.0f} km from its first point, which is too "
+            "far",
+            remedy=f"Plan at most {_FARTHEST_M / 1e3:.0f} km",
         )
     if way is not None:
         return places, None
@@ -136,61 +137,62 @@ def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
         if one.tag_id == tag_id:
             return one
     raise UsageError(
-        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose one that is"
+        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose a tag of the table"
     )
 
 
-def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
+def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
     # Loaded with the first question only, as in `_size`.
     from uavrt.analysis import coverage
 
     plane, corners = (
-        coverage.corners_of_path(asked.places)
-        if asked.spacing_m is None
-        else coverage.corners_over_area(asked.places, asked.spacing_m, most=_MOST_LINES)
+        coverage.corners_of_path(request.places)
+        if request.spacing_m is None
+        else coverage.corners_over_area(request.places, request.spacing_m, most=_MOST_LINES)
     )
     east, north = np.array(corners).T
-    dem = asked.antenna.dem
+    dem = request.antenna.dem
     size = _size(float(np.ptp(east)), float(np.ptp(north)))
-    pulses = coverage.pulses_on(corners, asked.tag, asked.speed_m_s)
-    if pulses * len(asked.heights_m) > _MOST_PULSES:
+    pulses = coverage.pulses_on(corners, request.tag, request.speed_m_s)
+    if pulses * len(request.heights_m) > _MOST_PULSES:
         raise UsageError(
-            f"a map of {pulses:.0f} pulses from {len(asked.heights_m)} heights takes too long",
+            f"a map of {pulses:.0f} pulses from {len(request.heights_m)} heights takes too "
+            "long",
             remedy="Choose fewer heights, wider lines or a smaller area",
         )
     area = coverage.map_around(
         plane, east, north, open_elevation(Path(dem)) if dem else None, size
     )
     budget = LinkBudget(
-        frequency_hz=asked.tag.frequency_hz,
-        pulse_width_s=asked.tag.pulse_width_s,
-        tag_eirp_dbm=asked.tag_power_dbm,
-        drone_height_m=asked.heights_m[0],
+        frequency_hz=request.tag.frequency_hz,
+        pulse_width_s=request.tag.pulse_width_s,
+        tag_eirp_dbm=request.tag_power_dbm,
+        drone_height_m=request.heights_m[0],
     )
     maps = []
-    for number, height_m in enumerate(asked.heights_m):
+    for number, height_m in enumerate(request.heights_m):
 
         def on_pulse(done: int, total: int, number: int = number) -> None:
-            on_step(number * total + done, len(asked.heights_m) * total)
+            on_step(number * total + done, len(request.heights_m) * total)
 
         maps.append(
             coverage.plan_coverage(
                 area,
                 corners,
-                asked.tag,
+                request.tag,
                 budget,
                 height_m=height_m,
-                speed_m_s=asked.speed_m_s,
-                pattern=pattern_named(asked.antenna.pattern),
+                speed_m_s=request.speed_m_s,
+                pattern=pattern_named(request.antenna.pattern),
                 level_sigma_db=_LEVEL_SIGMA_DB,
                 on_pulse=on_pulse,
             )
         )
-    return Foreseen(asked=asked, maps=tuple(maps), best=coverage.best_of(maps))
+    return PlanMaps(request=request, maps=tuple(maps), best=coverage.best_of(maps))
 
 
 def _size(wide_m: float, high_m: float) -> "MapSize":
-    """Size of the squares: as in `uavrt coverage`, larger if there would be too many."""
+    """Size of a map's cells: as in `uavrt coverage`, but larger if there would be too many."""
     from uavrt.analysis.coverage import MapSize
 
     size = MapSize()
@@ -199,19 +201,19 @@ def _size(wide_m: float, high_m: float) -> "MapSize":
     return replace(size, cell_m=max(size.cell_m, float(math.ceil(least_m))))
 
 
-def _record(found: Foreseen) -> Record:
-    asked = found.asked
+def _record(found: PlanMaps) -> Record:
+    request = found.request
     return {
-        "tag_id": asked.tag.tag_id if asked.listed else None,
-        "tag_power_dbm": asked.tag_power_dbm,
+        "tag_id": request.tag.tag_id if request.listed else None,
+        "tag_power_dbm": request.tag_power_dbm,
         **map_record(found.maps[found.best]),
-        "height_m": asked.heights_m[found.best],
+        "height_m": request.heights_m[found.best],
         "heights": [
             {"height_m": height_m, **figures(one), "best": number == found.best}
             for number, (height_m, one) in enumerate(
-                zip(asked.heights_m, found.maps, strict=True)
+                zip(request.heights_m, found.maps, strict=True)
             )
         ],
-        "speed_m_s": asked.speed_m_s,
-        "antenna": asked.antenna.pattern,
+        "speed_m_s": request.speed_m_s,
+        "antenna": request.antenna.pattern,
     }

@@ -1,7 +1,7 @@
-"""Detect a drone side on this computer whose flights are in the page's directory.
+"""Detect a drone side on this computer that records flights in the page's directory.
 
-The supervisor's files identify the directory. The page's copy of a flight is named after the
-drone's recording, so that a star on either keeps both and the drone's disk guard removes both.
+The supervisor's files identify the directory. The page's copy of a flight gets the name of the
+drone's recording. So a star on either protects both, and the drone's disk guard removes both.
 """
 
 from pathlib import Path
@@ -14,13 +14,13 @@ from uavrt.supervisor.mission.saved_state import LOCK_NAME, STATE_NAME, SavedSta
 _FLYING = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
-def is_the_drones(directory: Path) -> bool:
+def is_drone_directory(directory: Path) -> bool:
     """True if the drone side of this computer records its flights in this directory."""
     return (directory / LOCK_NAME).exists()
 
 
 def flight_under_way(directory: Path) -> Path | None:
-    """Get the flight that this computer's drone side is recording in this directory."""
+    """Path of the flight that the drone side on this computer is recording in a directory."""
     try:
         saved = read_record(directory / STATE_NAME, SavedState)
     except (OSError, FormatError):

@@ -1,4 +1,4 @@
-"""Make maps that take seconds to minutes, one at a time, in a thread."""
+"""Compute coverage maps, which take seconds to minutes, one at a time in a thread."""
 
 import base64
 import math
@@ -20,7 +20,7 @@ log = get_logger()
 
 Record = dict[str, Any]
 OnStep = Callable[[int, int], None]
-"""Called with the number of finished steps and their total."""
+"""Function that receives the number of finished steps and their total."""
 Asked = TypeVar("Asked")
 Found = TypeVar("Found")
 _POWER_DBM = (-100.0, 40.0)
@@ -29,7 +29,7 @@ _ANOTHER = "another map was requested meanwhile. Make this one again"
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Work(Generic[Asked, Found]):
-    """A map in progress or finished."""
+    """A coverage map in progress or finished."""
 
     asked: Asked
     done: float = 0.0
@@ -39,15 +39,11 @@ class _Work(Generic[Asked, Found]):
 
 
 class _GivenUpError(Exception):
-    """Raised in the thread when another map is wanted."""
+    """Raised in the computing thread when another map has been requested."""
 
 
-class MapDesk(Generic[Asked, Found]):
-    """Makes maps, one at a time; keeps the last.
-
-    `make`: makes a requested map and reports its steps.
-    `record`: converts a map for the page.
-    """
+class MapJobs(Generic[Asked, Found]):
+    """Computes coverage maps by `make`, one at a time; `record` converts them for the page."""
 
     def __init__(
         self,
@@ -60,10 +56,10 @@ class MapDesk(Generic[Asked, Found]):
         self._lock = threading.Lock()
 
     def answer(self, asked: Asked, *, again: bool = False) -> Record:
-        """Report the progress of a map or its content; start it if it is new.
+        """Return a map, or its progress; start to compute it if it is a new request.
 
-        `again`: a repeated request, which does not restart a map that another page's request
-        replaced; otherwise two pages would interrupt each other for ever.
+        `again`: True for a repeated request. It does not restart a map that another page's
+        request has replaced; otherwise two pages would interrupt each other for ever.
         """
         with self._lock:
             work = self._work
@@ -79,7 +75,7 @@ class MapDesk(Generic[Asked, Found]):
         return {"state": "done", **self._record(work.found)}
 
     def found(self, asked: Asked) -> Found | None:
-        """Get the requested map, once it is finished."""
+        """The requested map; None until it is finished."""
         work = self._work
         return None if work is None or work.asked != asked else work.found
 
@@ -103,12 +99,12 @@ class MapDesk(Generic[Asked, Found]):
         except UavrtError as error:
             work.fault = str(error)
         except Exception as error:  # a page that asks must not wait forever
-            log.exception("map not made")
+            log.exception("map could not be made")
             work.fault = f"the map could not be made: {error}"
 
 
-def asks_again(wanted: object) -> bool:
-    """True if a page repeats its request for a map."""
+def is_repeated(wanted: object) -> bool:
+    """True if a page repeats its request for a map, to poll its progress."""
     return isinstance(wanted, dict) and wanted.get("again") is True
 
 
@@ -124,7 +120,7 @@ def power_in(wanted: dict[str, object]) -> float:
 
 
 def map_record(coverage: "Coverage") -> Record:
-    """Picture of a map, its position and its figures."""
+    """Record of a map for the page: picture, position and figures."""
     ground = coverage.ground
     half = 0.5 * ground.cell_m
     west, east = float(ground.east_m[0]) - half, float(ground.east_m[-1]) + half
@@ -142,7 +138,7 @@ def map_record(coverage: "Coverage") -> Record:
 
 
 def figures(coverage: "Coverage") -> Record:
-    """Mean probability of a map, its share with .9 or more, and its area."""
+    """Mean detection probability of a map, share of cells with at least 0.9, and their area."""
     return {
         "mean_probability": _known(coverage.mean),
         "share_above_90": _known(coverage.share_above(0.9)),
