@@ -39,7 +39,6 @@ class Card:
     errors: int | None
     """Number of errors since the last file-system check; None if not counted."""
     written_gb: float | None
-    """Amount of data ever written [GB]."""
     life_used_tenths: int | None
 
     def faults(self) -> list[str]:

@@ -13,11 +13,9 @@ import msgspec
 from msgspec import Meta
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
-"""Command that requests reports from gpsd."""
 LONGEST = 10_240
 """Longest line [bytes], from gpsd's manual."""
 _FIX_2D = 2
-"""Smallest `mode` value of a position fix."""
 
 
 class _Line(msgspec.Struct, kw_only=True):

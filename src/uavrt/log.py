@@ -26,7 +26,6 @@ _NAMES = {
     logging.CRITICAL: "critical",
 }
 PATIENCE_MS = 20.0
-"""Longest wait for a slow reader of the log [ms]."""
 _COLOURS = {"debug": "2", "info": "32", "warning": "33", "error": "31", "critical": "1;31"}
 
 

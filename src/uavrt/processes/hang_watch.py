@@ -1,9 +1,9 @@
 """Aborts a tag's search that hangs, and identifies the tag.
 
-A timer of processor time checks which step of the search runs (`DetectorGroup.last_searched`). The
-same step at several checks in a row counts as a hang and raises an exception, so that the
-process continues. The supervisor would kill it without knowing the tag. Processor time excludes
-pauses of the process or computer. A hang in one library call is left to the supervisor.
+A timer of processor time checks which step runs (`DetectorGroup.last_searched`). The same step
+at several checks in a row counts as a hang and raises an exception, so that the process
+continues. The supervisor would kill it without knowing the tag. Processor time excludes pauses
+of the process or computer. A hang in one library call is left to the supervisor.
 """
 
 import signal

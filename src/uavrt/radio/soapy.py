@@ -29,7 +29,6 @@ _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
 """Rounding error of drivers' time stamps, below which there is no gap [s]."""
 _SAME: Final = 1e-4
-"""Largest relative difference between requested and actual sample rate."""
 _SAME_HZ: Final = 1000.0
 """Largest difference between requested and actual frequency [Hz]."""
 

@@ -38,7 +38,6 @@ SERIAL = 0x644064DC2F5A5ECD
 LONGEST_S = 86_400.0
 """Longest simulation from the world's start [s]; all pulses since then are counted."""
 PATH_KEPT_S = 10.0
-"""Duration for which the drone's path is stored [s]."""
 STALL_S = (0.05, 0.3)
 """Shortest and longest stall caused by `scenario.Radio.stall_share` [s]."""
 NOT_FOUND = "airspy_open() failed: AIRSPY_ERROR_NOT_FOUND (-5)"

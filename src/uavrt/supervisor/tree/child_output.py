@@ -18,7 +18,6 @@ RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
 """Receiver log events that carry a line printed by the radio program, or its command line."""
 
 _SEVERITY = {"warning": 4, "error": 3, "critical": 2}
-"""MAVLink severity numbers of log levels."""
 _PLAIN_KEYS = {"event", "level", "timestamp", "process"}
 
 
