@@ -264,7 +264,7 @@ def test_heights_of_the_ground_are_read_from_the_drones_own_files(tmp_path: Path
     assert not hub.ask("goto", places=(hub.flown.place(-200.0, 0.0),), height_m=40.0).refused
     wrong = hub.report(altitude_amsl_m=520.0)
     hub.guide.take("vehicle", wrong)
-    assert "home is +50 m off the map of heights" in hub.ask("hold").summary
+    assert "home is +50 m off the elevation map" in hub.ask("hold").summary
 
 
 def test_without_the_files_of_heights_nothing_is_flown(tmp_path: Path) -> None:
