@@ -1,11 +1,11 @@
-"""Rate limits for requests of unknown senders."""
+"""Rate limits for requests, as token buckets."""
 
 from dataclasses import dataclass, field
 
 
 @dataclass(slots=True, kw_only=True)
 class Allowance:
-    """A bucket of tokens: `burst` at once, then `per_s` each second."""
+    """A token bucket: at most `burst` requests at once, refilled with `per_s` a second."""
 
     burst: float
     per_s: float
@@ -16,7 +16,7 @@ class Allowance:
         self._left = self.burst
 
     def take(self, now_ns: int, tokens: float = 1.0) -> bool:
-        """Take `tokens` at a rising time [ns]; False, taking none, if fewer are left."""
+        """Take `tokens` at a rising time [ns]; False if fewer are left, which then stay."""
         if self._at_ns is not None:
             earned = (now_ns - self._at_ns) * 1e-9 * self.per_s
             self._left = min(self.burst, self._left + earned)

@@ -1,4 +1,4 @@
-"""Replace a file as a whole, so that a kill or a power cut leaves the old one or the new one.
+"""Replaces a file as a whole; a kill or power cut leaves either the old or the new one.
 
 The new file and then its directory are synced to the disk (fsync); otherwise ext4 may keep the
 new name and lose the content.
@@ -13,25 +13,24 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PART = ".part"
-"""Ending of a file being written; one left by a power cut may be removed."""
+"""Extension of a file being written; one left by a power cut may be removed."""
 _PART_NAME = re.compile(r"\..+\.[0-9a-f]{12}\.part")
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
 
 def is_part(path: Path) -> bool:
-    """Whether a file's name is that of one being written by `replacing`."""
+    """True if a file name is that of a file being written by `replacing`."""
     return _PART_NAME.fullmatch(path.name) is not None
 
 
 @contextmanager
 def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
-    """Yield a file to write, which then replaces the target, with its directory synced.
+    """Context with a file to write, which then replaces `path`; the directory is synced.
 
-    A link's target is replaced, not the link.
-
-    `path`: the file; its directory exists. `sync`: False for files that may be lost in a power
-    cut and are written too often to wait. Raises `OSError` if the disk is full, read-only or
-    forbidden; the old file is untouched.
+    A link's target is replaced, not the link. `path`: in an existing directory. `sync`: False
+    for files that may be lost in a power cut and are written too often to wait for the disk.
+    Raises `OSError` if the disk is full, read-only or access is denied; the old file is
+    unchanged.
     """
     path = path.resolve()
     part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{PART}")
@@ -51,9 +50,9 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file by text (UTF-8) or bytes, as `replacing` does; a device is written to.
+    """Replace a file by text (UTF-8) or bytes, as `replacing` does; a device is just written.
 
-    `mode`: permissions; a secret is never readable for others, at no moment.
+    `mode`: permissions; a secret file is never readable for others, not even briefly.
     """
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
@@ -69,7 +68,7 @@ def write_atomically(
 
 
 def make_directories(path: Path) -> None:
-    """Make a directory and its parents, each synced before its content; raises `OSError`."""
+    """Create a directory and its parents, each synced before its content; raises `OSError`."""
     if path.is_dir():
         return
     make_directories(path.parent)

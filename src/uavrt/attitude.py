@@ -1,8 +1,8 @@
-"""Attitudes as unit quaternions, scalar first, and as yaw, pitch, roll in this order.
+"""Attitudes as unit quaternions (scalar first), and as yaw, pitch, roll in this order.
 
-A quaternion turns vectors of the body (forward, right, down) into north, east, down. Tuples:
-a pulse needs but three products. Double precision throughout; the thesis's was single. Many
-headings at once: `uavrt.localization.headings`.
+A quaternion rotates vectors from the body frame (forward, right, down) to north, east, down.
+Tuples are faster than arrays for single attitudes; for many headings at once see
+`uavrt.localization.headings`. Double precision throughout; the thesis's was single.
 """
 
 import math
@@ -27,7 +27,7 @@ def normalised(q: Quaternion) -> Quaternion:
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Hamilton product: the rotation `b` first, then `a`."""
+    """Hamilton product: rotation by `b`, then by `a`."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -39,7 +39,7 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def rotated(q: Quaternion, v: Vector) -> Vector:
-    """Turn a vector of the body into north, east, down."""
+    """Rotate a vector from the body frame to north, east, down."""
     w, x, y, z = q
     conjugate = (w, -x, -y, -z)
     _, north, east, down = product(product(q, (0.0, *v)), conjugate)
@@ -49,7 +49,7 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quaternion:
     """Quaternion of yaw, then pitch, then roll (aerospace order, intrinsic z, y', x'').
 
-    All its parts are NaN when an angle is not finite.
+    All components are NaN if an angle is not finite.
     """
     if not all(map(math.isfinite, (yaw_deg, pitch_deg, roll_deg))):
         return (math.nan,) * 4
@@ -63,7 +63,7 @@ def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quatern
 
 
 def euler_deg(q: Quaternion) -> tuple[float, float, float]:
-    """Yaw, pitch, roll [deg] of an attitude: `from_euler_deg` backwards; yaw in [-180, 180]."""
+    """Yaw, pitch, roll [°] of an attitude, inverse of `from_euler_deg`; yaw in [-180, 180]."""
     w, x, y, z = q
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
@@ -72,7 +72,7 @@ def euler_deg(q: Quaternion) -> tuple[float, float, float]:
 
 
 def yaw_deg(q: Quaternion) -> float:
-    """Direction of the body's nose over ground, degrees clockwise from true north, [0, 360)."""
+    """Direction of the body's nose over ground [°], clockwise from true north, [0, 360)."""
     return wrap_degrees_360(euler_deg(q)[0])
 
 

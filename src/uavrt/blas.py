@@ -1,7 +1,7 @@
-"""Settings for NumPy's linear algebra, set in the environment before NumPy is imported.
+"""Environment variables for NumPy's linear algebra, set before NumPy is imported.
 
-Blocks are small: a second thread saves nothing and costs more than all of detection, because it
-spins while it waits for the next product (161 % of a core against 99 %).
+Sample blocks are small. A second thread saves nothing and costs more than all of detection,
+because it spins while it waits for the next product (161 % of a core instead of 99 %).
 
 OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
 512. With the wider kernels, the products of detectors and decimator take half as long.
@@ -12,15 +12,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 _SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
-"""Processor features that OpenBLAS's kernels for Skylake-X need."""
+"""Processor features required by OpenBLAS's kernels for Skylake-X."""
 
 
 def blas_environment(
     given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
 ) -> dict[str, str]:
-    """Variables to add to a process's environment; those already set stay.
+    """Variables to add to a process's environment; variables already set are not included.
 
-    `given`: the environment so far. `cpuinfo`: Linux's description of the processor.
+    `given`: the present environment. `cpuinfo`: Linux's description of the processor.
     """
     wanted = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
     try:

@@ -1,9 +1,9 @@
-"""Health of the memory card and of the clock's battery, as the kernel reports them.
+"""Health of the memory card and of the clock's battery, as reported by the kernel.
 
-ext4 (kernel documentation, "ext4 General Information", sysfs) counts the errors that it has met
-and the kilobytes ever written; after an error it turns read-only where ``errors=remount-ro``,
-as on Debian and Raspberry Pi OS. An SD card reports no wear; an eMMC reports ``life_time`` in
-tenths (JEDEC JESD84, EXT_CSD [268], [269]).
+ext4 (kernel documentation, "ext4 General Information", sysfs) counts errors and kilobytes
+written. After an error it becomes read-only where ``errors=remount-ro`` is set, as on Debian
+and Raspberry Pi OS. An SD card does not report wear; an eMMC reports ``life_time`` in tenths
+(JEDEC JESD84, EXT_CSD [268], [269]).
 """
 
 import errno
@@ -20,31 +20,29 @@ from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 MOUNTS = Path("/proc/self/mounts")
 SYSFS = Path("/sys")
 WORN_TENTHS = 9
-"""Used life of an eMMC that is a fault [tenths]."""
+"""Used life of an eMMC that counts as a fault [tenths]."""
 NEW_CARD = "Fetch the flights, then use a new card"
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
-"""Earliest plausible time, June 2025 [ns]; a clock before that was lost."""
+"""Earliest plausible time, June 2025 [ns]; an earlier clock was not set."""
 BATTERY_CLOCK_OFF_S = 5.0
-"""Error of the battery clock that is a fault [s]; it counts whole seconds."""
+"""Error of the battery-backed clock that counts as a fault [s]; it counts whole seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """The file system with the flights."""
+    """State of the file system with the flights."""
 
     device: str
-    """Device as mounted: ``/dev/mmcblk0p2``."""
+    """Mounted device, such as ``/dev/mmcblk0p2``."""
     kind: str
     read_only: bool
     errors: int | None
-    """Errors since the last check; None if the file system does not count them."""
+    """Number of errors since the last file-system check; None if not counted."""
     written_gb: float | None
-    """Data ever written to it [GB]."""
     life_used_tenths: int | None
-    """Used life of an eMMC [tenths]."""
 
     def faults(self) -> list[str]:
-        """Faults in words; empty when it is in good health."""
+        """Faults as texts; empty if there are none."""
         found = []
         if self.read_only:
             found.append("read-only: nothing more is recorded")
@@ -87,7 +85,7 @@ def _is_mounted_so(directory: Path) -> bool:
 
 
 def _takes_nothing(directory: Path) -> bool:
-    """Whether writing fails, tried with an unnamed file: Linux 6.15 sets no flag on errors."""
+    """True if writing fails, by a test with an unnamed file; Linux 6.15 sets no flag."""
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
     except OSError as error:
@@ -96,7 +94,6 @@ def _takes_nothing(directory: Path) -> bool:
 
 
 def _mounts() -> Iterator[tuple[str, str, str]]:
-    """Device, place and type of mounted file systems, in the order of mounting (proc(5))."""
     with suppress(OSError):
         for line in MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines():
             device, where, kind, *_ = line.split(" ")
@@ -118,18 +115,18 @@ def _number(path: Path) -> int | None:
 
 
 def battery_clock_off_s() -> float | None:
-    """Lead of the battery clock over ours [s], in whole seconds; None without one."""
+    """Battery-backed clock minus system clock, in whole seconds [s]; None without one."""
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
 
 
 def clock_is_lost() -> bool:
-    """Whether this computer's clock is before any plausible time."""
+    """True if this computer's clock is earlier than any plausible time."""
     return wall_ns() < OLDEST_TIME_NS
 
 
 def clock_fault() -> str | None:
-    """Fault of this computer's clock or its battery's; None without a known one."""
+    """Text on a fault of this computer's clock or its battery; None if there is none."""
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
         return time.strftime("believes it is %Y-%m-%d %H:%M UTC", time.gmtime(seconds))

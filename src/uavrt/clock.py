@@ -1,8 +1,8 @@
-"""The only reader of clocks.
+"""The only module that reads clocks.
 
-Time in uavrt is one ``int``: nanoseconds UTC. It is the monotonic clock plus one offset that is
-fixed when a flight starts and handed to every process, so a step of the wall clock (GNSS fix,
-NTP, a user) in flight moves nothing.
+Time in uavrt is an ``int``: nanoseconds UTC. It is the monotonic clock plus an offset that is
+fixed at the start of a flight and passed to every process. A step of the wall clock in flight
+(GNSS fix, NTP, a user) therefore changes nothing.
 """
 
 import time
@@ -15,12 +15,12 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
-"""The last whole year of 64 bits of nanoseconds since 1970 is 2261."""
+"""Earliest time that is rejected: 64 bits of nanoseconds since 1970 end in 2262."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """A monotonic clock that counts nanoseconds UTC.
+    """A monotonic clock in nanoseconds UTC.
 
     `offset_ns`: UTC minus CLOCK_MONOTONIC [ns], fixed for a flight.
     """
@@ -29,7 +29,7 @@ class Clock:
 
     @classmethod
     def start(cls) -> "Clock":
-        """Fix the offset from the wall clock as it is now."""
+        """Create a clock with the offset of the wall clock at this moment."""
         before = time.monotonic_ns()
         wall = time.time_ns()
         after = time.monotonic_ns()
@@ -40,7 +40,7 @@ class Clock:
         return time.monotonic_ns() + self.offset_ns
 
     def wall_correction_ns(self) -> int:
-        """Correction of the wall clock since the offset was fixed [ns]."""
+        """Change of the wall clock since the offset was fixed [ns]."""
         return time.time_ns() - self.now_ns()
 
 
@@ -50,7 +50,7 @@ def monotonic_s() -> float:
 
 
 def wall_ns() -> int:
-    """Time of the wall clock now [ns, UTC], for log lines only: it may step."""
+    """Wall-clock time [ns, UTC], only for log lines, because it may jump."""
     return time.time_ns()
 
 
@@ -71,7 +71,7 @@ def iso_utc(time_ns: int) -> str:
 
 
 def told_utc(time_ns: int) -> str:
-    """Write a time for people, to the second.
+    """Format a time for people, to the second.
 
     >>> told_utc(1_700_205_419_230_494_976)
     '2023-11-17 07:16:59 UTC'
@@ -99,7 +99,7 @@ def parse_iso_utc(text: str) -> int:
 
 
 def iso_intervals(stretches: Iterable[tuple[int, int]]) -> str:
-    """Write stretches of time as intervals of ISO 8601, spaces between.
+    """Format time spans as ISO 8601 intervals, separated by spaces.
 
     >>> iso_intervals([(1_700_205_419_000_000_000, 1_700_205_420_000_000_000)])
     '2023-11-17T07:16:59.000000Z/2023-11-17T07:17:00.000000Z'
@@ -108,7 +108,7 @@ def iso_intervals(stretches: Iterable[tuple[int, int]]) -> str:
 
 
 def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
-    """Read what `iso_intervals` wrote: begin and end of each [ns, UTC]; raises `ValueError`."""
+    """Parse the text of `iso_intervals`: (start, end) of each [ns]; raises `ValueError`."""
     pairs = (one.split("/") for one in text.split())
     return tuple((parse_iso_utc(begin), parse_iso_utc(end)) for begin, end in pairs)
 
@@ -121,7 +121,7 @@ def flight_stamp(time_ns: int) -> str:
 
 
 def boot_id() -> str:
-    """Get a name of this start of the computer; CLOCK_MONOTONIC begins again at each."""
+    """Identifier of this boot of the computer; CLOCK_MONOTONIC restarts at each boot."""
     try:
         return _BOOT_ID.read_text().strip()
     except OSError:

@@ -1,4 +1,4 @@
-"""Records whose arrays hold one thing a row: some rows of all arrays, and rows of several."""
+"""Dataclasses of arrays with one row per item: selecting and joining rows."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -10,12 +10,12 @@ R = TypeVar("R")
 
 
 def chosen_rows(record: R, which: Any) -> R:
-    """Copy a dataclass with some rows of its arrays; other fields stay."""
+    """Copy a dataclass with selected rows of its arrays; other fields are unchanged."""
     return replace(record, **{name: one[which] for name, one in _arrays(record)})  # type: ignore[type-var]
 
 
 def joined_rows(records: Sequence[R], axis: int = 0) -> R:
-    """Join the arrays of dataclasses along an axis; other fields are those of the first."""
+    """Join the arrays of dataclasses along an axis; other fields are taken from the first."""
     names = [name for name, _ in _arrays(records[0])]
     joined = {
         name: np.concatenate([getattr(one, name) for one in records], axis=axis)

@@ -1,13 +1,13 @@
-"""The table of commands: effect, conditions, authorised senders, wording.
+"""The table of commands: effect, conditions, allowed senders, texts.
 
-The supervisor's rules, the tunnel's numbers and lengths, the ground station's buttons and the
-page's answers derive from it. A new command is a row here with its name and number, its action
-in `uavrt.supervisor.mission.orders`, and, unless it is only its number, its layout in the
-tunnel's generations (`uavrt.tunnel.g1`, `g2`).
+The supervisor's rules, the numbers and lengths in the radio protocol, the ground station's
+buttons and the page's answers derive from it. A new command is a row here with name and number,
+and an action in `uavrt.supervisor.mission.orders`. Unless it is only its number, it also needs
+a layout in the protocol versions (`uavrt.tunnel.g1`, `g2`).
 
-A command that a state does not allow is refused with a reason the operator can act on; nothing
-can lock up. A repeated command is accepted and changes nothing, so a ground station may retry
-over a lossy link.
+A command that a state does not allow is refused with a reason that the operator can act on. A
+repeated command is accepted and changes nothing, so a ground station may retry over a lossy
+link.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from typing import Literal
 
 
 class SystemState(StrEnum):
-    """State of the supervisor; the numbers on the wire are the tunnel's."""
+    """State of the supervisor; the protocol has other numbers for it."""
 
     IDLE = "idle"
     RECEIVING_TAGS = "receiving_tags"
@@ -27,7 +27,7 @@ class SystemState(StrEnum):
 
     @property
     def words(self) -> str:
-        """Its name for the operator."""
+        """Name of the state for the operator."""
         return {"receiving_tags": "receiving tags", "has_tags": "ready"}.get(self, self.value)
 
 
@@ -47,12 +47,13 @@ CommandName = Literal[
 ]
 
 Generation = Literal["G0", "G1", "G2v1", "G2"]
-"""Generation of the tunnel. G0: the thesis (February 2023); G1: the newest without a version
-number (April 2026); G2v1: version 1, whose commands are those of G1; G2: versions 4 to 7."""
+"""Version of the radio protocol. G0: the thesis (February 2023); G1: the newest without a
+version number (April 2026); G2v1: version 1, whose commands are those of G1; G2: versions 4 to
+7."""
 
 
 class CommandId(IntEnum):
-    """First member of every payload of the tunnel."""
+    """Numbers of commands and other payloads: the first field of every protocol payload."""
 
     ACK = 1
     START_TAGS = 2
@@ -76,21 +77,21 @@ class CommandId(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """The command is done; the system goes to `state`."""
+    """The command is allowed; the system changes to `state`."""
 
     state: SystemState
 
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """The command was done before; nothing changes."""
+    """The command was carried out before; nothing changes."""
 
     message: str
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """The command is not allowed now."""
+    """The command is not allowed in this state."""
 
     reason: str
 
@@ -121,51 +122,51 @@ BETWEEN_FLIGHTS: States = {
 
 
 class Who(StrEnum):
-    """Who may send it, where one station commands: `uavrt.supervisor.mission.who_commands`."""
+    """Who may send a command, if only one station commands (`mission.who_commands`)."""
 
     ANYBODY = "anybody"
-    """Any station: it changes nothing."""
+    """Any station, because the command changes nothing."""
     COMMANDER = "the commander"
-    """Commander of the flight; after its end any station, which commands the next."""
+    """The station in command; after the flight's end any station, which is then in command."""
     LAST_COMMANDER = "the last commander"
-    """The commander, also after the end of the flight."""
+    """The station in command, also after the flight's end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Button:
-    """Its button on the ground station's page."""
+    """The command's button on the ground station's page."""
 
     action: str
-    """Its name on the page."""
     label: str
     asking: str = ""
     """Text while a command that is only its number waits for its answer."""
     done: str = ""
-    """Text for an acknowledgement without words."""
+    """Text for an acknowledgement without a text of its own."""
     any_page: bool = False
-    """Whether any page may press it, not only the one that commands."""
+    """True if any open page may press it, not only the one in command."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandRow:
-    """One row of the table."""
+    """One row of the table of commands."""
 
     name: CommandName
     meaning: str
     states: States
-    """Its effect in each state."""
+    """Effect of the command in each state."""
     who: Who
     while_ending: bool = True
-    """Whether it is allowed while a flight's last pulses are being recorded."""
+    """True if it is allowed while a flight's last pulses are being recorded."""
     number: CommandId | None = None
-    """Number in the tunnel; None: it comes by another way."""
+    """Number in the radio protocol; None: it is sent in another form."""
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
-    """Lengths of its payloads in the tunnel's generations that have it, the newest last."""
+    """Lengths of its payloads in each protocol version that has it, the newest last [bytes]."""
     button: Button | None = None
 
 
 BARE, BARE_G2 = (4,), (8,)
-"""Lengths of a payload that is only the command's number; from G2 on with a request id."""
+"""Length of a payload that is only the command's number [bytes]; from G2 on with a request id.
+"""
 
 _ROWS = (
     CommandRow(
@@ -323,13 +324,12 @@ _ROWS = (
     ),
 )
 COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
-"""The table, by name."""
 COMMAND_OF_NUMBER: dict[int, CommandRow] = {
     row.number: row for row in _ROWS if row.number is not None
 }
-"""The table by the tunnel's number."""
+"""All commands that have one by their protocol number."""
 
 
 def outcome(state: SystemState, command: CommandName) -> Outcome:
-    """Effect of `command` in `state`."""
+    """Effect of a command in a state: accepted, repeated or refused."""
     return COMMANDS[command].states[state]

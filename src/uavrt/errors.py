@@ -32,7 +32,7 @@ LONGEST_LINE = 400
 
 
 def _shown(text: str) -> str:
-    """Shorten long lines, and remove control characters."""
+    """Text with shortened lines and without control characters."""
     if not text.isprintable():
         text = "".join(one if one.isprintable() or one == "\n" else "\ufffd" for one in text)
     if len(text) <= LONGEST_LINE:
@@ -45,7 +45,7 @@ def _shown(text: str) -> str:
 
 
 class UavrtError(Exception):
-    """Base of all deliberate errors.
+    """Base class of all deliberate errors.
 
     `message`: what is wrong, for the person who can fix it. `remedy`: what to do about it.
     """
@@ -58,9 +58,9 @@ class UavrtError(Exception):
 
 
 def listed_faults(source: str, faults: Sequence[str], number: int | None = None) -> str:
-    """Write the faults of a file, a line for each, after their number.
+    """Text with the number of faults in a file and a line for each.
 
-    `number`: of all faults, where only some have a line.
+    `number`: total number, if `faults` lists only some.
     """
     number = len(faults) if number is None else number
     count = "1 fault" if number == 1 else f"{number} faults"
@@ -76,7 +76,7 @@ class ConfigError(UsageError):
 
 
 class TagFileError(UsageError):
-    """A tag file has faults; all of them are listed, each with its line."""
+    """A tag file has faults; the text lists them all with their lines."""
 
     def __init__(self, path: str, faults: Sequence[str]) -> None:
         self.path = path
@@ -91,11 +91,11 @@ class FormatError(UsageError):
 
 
 class PlanError(UsageError):
-    """A search that cannot be flown: its area, its fence, its battery, its tags."""
+    """A search cannot be flown because of its area, fence, battery or tags."""
 
 
 class TunerError(UsageError):
-    """No radio frequency serves all the tags."""
+    """No radio frequency receives all the tags."""
 
 
 class RadioError(UavrtError):
@@ -103,11 +103,11 @@ class RadioError(UavrtError):
 
 
 class RadioMissing(RadioError):
-    """The radio's program or the device is not there."""
+    """The radio or its program was not found."""
 
 
 class RadioAmbiguous(RadioError):
-    """Several radios could be meant."""
+    """Several radios match the settings."""
 
 
 class RadioStopped(RadioError):
@@ -115,11 +115,11 @@ class RadioStopped(RadioError):
 
 
 class RadioStalled(RadioError):
-    """The radio's program is alive but gives no samples."""
+    """The radio's program runs but delivers no samples."""
 
 
 class RadioGarbled(RadioError):
-    """What the radio's program gives cannot be samples."""
+    """The data from the radio's program cannot be samples."""
 
 
 class LinkError(UavrtError):
@@ -135,7 +135,7 @@ class TunnelError(UavrtError):
 
 
 class PoseUnavailable(UavrtError):
-    """No pose is known around a time [ns]; `retry_later`: one after it may still arrive."""
+    """No pose is known around a time [ns]; with `retry_later`, one may still arrive."""
 
     def __init__(self, time_ns: int, *, retry_later: bool) -> None:
         self.time_ns = time_ns
@@ -152,15 +152,15 @@ class RecordingError(UavrtError):
 
 
 class StoreError(RecordingError):
-    """An object store does not answer or breaks off; trying again may help."""
+    """An object store does not answer or ends in the middle; trying again may help."""
 
 
 @contextmanager
 def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]:
     """Context that imports packages of an extra; raises `UsageError` if one is missing.
 
-    `extra`: name of the extra, such as ``"analysis"``. `what`: what needs it, to begin the
-    message with. `otherwise`: what can be done without it, to end the remedy with.
+    `extra`: name of the extra, such as ``"analysis"``. `what`: the part that needs it, as start
+    of the message. `otherwise`: what is possible without it, as end of the remedy.
     """
     try:
         yield
@@ -175,7 +175,7 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
 def os_errors_as(
     kind: type[UavrtError], failed: object, remedy: str | None = None
 ) -> Iterator[None]:
-    """Context that raises its `OSError` as `kind`: what failed, the system's reason."""
+    """Context that converts `OSError` to an error of class `kind`, with the system's reason."""
     try:
         yield
     except OSError as error:

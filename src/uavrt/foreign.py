@@ -1,8 +1,8 @@
-"""Limits for foreign files and texts, and the functions that read them.
+"""Size limits for files and texts from outside, and functions that read them.
 
-Every parser of a foreign format reads with these functions, which limit bytes, unpacked bytes,
-levels of nesting and values. A file beyond its limit is refused with one line. A limit is about
-ten times the size of usual files; reading up to it takes at most 2 s and 200 MB, except for
+Every parser of a foreign format uses these functions. They limit bytes, unpacked bytes, nesting
+and number of values; a file beyond its limit is refused with one line. Limits are about ten
+times the usual sizes. Reading up to a limit takes at most 2 s and 200 MB, except for
 recordings, logs and terrain, which take time in proportion to their size.
 """
 
@@ -26,11 +26,10 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 CPU_S = 2
-"""Limit for reading one short foreign input [s of CPU]."""
+"""Limit of processor time for reading a short file from outside [s]."""
 MEMORY_BYTES = 200_000_000
 """Memory limit for reading one foreign input."""
 MOST_FAULTS = 50
-"""Most faults of one file that are listed."""
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 50_000_000
@@ -41,19 +40,18 @@ _PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """Size and nesting limits of one kind of foreign file."""
+    """Size and nesting limits for one kind of file."""
 
     what: str
-    """Kind of file, for the refusal: ``"a tag file"``."""
+    """Kind of file, for the error text: ``"a tag file"``."""
     bytes: int
-    """Size on the disk, and after unpacking."""
+    """Largest size on the disk, and after unpacking [bytes]."""
     values: int = 100_000
-    """Elements, objects, lists and members together."""
+    """Largest number of elements, objects, lists and members in total."""
     depth: int = 32
-    """Levels of nesting."""
 
     def check_size(self, size: int, name: object) -> None:
-        """Refuse a size; raises `FormatError`."""
+        """Raise `FormatError` if a size exceeds the limit."""
         if size > self.bytes:
             raise FormatError(
                 f"{name} is too large for {self.what}: more than {self.bytes:,} bytes",
@@ -64,33 +62,33 @@ class Limit:
 SETTINGS = Limit(what="a settings file", bytes=200_000, values=5_000, depth=8)
 TAGS = Limit(what="a tag file", bytes=1_000_000, values=100_000, depth=8)
 YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, depth=8)
-"""PyYAML reads some 200 kB a second; 500 codes have 60 kB."""
+"""Lists of tags in YAML: PyYAML reads some 200 kB a second; 500 codes have 60 kB."""
 SHAPES = Limit(what="an area or a way", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
-"""SigMF metadata of a recording with gaps, verdicts of a flight."""
+"""JSON descriptions: SigMF metadata of a recording with gaps, results of a flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
-"""Note on an archive of a million recordings."""
+"""Description of an archive of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
-"""Text logs: lines are counted instead of values, as ends of lines pack well."""
+"""Text logs; lines are counted instead of values, because line ends compress well."""
 OWN = Limit(what="a file of uavrt's own", bytes=20_000_000)
-"""Files that a program keeps over a restart; the list of 10 000 flights has 8 MB."""
+"""Files that a program keeps across restarts; the list of 10 000 flights has 8 MB."""
 KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
-"""Requests, decoded in the ground station's event loop: some 20 ms at most."""
+"""Requests to the ground station, decoded in its event loop in 20 ms at most."""
 UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
 """Uploaded files; commas in their text count as values."""
 MAP_PART = Limit(what="a part of a map", bytes=1_500_000, values=50_000)
-"""A directory or the description of PMTiles, packed and unpacked."""
+"""A directory or the description of a PMTiles map, compressed and unpacked."""
 ZIPPED_TILE = Limit(what="a packed tile of heights", bytes=30_000_000, values=1_000)
 GPX = Limit(what="a track in GPX", bytes=100_000_000, values=2_000_000)
 TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 
 
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
-    """Read a whole foreign file.
+    """Read a whole file from outside.
 
-    Raises `OSError`, or `FormatError` if it is too large, mostly holes, or a pipe or device
-    without an end.
+    Raises `OSError`, or `FormatError` if it is too large, mostly sparse, or an endless pipe or
+    device.
     """
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
@@ -112,7 +110,7 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
 
 
 def _check_holes(about: os.stat_result, name: object) -> None:
-    """Refuse a large file that is mostly holes; raises `FormatError`."""
+    """Raise `FormatError` for a large file that is mostly sparse (without disk blocks)."""
     written = 512 * getattr(about, "st_blocks", about.st_size)
     if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
         raise FormatError(
@@ -122,7 +120,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
-    """Refuse a pipe, socket or device, except a pipe from a shell; raises `FormatError`."""
+    """Raise `FormatError` for a pipe, socket or device, except a pipe from a shell."""
     name = os.fspath(path)
     mode = os.stat(path).st_mode if mode is None else mode
     passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)
@@ -133,8 +131,8 @@ def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) ->
 def open_zip(path: Path, limit: Limit) -> "ZipFile":
     """Open a zip file; its members are stored or deflated.
 
-    Raises `OSError`, or `ValueError` if it is not a zip file or beyond the limit; also what
-    `zipfile` raises.
+    Raises `OSError`, or `ValueError` if it is not a zip file or exceeds the limit, or the
+    errors of `zipfile`.
     """
     from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
@@ -159,13 +157,13 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
 
 
 _GZIP_BITS = 31
-"""zlib's number for gzip with the largest window."""
+"""zlib's window parameter for gzip with the largest window."""
 
 
 def unpack(pieces: Iterable[bytes], most: int) -> bytes:
-    """Unpack gzip, up to a little more than `most` bytes.
+    """Unpack gzip data, up to a little more than `most` bytes.
 
-    Raises `zlib.error` or `EOFError` if it is damaged or cut off.
+    Raises `zlib.error` or `EOFError` if they are damaged or incomplete.
     """
     content = bytearray()
     unpacker = zlib.decompressobj(_GZIP_BITS)
@@ -186,14 +184,14 @@ def unpack(pieces: Iterable[bytes], most: int) -> bytes:
 
 
 def pieces_of(content: bytes) -> Iterable[bytes]:
-    """Cut bytes into pieces, so that unpacking copies little."""
+    """Split bytes into pieces, so that unpacking copies little."""
     view = memoryview(content)
     for start in range(0, len(content), _PIECE_BYTES):
         yield bytes(view[start : start + _PIECE_BYTES])
 
 
 def read_json(content: bytes | str, limit: Limit) -> Any:
-    """Decode foreign JSON; raises `ValueError`, as the end of a sentence, if it is invalid."""
+    """Decode JSON from outside; raises `ValueError` with a text for the end of a sentence."""
     if len(content) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
     # Commas in texts count, too: they are few compared with the limit.
@@ -228,7 +226,7 @@ def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN)
 
 
 def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
-    """Decode a record that was written as JSON; raises `FormatError` with the reason alone."""
+    """Decode a record from JSON; raises `FormatError` with only the reason."""
     try:
         return msgspec.json.decode(content, type=kind)
     except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
@@ -236,13 +234,13 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse foreign XML, from its element `root` on if found.
+    """Parse XML from outside, starting at the element `root` if it exists.
 
-    The declaration is left out, as the text is decoded already. Raises `ValueError` for
-    entities or beyond the limit, `xml.etree.ElementTree.ParseError` if it is no XML.
+    The XML declaration is skipped, because the text is decoded already. Raises `ValueError` for
+    entities or beyond the limit, `xml.etree.ElementTree.ParseError` if it is not XML.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ValueError("it declares XML entities, which no such file needs")
+        raise ValueError("it declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} characters")
     if text.count("<") + text.count("=") > 2 * limit.values:
@@ -261,15 +259,15 @@ _TOML_QUIET = re.compile(
     r'|"(?:[^"\\\n]|\\[^\n])*(?:"|(?=\n)|\Z)' + r"|'[^'\n]*(?:'|(?=\n)|\Z)|#[^\n]*",
     re.S,
 )
-"""Strings and comments of TOML, in which brackets and points mean nothing."""
+"""Pattern of strings and comments in TOML, where brackets and points have no meaning."""
 _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
-    """Refuse TOML on which `tomllib` would spend minutes; raises `ValueError`.
+    """Raise `ValueError` for TOML on which `tomllib` would take minutes.
 
-    Its time grows with the square of the parts of a dotted key, its stack with each level of
-    brackets.
+    Its time increases with the square of the parts of a dotted key, its stack with each level
+    of brackets.
     """
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
@@ -292,7 +290,7 @@ def check_toml(text: str, limit: Limit) -> None:
 
 
 def shortened(faults: list[str]) -> list[str]:
-    """List the first faults of a file; the last line counts the others."""
+    """The first faults of a file; a last line counts the others."""
     if len(faults) <= MOST_FAULTS:
         return faults
     return [*faults[:MOST_FAULTS], f"and {len(faults) - MOST_FAULTS} more"]
@@ -307,5 +305,5 @@ def size_of(path: Path) -> int:
 
 
 def most_unpacked(packed: int) -> int:
-    """Limit of a text's unpacked size: logs pack to a tenth, a bomb to a thousandth."""
+    """Limit of a text's unpacked size [bytes]; logs compress to a tenth, bombs far more."""
     return max(4_000_000, 40 * packed)

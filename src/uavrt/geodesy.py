@@ -1,8 +1,8 @@
-"""The earth's ellipsoid (WGS 84), and the UTM grid on it, there and back.
+"""Distances on the ellipsoid (WGS 84), and conversion to and from UTM.
 
 UTM by Krüger's series in the third flattening (C. F. F. Karney, "Transverse Mercator with an
-accuracy of a few nanometers", J. Geodesy 85, 2011, equations 11, 35 and 36), good to well under
-a millimetre inside a zone. Metres around a point: `uavrt.tangent_plane`.
+accuracy of a few nanometers", J. Geodesy 85, 2011, equations 11, 35 and 36), exact to well
+below a millimetre inside a zone. Metres around a point: `uavrt.tangent_plane`.
 """
 
 import math
@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from uavrt.units import wrap_degrees_180
 
 SEMI_MAJOR_M = 6_378_137.0
-"""NIMA TR8350.2."""
+"""Semi-major axis of WGS 84 [m] (NIMA TR8350.2)."""
 FLATTENING = 1.0 / 298.257_223_563
 SEMI_MINOR_M = SEMI_MAJOR_M * (1.0 - FLATTENING)
 ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
-"""First eccentricity squared."""
 SECOND_ECCENTRICITY2 = ECCENTRICITY2 / (1.0 - ECCENTRICITY2)
 
 _N = FLATTENING / (2.0 - FLATTENING)
@@ -47,7 +46,7 @@ _BANDS = "CDEFGHJKLMNPQRSTUVWX"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Utm:
-    """A place in the Universal Transverse Mercator grid."""
+    """A position in the Universal Transverse Mercator grid."""
 
     zone: int
     band: str
@@ -56,7 +55,7 @@ class Utm:
 
 
 def utm(latitude_deg: float, longitude_deg: float, *, zone: int | None = None) -> Utm | None:
-    """Project a place, into its own zone or a given one; None where UTM does not reach."""
+    """Project a position to UTM, in its own zone or a given one; None near the poles."""
     if not -80.0 <= latitude_deg <= 84.0:
         return None
     longitude_deg = wrap_degrees_180(longitude_deg)
@@ -84,7 +83,7 @@ def utm(latitude_deg: float, longitude_deg: float, *, zone: int | None = None) -
 def moved(
     latitude_deg: float, longitude_deg: float, height_m: float, north_m: float, east_m: float
 ) -> tuple[float, float]:
-    """Latitude and longitude after a few metres, by the ellipsoid's radii of curvature."""
+    """Latitude and longitude after a shift by a few metres, by the radii of curvature."""
     latitude_rad = math.radians(latitude_deg)
     flattening = 1.0 - ECCENTRICITY2 * math.sin(latitude_rad) ** 2
     prime_vertical_m = SEMI_MAJOR_M / math.sqrt(flattening) + height_m
@@ -102,7 +101,7 @@ def distance_m(
     other_latitude_deg: float,
     other_longitude_deg: float,
 ) -> float:
-    """Metres between two places near each other, by the ellipsoid's radii of curvature."""
+    """Distance of two nearby positions [m], by the ellipsoid's radii of curvature."""
     middle_rad = math.radians(0.5 * (latitude_deg + other_latitude_deg))
     flattening = 1.0 - ECCENTRICITY2 * math.sin(middle_rad) ** 2
     prime_vertical_m = SEMI_MAJOR_M / math.sqrt(flattening)
@@ -113,9 +112,9 @@ def distance_m(
 
 
 def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[float, float]:
-    """Latitude and longitude [deg] of a place in EPSG 32601–32660, 32701–32760 or 4326.
+    """Latitude and longitude [°] of coordinates in EPSG 32601–32660, 32701–32760 or 4326.
 
-    Raises `ValueError` for another coordinate system, or a place outside it.
+    Raises `ValueError` for another coordinate system, or a position outside it.
     """
     if epsg == 4326:
         lat, lon = northing_m, easting_m
@@ -147,7 +146,6 @@ def _inverse_utm(easting_m: float, northing_m: float) -> tuple[float, float]:
 
 
 def _zone(latitude_deg: float, longitude_deg: float) -> int:
-    """Zone of a place, with the exceptions of Norway and Svalbard."""
     if 56.0 <= latitude_deg < 64.0 and 3.0 <= longitude_deg < 12.0:
         return 32
     if latitude_deg >= 72.0 and 0.0 <= longitude_deg < 42.0:

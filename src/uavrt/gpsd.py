@@ -1,7 +1,7 @@
-"""Reports of gpsd, the daemon that shares a GPS receiver: JSON, one object a line.
+"""Parser of reports from gpsd, the daemon that shares a GPS receiver: one JSON object a line.
 
-Input is untrusted: only a complete line counts, as an object of a known class with every number
-in its limits; the rest is counted and skipped. Classes and fields:
+Input is untrusted. A line is used only if it is complete and an object of a known class with
+all numbers in range; others are counted and skipped. Classes and fields:
 https://gpsd.gitlab.io/gpsd/gpsd_json.html.
 """
 
@@ -13,15 +13,13 @@ import msgspec
 from msgspec import Meta
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
-"""Request for reports."""
 LONGEST = 10_240
-"""Longest line, by gpsd's manual [bytes]."""
+"""Longest line [bytes], from gpsd's manual."""
 _FIX_2D = 2
-"""Least mode of a fix."""
 
 
 class _Line(msgspec.Struct, kw_only=True):
-    """Fields read of a line; others are ignored."""
+    """Fields that are read from a line; others are ignored."""
 
     kind: Annotated[str, Meta(max_length=20)] = msgspec.field(name="class")
     mode: int = 0
@@ -34,29 +32,29 @@ class _Line(msgspec.Struct, kw_only=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpsdReport:
-    """Place and heading in a line."""
+    """Position and heading in a line."""
 
     raw: bytes
     place: tuple[float, float] | None
-    """Latitude and longitude [deg]; None without a fix."""
+    """Latitude and longitude [°]; None without a fix."""
     altitude_amsl_m: float | None
     heading_deg: float | None
-    """True heading of a compass [deg]."""
+    """True heading of a compass [°]; None without one."""
 
 
 class GpsdParser:
-    """Finds reports in bytes and counts what it skips; no I/O."""
+    """Extracts reports from bytes and counts what it skips."""
 
     def __init__(self) -> None:
         self._buffer = b""
         self._decoder = msgspec.json.Decoder(_Line)
         self.received = 0
         self.bad_crc = 0
-        """Lines that are no report; the name is common to all parsers."""
+        """Number of invalid lines, under the name common to all parsers."""
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[GpsdReport]:
-        """Add bytes; return the reports of place or heading that they complete."""
+        """Add bytes; return the reports of position or heading that are complete."""
         *lines, rest = (self._buffer + data).split(b"\n")
         if len(rest) > LONGEST:
             self.skipped_bytes += len(rest)

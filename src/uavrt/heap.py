@@ -1,4 +1,4 @@
-"""Return free heap memory to the system now and then."""
+"""Returns free heap memory to the system from time to time."""
 
 import ctypes
 import gc
@@ -6,24 +6,24 @@ import os
 from collections.abc import Callable
 
 TRIM_PERIOD_S = 20.0
-"""Time between trims [s]. A trim takes 0.1 to 2 ms, and memory used again is faulted in page by
-page; a collection in a process of the flight takes 1 to 3 ms, because objects from its start
-are frozen (gc.freeze)."""
+"""Time between two trims of the heap [s]. A trim takes 0.1 to 2 ms, and memory used again must
+be mapped again. A garbage collection takes 1 to 3 ms in a process of the flight, because
+objects from its start are frozen (gc.freeze)."""
 
 _POOL_BYTES, _STEP_BYTES, _LARGEST_BYTES = 16_384, 16, 512
-"""Python's own allocator: objects of one size share a pool; larger ones are malloc's
-(``Objects/obmalloc.c`` of CPython 3.11 and later; with other figures less is filled)."""
+"""Pool size, size step and largest size of Python's own allocator [bytes]. Objects of one size
+share a pool; larger ones use malloc (``Objects/obmalloc.c`` of CPython 3.11 and later; with
+other values less is filled)."""
 _MOST_BLOCKS = 40_000
-"""Most blocks filled; it takes 4000 after the imports of a flight."""
+"""Largest number of filled blocks; after the imports of a flight it takes 4000."""
 
 
 def fill_pools() -> list[object]:
     """Fill the free places between Python's objects, before a process is forked.
 
-    New objects take free places between old ones first, and each makes one more inherited page
-    the process's own, at ten pages a minute, for hours. With none left, new objects stay
-    together. Takes 10 ms and 0.4 MB, once.
-    Returns the filling objects, to be kept.
+    New objects use free places between old ones first, and each makes an inherited memory page
+    private: ten pages a minute, for hours. Once filled, new objects stay together. Takes 10 ms
+    and 0.4 MB, once. Returns the filling objects, which must be kept.
     """
     kept: list[object] = [None] * _MOST_BLOCKS  # made whole: growing it would take places
     used = 0
@@ -43,11 +43,11 @@ def fill_pools() -> list[object]:
 
 
 def heap_as_it_grows() -> None:
-    """Reset what Dask's nanny sets for its workers: to return freed memory at once.
+    """Undo a setting of Dask's nanny for its workers: return freed memory at once.
 
-    With MALLOC_TRIM_THRESHOLD_ at 64 KiB each temporary array faults its pages again, which
-    makes detection take 1.7 times as long. The values are those that malloc itself reaches for
-    a program with large arrays (mallopt(3)). Without the nanny nothing is changed.
+    With MALLOC_TRIM_THRESHOLD_ at 64 KiB, each temporary array maps its pages again, which
+    makes detection 1.7 times slower. The new values are those that malloc itself reaches for a
+    program with large arrays (mallopt(3)). Without the nanny nothing is changed.
     """
     if "MALLOC_TRIM_THRESHOLD_" in os.environ and _mallopt is not None:
         _mallopt(_M_MMAP_THRESHOLD, 32 << 20)
@@ -57,9 +57,9 @@ def heap_as_it_grows() -> None:
 def heap_of_short_arrays() -> None:
     """Return large arrays of any thread to the system as soon as they are freed.
 
-    A search computes in threads, one for each order. By default each has a heap that keeps the
-    arrays of its largest moment, of ten thousand hypotheses. With one heap for all, and arrays
-    of 256 KiB or more outside it, this does not happen (mallopt(3)).
+    A search computes in threads, one for each order. By default each thread's heap keeps the
+    memory of its peak, with ten thousand hypotheses. One heap for all threads, and arrays of
+    256 KiB or more outside of it, avoid this (mallopt(3)).
     """
     if _mallopt is not None:
         _mallopt(_M_ARENA_MAX, 1)
@@ -68,7 +68,6 @@ def heap_of_short_arrays() -> None:
 
 
 def _find_trim() -> Callable[[int], int] | None:
-    """Get malloc_trim(3), which glibc has and others do not need."""
     try:
         found: Callable[[int], int] = ctypes.CDLL(None).malloc_trim
     except (AttributeError, OSError, TypeError):
@@ -77,7 +76,6 @@ def _find_trim() -> Callable[[int], int] | None:
 
 
 def _find_mallopt() -> Callable[[int, int], int] | None:
-    """Get mallopt(3), which glibc has."""
     try:
         found: Callable[[int, int], int] = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError, TypeError):
@@ -91,15 +89,14 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 
 
 class HeapKeeper:
-    """Trims the heap from time to time, by default three times a minute.
+    """Trims the heap periodically, by default three times a minute.
 
-    A busy moment (a burst of blocks after a stall, a search over a long stretch) leaves holes
-    that glibc keeps for ever unless they lie at the end: over half an hour the receiver and a
-    detector gained 2 MB each by that.
+    A busy moment (blocks after a stall, a long search) leaves holes in the heap that glibc
+    keeps unless they lie at its end. Receiver and detector grew by 2 MB each in half an hour.
 
-    Python keeps holes, too: up to 2000 unused tuples of each length up to 19, which only a full
-    collection frees. A generator made into a tuple four times a second takes 160 kB that way
-    within eight minutes; inherited pages become the process's own.
+    Python also keeps holes: up to 2000 unused tuples of each length up to 19, which only a full
+    collection frees. A generator converted to a tuple four times a second uses 160 kB in eight
+    minutes.
 
     `period_s`: time between two trims [s].
     """
@@ -109,7 +106,7 @@ class HeapKeeper:
         self._next_s = now_s + period_s
 
     def keep(self, now_s: float) -> bool:
-        """Trim if it is due; whether it was."""
+        """Trim the heap if it is due; True if trimmed."""
         if now_s < self._next_s:
             return False
         self._next_s = now_s + self._period_s

@@ -1,6 +1,6 @@
-"""Names of the documented API, imported when they are first used (PEP 562).
+"""Imports names of the documented API when they are first used (PEP 562).
 
-Otherwise each process of the drone would load all of the package. Modules of uavrt import from
+Otherwise each process of the drone would load the whole package. Modules of uavrt import from
 the module that defines a name.
 """
 
@@ -11,11 +11,11 @@ from typing import Any
 
 
 def lazily(package: str, where: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
-    """Make ``__all__`` and ``__getattr__`` of a package.
+    """Create ``__all__`` and ``__getattr__`` of a package.
 
-    `package`: its ``__name__``. `where`: for each module, below the package or from ``uavrt``
-    on, its names. Returns the names, and a function that imports the module of one and stores
-    it in the package.
+    `package`: its ``__name__``. `where`: names by module, relative to the package or from
+    ``uavrt`` on. Returns the names, and a function that imports a name's module and stores the
+    name in the package.
     """
     module_of = {name: module for module, names in where.items() for name in names.split()}
 

@@ -1,10 +1,10 @@
-"""Logging: short facts with keys, one JSON object a line on stderr.
+"""Logging: events with keys, one JSON object per line on stderr.
 
-The supervisor collects the lines of all its children; on a terminal the lines are text for
-people. Levels: info is what matters to an operator; warning and above also reach the ground as
-status texts.
+The supervisor collects the lines of all its processes; on a terminal the lines are text for
+people. Levels: info is what matters to an operator; warnings and errors also reach the ground
+as status texts.
 
-Our own, because every process pays for a library: structlog took 9 MB and 0.09 s in each, for
+A library would cost every process memory: structlog took 9 MB and 0.09 s in each, for
 `json.dumps` and a newline.
 """
 
@@ -26,51 +26,50 @@ _NAMES = {
     logging.CRITICAL: "critical",
 }
 PATIENCE_MS = 20.0
-"""Longest wait for a slow reader [ms]."""
 _COLOURS = {"debug": "2", "info": "32", "warning": "33", "error": "31", "critical": "1;31"}
 
 
 @dataclass(slots=True)
 class _Sink:
-    """Destination of this process's lines."""
+    """Destination of this process's log lines."""
 
     process: str = ""
     level: int = logging.INFO
     stream: TextIO | None = None
-    """None: the present stderr."""
+    """Stream for the lines; None: the present stderr."""
     broken: int = field(default=0)
-    """Lines lost since the last written one: stderr closed or stopped, or its reader gone."""
+    """Number of lines lost since the last written one: stderr closed or blocked."""
 
 
 _sink = _Sink()
 
 
 class Logger:
-    """Writes events: ``log.info("samples lost", count=3)``."""
+    """Writes log events: ``log.info("samples lost", count=3)``."""
 
     def debug(self, event: str, **facts: Any) -> None:
-        """Log details for developers."""
+        """Log a detail for developers."""
         self.log(logging.DEBUG, event, **facts)
 
     def info(self, event: str, **facts: Any) -> None:
-        """Log what matters to an operator."""
+        """Log an event that matters to an operator."""
         self.log(logging.INFO, event, **facts)
 
     def warning(self, event: str, **facts: Any) -> None:
-        """Log what the operator should know now."""
+        """Log an event that the operator should react to."""
         self.log(logging.WARNING, event, **facts)
 
     def seldom(self, count: int, event: str, **facts: Any) -> None:
-        """Log the first, second, fourth, eighth … of equal events, which may come in floods.
+        """Log the first, second, fourth, eighth … of equal events that may come in floods.
 
-        `count`: how many there have been, this one included; it is logged, too. `event`: what
-        happened. `**facts`: of this one.
+        `count`: number of these events including this one; it is logged, too. `event`: text of
+        the event. `**facts`: values of this event.
         """
         if count.bit_count() == 1:
             self.log(logging.WARNING, event, times=count, **facts)
 
     def error(self, event: str, **facts: Any) -> None:
-        """Log what does not work."""
+        """Log a failure."""
         self.log(logging.ERROR, event, **facts)
 
     def exception(self, event: str, **facts: Any) -> None:
@@ -98,10 +97,10 @@ class Logger:
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """Whether a line can be written without blocking.
+    """True if a line can be written without blocking.
 
-    A terminal that was stopped (Ctrl-S) or a pipe without a reader would make the supervisor,
-    and so every process, wait.
+    A terminal that was stopped (Ctrl-S) or a pipe without a reader would otherwise stop the
+    supervisor, and with it every process.
     """
     try:
         poll = select.poll()
@@ -126,7 +125,7 @@ def _json(level: str, event: str, facts: dict[str, Any]) -> str:
 
 
 def in_words(event: str, facts: dict[str, Any]) -> str:
-    """Write an event and its facts for people: ``3 samples lost (in all 7)``."""
+    """Format an event and its values for people: ``3 samples lost (in all 7)``."""
     others = dict(facts)
     count = others.pop("count", None)
     text = event if count is None else f"{count} {event}"
@@ -147,10 +146,10 @@ _logger = Logger()
 def configure_logging(
     process: str, *, level: int = logging.INFO, stream: TextIO | None = None
 ) -> None:
-    """Send log events of this process to stderr, each with its name."""
+    """Write this process's log events to stderr, with the process's name in each."""
     _sink.process, _sink.level, _sink.stream, _sink.broken = process, level, stream, 0
 
 
 def get_logger() -> Logger:
-    """Get the logger."""
+    """The logger of this process."""
     return _logger

@@ -1,8 +1,8 @@
-"""Records that cross a stage or a process.
+"""Records that are passed between stages and processes.
 
-All are frozen; absence is ``None``; times are integer nanoseconds UTC; units stand in the
-names. Records travel between processes as JSON (``uavrt.ipc``), except
-the sample blocks, which have their own road.
+All are immutable; unknown values are ``None``; times are integer nanoseconds UTC; names contain
+the units. Records travel between processes as JSON (``uavrt.ipc``); sample blocks use sockets
+of their own.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
-"""Certainty of a pulse: below the threshold (seen by a track), above it, or part of a track.
-*integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire."""
+"""Certainty of a pulse: below the threshold (found by a track), above it, or confirmed by a
+track. *integrated*: found after the flight in all its data; never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
-"""Frequencies of one sender, measured twice, differ by less."""
+"""Largest frequency difference of two measurements of one sender [Hz]."""
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
 """False-alarm probability of a tag without its own."""
 WHOLE_FLIGHT_FALSE_ALARM = 0.01
-"""Probability that a whole flight without the tag is judged to have it."""
+"""Probability that a whole flight without the tag is judged to contain it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,22 +40,23 @@ class Tag:
 
     tag_id: int
     frequency_hz: float
-    """Nominal carrier frequency, absolute."""
+    """Nominal carrier frequency [Hz]."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
-    """Interval from pulse start to pulse start, one for each rate; one or two rates."""
+    """Time from pulse start to pulse start [s], for one or two rates."""
     interval_uncertainty_s: float = 0.0
-    """Bound of the unknown but constant error of the interval; it accumulates."""
+    """Largest constant but unknown error of the interval [s]; it accumulates."""
     interval_jitter_s: float = 0.0
-    """Bound of the independent timing error of each pulse; it does not accumulate."""
+    """Largest independent timing error of each pulse [s]; it does not accumulate."""
     k: int = 3
-    """Pulses summed for one decision."""
+    """Number of pulses summed for one decision."""
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
-    """Expected false groups for each decision interval over the whole search."""
+    """Expected number of false groups in each decision interval, over the whole search."""
     name: str | None = None
     gaps_s: tuple[float, ...] = ()
-    """Gaps from pulse start to pulse start within a coded tag's burst; empty for a beeping tag.
-    Its one interval is then that from burst to burst, and K the bursts summed at most."""
+    """Times from pulse start to pulse start within a coded tag's burst [s]; empty for a beeping
+    tag. Its interval is then that between bursts, and `k` the largest number of summed bursts.
+    """
 
     @property
     def coded(self) -> bool:
@@ -64,7 +65,7 @@ class Tag:
 
     @property
     def length_s(self) -> float:
-        """Length from the start to the end of a pulse; of a coded tag, of a burst."""
+        """Time from the start to the end of a pulse [s]; for a coded tag, of a burst."""
         return sum(self.gaps_s) + self.pulse_width_s
 
 
@@ -74,69 +75,70 @@ class Pulse:
 
     tag_id: int
     frequency_hz: float
-    """Measured carrier frequency, absolute."""
+    """Measured carrier frequency [Hz]."""
     start_time_ns: int
-    """Start of the pulse at the antenna: all filter delays are taken out."""
+    """Start of the pulse at the antenna [ns, UTC]; all filter delays are corrected."""
     end_time_ns: int
     snr_db: float
-    """Pulse energy over noise power density (ENR)."""
+    """Ratio of pulse energy to noise power density (ENR) [dB]."""
     group_snr_db: float
-    """Mean linear SNR of the group's pulses, in decibel."""
+    """Mean linear SNR of the group's pulses [dB]."""
     score: float
-    """Decision statistic over its threshold; 1 is just detected."""
+    """Ratio of the decision statistic to its threshold; 1 is just detected."""
     group_index: int
-    """Place in the group, from 1."""
+    """Position of the pulse in its group, from 1."""
     group_sequence: int
-    """Number of the group, rising for each tag and rate."""
+    """Number of the group, increasing for each tag and rate."""
     noise_psd: float
     """Noise power density at the pulse's frequency [input units squared per hertz]."""
     detection_status: DetectionStatus
     confirmed: bool
     rate: int
-    """Which of the tag's intervals, from 1."""
+    """Which of the tag's intervals applies, from 1."""
     predicted_next_start_ns: int | None
     predicted_next_end_ns: int | None
     also_possible_tag_ids: tuple[int, ...] = ()
-    """Other listed tags that may have sent it, as far as measured. The pulse is reported once,
-    as `tag_id`, the likeliest."""
+    """Other listed tags that may have sent the pulse; `tag_id` is the likeliest. The pulse is
+    reported only once."""
     ghost_of_tag_id: int | None = None
-    """The stronger tag whose ghost it is: its image in the receiver, or by saturation."""
+    """Stronger tag of which this pulse is a receiver ghost (image or saturation); None: a real
+    pulse."""
     clipped: bool = False
     """True if the receiver's converter was at its limits; `snr_db` is then a lower bound."""
     burst_starts_ns: tuple[int, ...] = ()
-    """Measured starts of the pulses in a coded tag's burst, which is one record. Covered and
-    lost pulses are left out; empty for a beep."""
+    """Measured starts of the pulses in a coded tag's burst [ns, UTC], which is one record.
+    Overlapped and lost pulses are not included; empty for a beep."""
     burst_snrs_db: tuple[float, ...] = ()
-    """SNR of each of them; `snr_db` is their mean, of linear values."""
+    """SNR of each pulse in `burst_starts_ns` [dB]; `snr_db` is their linear mean."""
 
     @property
     def key(self) -> "PulseKey":
-        """Its key within a flight."""
+        """Key of the pulse within a flight."""
         return self.tag_id, self.start_time_ns
 
 
 PulseKey = tuple[int, int]
-"""Tag id and start time [ns]: no flight has two pulses of one."""
+"""Tag number and start time [ns], unique within a flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstInside:
-    """Content of a coded tag's burst, sent after its pulse message."""
+    """Times and SNR of the pulses in a coded tag's burst, sent after its pulse message."""
 
     tag_id: int
     start_time_ns: int
-    """Start of the burst, as in its pulse message."""
+    """Start of the burst, as in its pulse message [ns, UTC]."""
     burst_starts_ns: tuple[int, ...]
     burst_snrs_db: tuple[float, ...]
     also_possible_tag_ids: tuple[int, ...] = ()
 
     @property
     def key(self) -> "PulseKey":
-        """The burst's key within a flight."""
+        """Key of the burst within a flight."""
         return self.tag_id, self.start_time_ns
 
     def put_into(self, pulse: Pulse) -> Pulse:
-        """Get the burst with its content."""
+        """Return the burst's record, completed by the pulses within it."""
         return replace(
             pulse,
             burst_starts_ns=self.burst_starts_ns,
@@ -147,19 +149,19 @@ class BurstInside:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchReport:
-    """A search without a detection; also the detector's sign of life."""
+    """Report of a search without a detection; also shows that the detector works."""
 
     tag_id: int
     time_ns: int
-    """End of the searched stretch."""
+    """End of the searched time span [ns, UTC]."""
     frequency_hz: float
     noise_psd: float
     best_score: float
-    """Best statistic over its threshold in the stretch; below 1."""
+    """Largest ratio of the statistic to its threshold in the time span; below 1."""
     usable_share: float | None = None
-    """Share of the time in which no other signal was on the tag's frequency; None: unknown."""
+    """Fraction of the time without another signal on the tag's frequency; None if unknown."""
     weakest_enr_db: float | None = None
-    """ENR [dB] over `noise_psd` at which nine groups of ten would have been found."""
+    """ENR at which 90 % of the groups would have been found [dB]; None if unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,17 +173,16 @@ class Pose:
     longitude_deg: float
     altitude_amsl_m: float
     altitude_relative_m: float
-    """Height above the take-off point."""
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
-    """True if no later pose was known in time, or the autopilot's clock was unknown for 10
-    s."""
+    """True if no later pose was known in time, or the autopilot's clock was unknown for 10 s.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeSample:
-    """Attitude of the vehicle by the autopilot, on our clock."""
+    """Attitude of the vehicle as reported by the autopilot, in the time of our clock."""
 
     time_ns: int
     quaternion_wxyz: tuple[float, float, float, float]
@@ -190,14 +191,13 @@ class AttitudeSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionSample:
-    """Position of the vehicle by the autopilot, on our clock."""
+    """Position of the vehicle as reported by the autopilot, in the time of our clock."""
 
     time_ns: int
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     altitude_relative_m: float
-    """Height above the take-off point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,19 +209,19 @@ class PulsePose:
 
 
 class BeepKind(StrEnum):
-    """Relation of a sender of pulses to the list of tags."""
+    """How a sender of pulses relates to the list of tags."""
 
     LISTED = "listed"
-    """A listed tag, as its entry says."""
+    """A sender that agrees with a listed tag's entry."""
     OFF_LABEL = "off label"
-    """It has the interval of a listed tag at another frequency."""
+    """A sender with a listed tag's interval at another frequency."""
     OTHER_RATE = "other rate"
-    """It is at a listed tag's frequency, at another interval."""
+    """A sender at a listed tag's frequency with another interval."""
     MIRRORED = "mirrored"
-    """It is a listed tag on the other side of the centre: I and Q are swapped."""
+    """A listed tag on the other side of the centre frequency: I and Q are swapped."""
     UNLISTED = "unlisted"
     IMAGE = "image"
-    """The receiver made it of stronger pulses."""
+    """An image of stronger pulses, produced by the receiver."""
     NOT_ANIMAL = "not an animal"
     DOUBTFUL = "doubtful"
 
@@ -231,28 +231,28 @@ _OF_A_TAG = (BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.MIRRORED)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beep:
-    """A sender of pulses that was found without the list, and which tags it may be."""
+    """A sender of pulses found by the search for unlisted senders, and the tags it may be."""
 
     kind: BeepKind
     time_ns: int
-    """Time of its last pulse so far."""
+    """Time of its last pulse so far [ns, UTC]."""
     frequency_hz: float
     interval_s: float
     jitter_s: float
-    """Standard deviation of its pulses about the interval."""
+    """Standard deviation of its pulses from the interval [s]."""
     pulses: int
     level_db: float
-    """Median level over the noise in 94 Hz."""
+    """Median level above the noise in 94 Hz [dB]."""
     tag_ids: tuple[int, ...] = ()
-    """Tags that it may be, the likeliest first; of an image those of its original."""
+    """Tags that it may be, the likeliest first; for an image, those of its original."""
     offsets_hz: tuple[float, ...] = ()
-    """Distance from the listed frequency of each of them."""
+    """Difference from the listed frequency of each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
-    """Why it is doubtful or no animal; what another rate may mean."""
+    """Text on why it may be no animal, or what a different rate may mean."""
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for impossible values: they come by radio and from files."""
+        """Raise `ValueError` for impossible values; they may come from radio or files."""
         numbers = (self.frequency_hz, self.interval_s, self.jitter_s, self.level_db)
         if not all(map(isfinite, (*numbers, self.image_of_hz or 0.0))) or self.interval_s <= 0:
             raise ValueError(f"a beep has frequency, interval, jitter and level {numbers}")
@@ -265,24 +265,24 @@ class Beep:
 
     @property
     def away_hz(self) -> float | None:
-        """Distance from the first tag's listed frequency [Hz]."""
+        """Difference from the first tag's listed frequency [Hz]."""
         return self.offsets_hz[0] if self.offsets_hz else None
 
     def same_as(self, other: "Beep") -> bool:
-        """True if both are measurements of one sender."""
+        """True if both are measurements of the same sender."""
         near = abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
         return near and self.kind is other.kind
 
     @property
     def odd(self) -> bool:
-        """True if it differs from its list entry, so that the operator should be informed."""
+        """True if it differs from its entry in the list, so that the operator should know."""
         if self.kind is BeepKind.DOUBTFUL:
             return bool(self.tag_ids)
         return self.kind is not BeepKind.LISTED
 
     @property
     def meaning(self) -> str:
-        """What it may be, in words."""
+        """Text on what it may be."""
         reason = f", {self.reason}" if self.reason else ""
         match self.kind:
             case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
@@ -301,7 +301,7 @@ class Beep:
 
     @property
     def advice(self) -> str:
-        """What to do about it, in words; empty without advice."""
+        """Text on what to do about it; empty without advice."""
         return _ADVICE.get(self.kind, "")
 
     def __str__(self) -> str:
@@ -344,11 +344,11 @@ def keep_beep(known: list[Beep], new: Beep) -> bool:
 
 
 MOST_BEEPS = 32
-"""Senders that a drone repeats and a page shows."""
+"""Largest number of senders that a drone reports and a page shows."""
 
 
 def drop_beeps(known: list[Beep]) -> int:
-    """Drop senders above `MOST_BEEPS`, those of no listed tag and of few pulses; count them."""
+    """Remove senders above `MOST_BEEPS`, first unlisted ones with few pulses; count them."""
     excess = max(0, len(known) - MOST_BEEPS)
     for one in sorted(known, key=lambda one: (bool(one.tag_ids), one.pulses))[:excess]:
         known.remove(one)
@@ -357,87 +357,84 @@ def drop_beeps(known: list[Beep]) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveBearing:
-    """A bearing of a turn that may still go on, estimated on the drone."""
+    """A bearing from a turn that may still be in progress, estimated on the drone."""
 
     tag_id: int
     start_time_ns: int
-    """Start of the turn."""
     end_time_ns: int
-    """End of the turn so far."""
     turned_deg: float
     latitude_deg: float
-    """Place of the turn."""
     longitude_deg: float
     bearing_deg: float
-    """Clockwise from true north."""
+    """Bearing clockwise from true north [°]."""
     sigma_deg: float
     interval90_deg: tuple[float, float]
-    """Clockwise from first to second."""
+    """Interval with a probability of 90 % [°], clockwise from first to second."""
     level_db: float | None
-    """SNR on boresight."""
+    """SNR with the antenna pointed at the tag [dB]."""
     pulses: int
     accepted: bool
-    """Whether the pulses show a direction at all."""
+    """True if the pulses show a direction."""
     ambiguous: bool
     multipath_suspected: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delivered:
-    """Pulses that have reached a ground station's store, or were sent to plain ones."""
+    """Pulses received by a ground station's store, or sent to stations without receipts."""
 
     time_ns: int
     store: int
-    """Number of the store (`uavrt.tunnel.private`); 0: sent once, without acknowledgement."""
+    """Number of the store (`uavrt.tunnel.private`); 0: sent once, without receipt."""
     pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """Pulses that are safe on the disk, with their poses or their absence."""
+    """Pulses that are stored on the disk, with a pose or finally without."""
 
     pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """Progress of a process; records it has not taken go to its successor again."""
+    """Progress of a process; records it has not taken are sent again to its next run."""
 
     records: int
-    """Number of records handled for good since its start: on the disk, or not meant for it. Its
-    assignment does not count."""
+    """Number of records since its start that are on the disk, or need not be. The assignment
+    does not count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poses:
-    """Several raw poses of the vehicle in a row, batched for the recorder."""
+    """Consecutive poses of the vehicle, in one record for the recorder."""
 
     poses: tuple[Pose, ...]
 
 
 STATION_COUNTER = "station_silent_s_"
-"""Prefix of a count in the connection's health: a ground station's silence [s]. The station's
-numbers follow: ``station_silent_s_255_190``."""
+"""Prefix of a counter in the connection's health: time since a ground station was received [s].
+The station's ids follow: ``station_silent_s_255_190``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """State of a process, sent about once a second."""
+    """State of a process, reported about once a second."""
 
     process: str
     time_ns: int
     status: str
-    """A word or two: ``"ready"``, ``"waiting for autopilot"``, ``"radio absent"``."""
+    """State in a word or two: ``"ready"``, ``"waiting for autopilot"``, ``"radio absent"``."""
     ok: bool
     counters: dict[str, float] = field(default_factory=dict)
-    """Everything counted since the start: samples lost, pulses refused, retries …"""
+    """Counts since the start, by name: samples lost, pulses refused, retries …"""
     reason: str = ""
-    """Why it is not `ok`, or its result at its end, with the remedy."""
+    """Why it is not `ok`, with a remedy; or its result at the end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessStatus:
-    """The supervisor's record of one process."""
+    """State of one process, as seen by the supervisor."""
 
     process: str
     running: bool
@@ -446,13 +443,13 @@ class ProcessStatus:
     ok: bool
     restarts: int
     cpu_s: float
-    """CPU time of all its instances since the supervisor started, their children included."""
+    """CPU time of all its runs since the supervisor started, including child processes [s]."""
     memory_mb: float
     counters: dict[str, float] = field(default_factory=dict)
     reason: str = ""
-    """Why it is not `ok`, with the remedy; empty otherwise."""
+    """Why it is not `ok`, with a remedy; empty otherwise."""
     tag_ids: tuple[int, ...] = ()
-    """Tags whose pulses it finds, if it is a detector."""
+    """Numbers of the tags it searches, if it is a detector."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -476,33 +473,33 @@ class SystemStatus:
     commander: str | None = None
     """Source of accepted commands: ``"mavlink 255/190"``; None before the first."""
     ending: bool = False
-    """True after Stop was commanded, until the last pulses are recorded."""
+    """True from the stop command until the last pulses are recorded."""
     faults: tuple[StatusText, ...] = ()
-    """Lasting faults of the computer, such as a full disk; the ground is reminded of them."""
+    """Lasting faults of the computer, such as a full disk, which are reported repeatedly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """An operator's command to the supervisor, by tunnel, page or command line."""
+    """An operator's command to the supervisor, by radio, page or command line."""
 
     name: CommandName
     request_id: int
-    """Repeated by the sender on a retry, so that it is answered and not done again."""
+    """Number of the request; a retry has the same one, so it is answered but not carried out
+    again."""
     tag: Tag | None = None
     center_frequency_hz: float | None = None
-    """Radio frequency chosen on the ground; None lets the tuner choose."""
+    """Radio frequency chosen on the ground [Hz]; None: computed from the tags."""
     gain: int | None = None
     parameter: str | None = None
-    """Name of a parameter (`uavrt.config.parameters`)."""
     value: float | None = None
     """New value of the parameter; None for commands that set none."""
     source: str = ""
     """Sender: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
     sealed: bool = False
-    """Whether it came with a seal of the drone's key."""
+    """True if it was authenticated with the drone's key."""
     tag_count: int | None = None
-    """Number of tags sent, with the end of an upload or a start; None: not counted. A start
-    with fewer tags is refused."""
+    """Number of tags sent, at the end of an upload or at a start; None: unknown. A start with
+    fewer tags is refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -513,53 +510,52 @@ class CommandReply:
     name: CommandName
     accepted: bool
     message: str
-    """Reason of a refusal, or a detail: the flight directory on start."""
+    """Reason of a refusal, or a detail such as the flight's directory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operation:
-    """Progress of a job that outlasts its command."""
+    """Progress of a job that takes longer than its command."""
 
     name: CommandName
     state: Literal["running", "complete", "failed"]
     step: int = 0
     step_count: int = 0
-    """Number of steps; 0: unknown."""
+    """Total number of steps; 0: unknown."""
     message: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightInfo:
-    """A started flight, for the recorder to open it, also after a restart."""
+    """A started flight; the recorder opens it, also after a restart."""
 
     directory: str
     start_time_ns: int
     clock_offset_ns: int
-    """UTC minus CLOCK_MONOTONIC, fixed at the flight's start. The flight keeps this time,
-    whatever happens to the wall clock."""
+    """UTC minus CLOCK_MONOTONIC [ns], fixed at the flight's start. Later changes of the wall
+    clock do not affect the flight."""
     center_frequency_hz: float
     sample_rate_hz: float
     tags: tuple[Tag, ...]
     capture_s: float | None = None
-    """Length of a raw capture, without tags or detection; None for a flight."""
+    """Duration of a raw capture, without tags or detection [s]; None for a flight."""
 
 
 MotionAction = Literal["rotate", "goto", "survey", "hold", "return", "search", "takeoff"]
-"""Motions that can be requested."""
 
 
 SurveyPattern = Literal["lines", "around", "points"]
-"""Pattern of a survey: line by line, along its outline, by whole turns at places."""
+"""Pattern of a survey: lines, laps along its outline, or full turns at points."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepOut:
-    """An area over which nothing flies: a person, a building."""
+    """An area that must not be flown over, such as a person or a building."""
 
     places: tuple[tuple[float, float], ...]
-    """Latitude and longitude [deg] of its corners, or of the middle of a circle."""
+    """Latitude and longitude [°] of its corners, or of the centre of a circle."""
     radius_m: float | None = None
-    """Radius of a circle."""
+    """Radius of a circle [m]; None for a polygon."""
     name: str = ""
 
 
@@ -568,11 +564,11 @@ class VehicleFence:
     """The fence reported by the autopilot."""
 
     within: tuple[KeepOut, ...] = ()
-    """Areas that the vehicle does not leave."""
+    """Areas that the vehicle must stay inside."""
     keep_out: tuple[KeepOut, ...] = ()
-    """Areas that it does not enter."""
+    """Areas that the vehicle must not enter."""
     fault: str | None = None
-    """Why it cannot be read, with the remedy; nothing is flown then."""
+    """Why the fence cannot be used, with a remedy; then nothing is flown. None if it can."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -581,24 +577,23 @@ class Motion:
 
     action: MotionAction
     places: tuple[tuple[float, float], ...] = ()
-    """Latitude and longitude [deg] of a goal, or of an outline's corners."""
+    """Latitude and longitude [°] of a goal, or of the corners of an outline."""
     height_m: float | None = None
-    """Height above home; None: as it is."""
+    """Height above home [m]; None: the present height."""
     duration_s: float = 60.0
-    """Duration of a whole turn; longest duration of a search."""
+    """Duration of a full turn, or longest duration of a search [s]."""
     clockwise: bool = True
     spacing_m: float = 60.0
-    """Distance between a survey's lines or places."""
+    """Distance between the lines or points of a survey [m]."""
     pattern: SurveyPattern = "lines"
-    """Pattern of a survey."""
     tags: tuple[int, ...] = ()
-    """Tags to search for; empty: all that are listed."""
+    """Numbers of tags to search for; empty: all listed tags."""
     radius_m: float | None = None
-    """Radius of a search around the drone, without an outline."""
+    """Radius of a search around the drone, if there is no outline [m]."""
     wish_m: float = 25.0
     """Target accuracy: radius around a found tag that contains it with 95 % [m]."""
     keep_out: tuple[KeepOut, ...] = ()
-    """Keep-out areas in addition to those of the drone's settings."""
+    """Areas that must not be flown over, in addition to those of the settings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -606,9 +601,8 @@ class MotionRequest(Motion):
     """A motion requested by an operator; nothing moves before it is confirmed."""
 
     request_id: int
-    """Number given by the sender."""
+    """Number of the request, chosen by the sender."""
     asker: tuple[int, int]
-    """System and component id of the ground station."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -617,37 +611,38 @@ class FoundTag:
 
     tag_id: int
     place: tuple[float, float]
-    """Latitude and longitude [deg]."""
+    """Latitude and longitude [°] of the tag."""
     radius95_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """A drone's report to others that fly: its place, its leg, its tags.
+    """A drone's report to other drones: its position, leg and tags.
 
-    It owns the straight line from its place to its goal, whenever it flies it.
+    While it flies a leg, no other drone may use the straight line from its position to its
+    goal.
     """
 
     sequence: int
-    """Rises by one with each, modulo 65536."""
+    """Number of the report, modulo 65536."""
     place: tuple[float, float]
-    """Latitude and longitude [deg]."""
+    """Latitude and longitude [°] of the drone."""
     altitude_amsl_m: float
     goal: tuple[float, float]
-    """End of the leg that it flies; its place if it stays."""
+    """End of its present leg; its position if it stays."""
     searching: bool = False
-    """Whether an order to search is confirmed."""
+    """True if a search order is confirmed."""
     returning: bool = False
     flown: int = 0
-    """Number of its last granted leg, which it flies; 0: none."""
+    """Number of the assigned leg that it flies; 0: none."""
     asked: int = 0
     """Number of the requested leg; 0: none."""
     asked_way: tuple[tuple[float, float], ...] = ()
-    """Start and end of that leg."""
+    """Start and end of the requested leg."""
     given: tuple[tuple[int, int], ...] = ()
-    """Vehicles, and the versions of their legs on which its choice was based."""
+    """Vehicles, and versions of their legs, known when the leg was chosen."""
     held: tuple[int, ...] = ()
-    """Tags that it searches for at present."""
+    """Tags that it is searching for at present."""
     found: tuple[FoundTag, ...] = ()
 
 
@@ -656,17 +651,17 @@ class Neighbour:
     """A ground station's report of another drone; it requests nothing."""
 
     vehicle: int
-    """Its system number; 0: there are others, none of which has reported yet."""
+    """MAVLink system id of the other drone; 0: others exist, but none has reported yet."""
     version: int = 0
-    """Changes when it owns another leg."""
+    """Version of its leg, which changes with each new leg."""
     granted: int = 0
-    """Number of the receiver's requested leg that it now owns; 0: none."""
+    """Number of the receiver's requested leg that is now assigned to it; 0: none."""
     denied: int = 0
-    """Number of its requested leg that was denied; 0: none."""
+    """Number of the receiver's requested leg that was denied; 0: none."""
     age_s: float = 0.0
-    """Time since its last report."""
+    """Time since the other drone's last report [s]."""
     course: Course | None = None
-    """Its report; `asked_way` is a leg that it owns and has not begun to fly."""
+    """Its last report; `asked_way` is a leg assigned to it that it has not begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -675,69 +670,65 @@ class SoughtTag:
 
     tag_id: int
     latitude_deg: float
-    """Its place, if it is there."""
     longitude_deg: float
     radius95_m: float
     existence: float
-    """Probability that it is there and beeps."""
+    """Probability that it is in the area and transmits."""
     found_s: float | None
-    """Time from the begin until it was found; None: not found yet."""
+    """Time from the start of the search to the find [s]; None: not found yet."""
     pulses: int
-    """Number of received pulses so far."""
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """Likeliest squares of a tag not found, at the end: latitude, longitude and share."""
+    """Most likely squares of a tag that was not found: latitude, longitude and probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchNote:
-    """A search's decision, find, or end, and why."""
+    """A decision, find, start or end of a search, with the reason."""
 
     time_ns: int
     order_id: int
     event: Literal["begun", "decision", "found", "ended"]
     text: str
-    """Short text for the operator."""
     reason: str
-    """Reason, with figures."""
+    """Reason of the decision, with numbers."""
     elapsed_s: float
     latitude_deg: float
-    """Place of the drone."""
     longitude_deg: float
     height_m: float
-    """Height above home."""
+    """Height of the drone above home [m]."""
     battery_percent: float | None
     tags: tuple[SoughtTag, ...]
     tag_id: int | None = None
-    """The found tag."""
+    """Number of a found tag; otherwise None."""
     goal: tuple[float, float] | None = None
-    """Destination: latitude, longitude."""
+    """Latitude and longitude [°] of the destination."""
     area: tuple[tuple[float, float], ...] = ()
-    """Outline, with the begin."""
+    """Outline of the search area, at the start of the search."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOffer:
-    """The guide's plan for a request, or why it refuses."""
+    """The guide's plan for a request, or the reason of its refusal."""
 
     request_id: int
     asker: tuple[int, int]
     order_id: int
     nonce: int
-    """Number that confirms the order, once."""
+    """Number that confirms the order; valid once."""
     summary: str
     mode: str = ""
-    """Mode that the drone would leave, as in the summary."""
+    """Flight mode that the drone would leave, as in the summary."""
     refused: bool = False
-    """True if it is refused; the summary is the reason."""
+    """True if the request is refused; the summary contains the reason."""
     takeoff: bool = False
-    """True if it begins on the ground."""
+    """True if the order begins on the ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSeen:
-    """State of the vehicle and of our commands, by the autopilot."""
+    """State of the vehicle and of our commands, as the autopilot reports it."""
 
     latitude_deg: float
     longitude_deg: float
@@ -746,73 +737,72 @@ class VehicleSeen:
     speed_m_s: float
     yaw_deg: float | None
     home: tuple[float, float]
-    """Latitude and longitude [deg] of home."""
     battery_percent: float | None
     obeyed: bool
-    """True if the vehicle reports the target of the last command."""
+    """True if the vehicle reports the target of our last command."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float
     ground_silent_s: float
     settling: bool = False
-    """True if it is near its target and still moving: only a return or a stop may follow."""
+    """True if it is near its target and still moving; then only a return or a stop is allowed.
+    """
     heading_rests: bool = True
-    """True if a turn in place may begin."""
+    """True if the heading is steady, so that a turn in place may begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleReport:
-    """The vehicle and our authority over it, ten times a second."""
+    """State of the vehicle and of our control over it, ten times a second."""
 
     autopilot: str | None
-    """``"px4"`` or ``"ardupilot"``; None: not received, or another."""
+    """``"px4"`` or ``"ardupilot"``; None: not received, or of another kind."""
     fault: str | None
-    """Why no motion can be confirmed now, with the remedy."""
+    """Why no motion can be confirmed now, with a remedy; None if possible."""
     takeoff_fault: str | None = field(kw_only=True, default=None)
-    """Why no take-off can be confirmed now, with the remedy."""
+    """Why no take-off can be confirmed now, with a remedy; None if possible."""
     standing: str = "out"
-    """``"out"``, ``"confirmed"`` or ``"in command"``."""
+    """State of control: ``"out"``, ``"confirmed"`` or ``"in command"``."""
     reason: str = ""
-    """Why it is out."""
+    """Why control is ``"out"``."""
     order_id: int | None = None
     mode: str = ""
     seen: VehicleSeen | None = None
-    """State; None: its position or home is unknown."""
+    """State of the vehicle; None if its position or home is unknown."""
     wind_m_s: tuple[float, float] | None = None
-    """Motion of the air, east and north, by the autopilot; None: not reported."""
+    """Wind velocity to the east and north [m/s]; None if not reported."""
 
 
 class FlyThere(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Fly straight to a place and stay; also turns, if the autopilot accepts the yaw."""
+    """Fly straight to a position and stay; also turn, if the autopilot accepts the yaw."""
 
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     yaw_deg: float | None = None
-    """None: the autopilot chooses."""
+    """Heading at the position [°]; None: chosen by the autopilot."""
 
 
 class TurnInPlace(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Turn by one command, if the autopilot has it."""
+    """Turn by one command, if the autopilot supports that."""
 
     turn_deg: float
-    """Angle, clockwise; negative: the other way. At most a whole turn."""
+    """Angle of at most one turn, clockwise [°]; negative: counterclockwise."""
     rate_deg_s: float
 
 
 class GoHome(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Return by the autopilot's own mode; it lands as it is set to. Ends the order."""
+    """Return in the autopilot's own mode, which lands as configured; ends the order."""
 
 
 class TakeMode(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Change into our own mode on the ground, where a take-off is commanded in it."""
+    """Change to our flight mode on the ground, before a take-off in that mode."""
 
 
 class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Climb straight up from the ground; a pilot has armed."""
+    """Climb straight up from the ground, after a pilot has armed."""
 
     height_m: float
-    """Height above home."""
     altitude_amsl_m: float
 
 
@@ -821,36 +811,36 @@ Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleWish:
-    """The guide's requested motion; `uavrt.guidance.authority` decides on it."""
+    """The guide's requested motion; `uavrt.guidance.authority` permits or refuses it."""
 
     order_id: int | None
     wish: Wish | None = None
-    """None: no new request, only a heartbeat."""
+    """Requested motion; None: no new request, only a sign that the guide works."""
     ends: bool = False
-    """The order has ended."""
+    """True if the order has ended."""
     said: str = ""
-    """Progress of the order, or why it has ended."""
+    """Text on the progress of the order, or on why it has ended."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IQBlock:
     """Consecutive complex samples of a radio.
 
-    Blocks follow one another without a gap unless `lost_before` counts missing samples.
+    Blocks follow each other without a gap unless `lost_before` counts missing samples.
     """
 
     samples: "NDArray[np.complex64]"
-    """(n,) complex64; valid until the source is read again, copy to keep."""
+    """(n,) complex64; valid until the source is read again, so copy it to keep it."""
     sample_index: int
-    """Index of the first sample since the source started, lost ones counted."""
+    """Index of the first sample since the source started, including lost samples."""
     time_ns: int
     """Time of the first sample at the antenna connector [ns, UTC]."""
     sample_rate_hz: float
-    """Rate as measured, near the nominal one."""
+    """Measured sample rate, near the nominal one [Hz]."""
     lost_before: int = 0
-    """Samples missing between the previous block and this one."""
+    """Number of samples missing between the previous block and this one."""
     unsure_before: int = 0
-    """Part of `lost_before` that a crystal far off its rate would explain as well."""
+    """Part of `lost_before` that may be a wrong clock rate instead of a loss."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -858,26 +848,27 @@ class ChannelBlock:
     """Consecutive samples of one channel of the channelizer."""
 
     channel: int
-    """Channel number from 0: 0 is the radio centre, then upwards, wrapping to the negative."""
+    """Channel number: 0 at the radio's centre frequency, increasing with frequency, wrapping to
+    negative ones."""
     center_frequency_hz: float
-    """Frequency of the channel's centre, absolute."""
     samples: "NDArray[np.complex64]"
-    """(n,) complex64, never overwritten; a tone of amplitude A has amplitude A here."""
+    """(n,) complex64, never overwritten; a tone of amplitude A in the radio has amplitude A
+    here."""
     sample_index: int
-    """Index of the first sample of this channel since the start, lost ones counted."""
+    """Index of the first sample of this channel since the start, including lost samples."""
     time_ns: int
-    """Time of the first sample at the antenna: filter delays are taken out."""
+    """Time of the first sample at the antenna [ns, UTC]; filter delays are corrected."""
     sample_rate_hz: float
     lost_before: int = 0
     clipped_ns: tuple[tuple[int, int], ...] = ()
-    """Begin and end of clipped stretches [ns, UTC], in order, new since the last block."""
+    """Start and end of clipped time spans [ns, UTC] since the last block, in order."""
     carriers_hz: tuple[float, ...] = ()
-    """Strong steady carriers in the radio's band, absolute, which make ghosts with it."""
+    """Frequencies of strong steady carriers in the radio's band [Hz]; they cause ghosts."""
 
 
 @dataclass(frozen=True, slots=True)
 class TunnelPayload:
-    """A payload of MAVLink's TUNNEL on its way."""
+    """A payload of a MAVLink TUNNEL message, to be sent."""
 
     payload: bytes
     place: tuple[int, int] | None = None

@@ -1,8 +1,7 @@
-"""Compiled kernels, optional, for operations several times slower in NumPy.
+"""Optional compiled kernels for operations that are several times slower in NumPy.
 
-They come from ``native/kernels.c``: a wheel without them, or ``UAVRT_PURE=1`` in the
-environment, uses the NumPy code of each call, which gives the same pulses
-(docs/decisions/0166).
+They come from ``native/kernels.c``. A wheel without them, or ``UAVRT_PURE=1`` in the
+environment, uses NumPy code that gives the same pulses (docs/decisions/0166).
 """
 
 import importlib
@@ -12,11 +11,10 @@ from contextlib import contextmanager
 from typing import Any
 
 INTERFACE = 6
-"""Version of the kernels' arguments; those of an older build are not used."""
+"""Version of the kernels' interface; kernels of another version are not used."""
 
 
 def _load() -> tuple[Any, str]:
-    """Load the kernels if there are any, with a description."""
     if os.environ.get("UAVRT_PURE", "0") not in ("", "0"):
         return None, "NumPy alone, as UAVRT_PURE says"
     try:
@@ -35,18 +33,18 @@ _kernels, _said = _load()
 
 
 def kernels() -> Any:
-    """Get the module of the kernels, or None if NumPy does all."""
+    """The module of compiled kernels; None if NumPy is used."""
     return _kernels
 
 
 def description() -> str:
-    """Name briefly which code is in use."""
+    """Short text on which code is in use."""
     return _said
 
 
 @contextmanager
 def numpy_only() -> Iterator[None]:
-    """Do not use the kernels for a while, to compare, in tests and benchmarks."""
+    """Context that uses NumPy instead of the kernels, to compare both in tests."""
     global _kernels
     kept, _kernels = _kernels, None
     try:

@@ -1,7 +1,7 @@
-"""NMEA 0183: sentences, places and times in them, and a parser for bytes as they come.
+"""NMEA 0183: parser of sentences, and of positions and times in them.
 
-Input is untrusted: only a complete sentence counts, with a right checksum and every number in
-its limits; the rest is counted and skipped.
+Input is untrusted. A sentence is used only if it is complete, with a correct checksum and all
+numbers in range; others are counted and skipped.
 """
 
 import re
@@ -10,26 +10,27 @@ from dataclasses import dataclass
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 BAUD = 9600
-"""Default rate of receivers with a serial port [baud]."""
+"""Default rate of serial GPS receivers [baud]."""
 LONGEST = 120
 """Longest sentence [bytes]: 82 by the standard, more from some makers."""
 _PLACE = re.compile(r"(\d{2,3})([0-5]\d(?:\.\d{0,9})?)", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,6}(?:\.\d{0,6})?", re.ASCII)
 _QUALITIES = frozenset("1234579")
-"""Accepted qualities of a GGA: not 0 (no fix), 6 (extrapolated) and 8 (simulator)."""
+"""Accepted quality values of a GGA sentence: not 0 (no fix), 6 (extrapolated), 8 (simulator).
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sentence:
-    """One whole sentence with a right checksum."""
+    """A complete sentence with a correct checksum."""
 
     raw: bytes
     fields: tuple[str, ...]
-    """The first is talker and kind: ``GPRMC``."""
+    """Fields of the sentence; the first is talker and kind: ``GPRMC``."""
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude [deg] with a fix; None otherwise."""
+        """Latitude and longitude [°]; None without a fix."""
         kind, fields = self.fields[0][-3:], self.fields
         try:
             if kind == "RMC" and fields[2] == "A":
@@ -44,14 +45,14 @@ class Sentence:
 
     @property
     def altitude_amsl_m(self) -> float | None:
-        """Altitude above mean sea level, in a GGA with a place [m]."""
+        """Altitude above mean sea level in a GGA sentence [m]; None without one."""
         if self.fields[0][-3:] != "GGA" or self.place is None:
             return None
         return _number(self.fields[9:10], -1000.0, 20_000.0)
 
     @property
     def heading_deg(self) -> float | None:
-        """True heading of a compass: of HDT, and of THS if it is measured."""
+        """True heading of a compass [°], from HDT or a measured THS; None otherwise."""
         kind, fields = self.fields[0][-3:], self.fields
         if kind == "HDT" or (kind == "THS" and fields[2:3] == ("A",)):
             return _number(fields[1:2], 0.0, 360.0)
@@ -59,17 +60,17 @@ class Sentence:
 
 
 class SentenceParser:
-    """Finds sentences in bytes and counts what it skips; no I/O."""
+    """Extracts sentences from bytes and counts what it skips."""
 
     def __init__(self) -> None:
         self._buffer = b""
         self.received = 0
         self.bad_crc = 0
-        """Sentences with a wrong checksum, or none."""
+        """Number of sentences with a wrong checksum or without one."""
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Sentence]:
-        """Add bytes; return the sentences that they complete."""
+        """Add bytes; return the sentences that are complete."""
         *lines, rest = (self._buffer + data).replace(b"\r", b"\n").split(b"\n")
         if len(rest) > LONGEST:
             self.skipped_bytes += len(rest)
@@ -98,7 +99,6 @@ class SentenceParser:
 
 
 def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
-    """Read a plain decimal number; None if it is invalid or out of its limits."""
     if not field or _NUMBER.fullmatch(field[0]) is None:
         return None
     value = float(field[0])
@@ -106,7 +106,7 @@ def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
 
 
 def fields_of(line: str) -> list[str]:
-    """Fields of a sentence; ``[""]`` if it is none, or its checksum is wrong."""
+    """Fields of a sentence; ``[""]`` if it is not one, or its checksum is wrong."""
     start = line.find("$")
     body, star, checksum = line[start + 1 :].strip().partition("*")
     if start < 0 or not body:
@@ -121,13 +121,13 @@ def fields_of(line: str) -> list[str]:
 
 
 def clock_ns(text: str) -> int:
-    """Time of day [ns] of ``hhmmss.ss``; raises `ValueError`."""
+    """Time of day [ns] from ``hhmmss.ss``; raises `ValueError`."""
     hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
     return (hours * 3600 + minutes * 60) * NANOSECONDS_PER_SECOND + ns_from_s(seconds)
 
 
 def place_in(fields: list[str] | tuple[str, ...]) -> tuple[float, float]:
-    """Degrees of ``ddmm.mmmm,N,dddmm.mmmm,E``; raises `ValueError`."""
+    """Latitude and longitude [°] from ``ddmm.mmmm,N,dddmm.mmmm,E``; raises `ValueError`."""
     north, north_side, east, east_side = fields[:4]
     latitude = _degrees(north, 90.0)
     longitude = _degrees(east, 180.0)

@@ -1,15 +1,15 @@
-"""Latitude and longitude of a log: values off the globe are refused, with a likely cause."""
+"""Checks latitudes and longitudes in logs; errors name a likely cause."""
 
 import math
 
 from uavrt.attitude import Quaternion, normalised
 
 _SCALED = 1e5
-"""Values above this are degrees times ten million, as autopilots count them."""
+"""Value above which a number is in 10⁻⁷ degrees, as in MAVLink."""
 
 
 class OffEarthError(ValueError):
-    """A number that is no latitude or longitude; `remedy` gives a likely cause."""
+    """A value that is not a latitude or longitude; `remedy` gives a likely cause."""
 
     def __init__(self, message: str, *, remedy: str) -> None:
         super().__init__(message)
@@ -17,7 +17,7 @@ class OffEarthError(ValueError):
 
 
 def latitude_on_earth(value_deg: float) -> float:
-    """Pass a latitude [deg]; raises `OffEarthError` beyond a pole, or if it is not a number."""
+    """Check a latitude [°]; raises `OffEarthError` beyond ±90° or if not finite."""
     if not abs(value_deg) <= 90.0:
         raise OffEarthError(f"{value_deg:.12g} is not a latitude", remedy=_remedy(value_deg))
     return value_deg
@@ -31,14 +31,14 @@ def longitude_on_earth(value_deg: float) -> float:
 
 
 def place_on_earth(latitude_deg: float, longitude_deg: float) -> tuple[float, float] | None:
-    """Pass latitude and longitude [deg]; None if unknown; raises `OffEarthError`."""
+    """Check latitude and longitude [°]; None if unknown; raises `OffEarthError`."""
     if not (math.isfinite(latitude_deg) and math.isfinite(longitude_deg)):
         return None
     return latitude_on_earth(latitude_deg), longitude_on_earth(longitude_deg)
 
 
 def is_attitude(quaternion_wxyz: Quaternion) -> bool:
-    """Whether a quaternion is an attitude; not if it is zero or not finite."""
+    """True if a quaternion is an attitude: finite and not zero."""
     try:
         normalised(quaternion_wxyz)
     except ValueError:

@@ -1,27 +1,26 @@
-"""When a vehicle stood on the ground, by its autopilot's reports of arming and landing."""
+"""Times when a vehicle stood on the ground, from reports of arming and landing."""
 
 from collections.abc import Iterable
 
 from uavrt.messages import Health
 
 ARMED, LANDED = "autopilot_armed", "autopilot_landed"
-"""Counters of the health of the drone's connection, and of the ground station's."""
+"""Counters with these states in health reports of the drone's connection and the ground
+station."""
 GROUND_STATION = "ground station"
-"""Process that a ground station writes its own health as."""
+"""Process name in the ground station's own health reports."""
 EVER_NS = 2**62
-"""End of the last span [ns]: the last report holds on."""
+"""End of the last time span [ns], because the last report stays valid."""
 
 Reports = Iterable[tuple[int, bool]]
-"""Times [ns] and the state reported."""
+"""Times [ns] and the reported states."""
 
 
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
-    """First and last times [ns] on the ground: disarmed, or landed.
+    """Start and end of times on the ground [ns]: disarmed, or landed.
 
-    None without a report that it flew, as in a test on a turntable. A state holds until the
-    next report.
-
-    `armed`, `landed`: in any order.
+    None without a report of flying, as in a test on a turntable. A state is valid until the
+    next report. `armed`, `landed`: in any order.
     """
     reports = [(time, "armed", state) for time, state in armed]
     reports += [(time, "landed", state) for time, state in landed]
@@ -43,12 +42,12 @@ def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], .
 
 
 def ground_state(health: Health) -> tuple[float | None, float | None]:
-    """Armed and landed by a health record; None where it does not report them."""
+    """Armed and landed states in a health report; None where not reported."""
     return health.counters.get(ARMED), health.counters.get(LANDED)
 
 
 class GroundStates:
-    """Changes of an autopilot's armed and landed states."""
+    """Records the changes of an autopilot's armed and landed states."""
 
     def __init__(self) -> None:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
@@ -56,7 +55,7 @@ class GroundStates:
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
         """Add a report; False if nothing has changed.
 
-        `armed`, `landed`: 0 for no; None where it was not reported.
+        `armed`, `landed`: 0 for no; None if not reported.
         """
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._reports[-1][1:] if self._reports else (None, None)
@@ -66,7 +65,7 @@ class GroundStates:
         return True
 
     def spans(self) -> tuple[tuple[int, int], ...]:
-        """First and last times [ns] on the ground, as `spans_on_ground` has it."""
+        """Start and end of times on the ground [ns], as in `spans_on_ground`."""
         return spans_on_ground(
             [(time_ns, armed) for time_ns, armed, _ in self._reports if armed is not None],
             [(time_ns, landed) for time_ns, _, landed in self._reports if landed is not None],

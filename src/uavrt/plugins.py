@@ -1,4 +1,4 @@
-"""What other packages add: estimators, antennas, radios, by entry points.
+"""Additions by other packages: estimators, antennas and radios, as entry points.
 
 A package names its additions in its own ``pyproject.toml``::
 
@@ -18,10 +18,10 @@ T = TypeVar("T")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Things by name: our own, then those of installed packages.
+    """Named objects: uavrt's own, and those of installed packages.
 
-    `group`: group of entry points. `own`: uavrt's, whose names other packages cannot use.
-    `kind`: type of an addition; None: something that can be called.
+    `group`: group of entry points. `own`: uavrt's objects; other packages cannot use their
+    names. `kind`: type of an addition; None: any callable.
     """
 
     def __init__(self, group: str, own: Mapping[str, T], kind: type[T] | None = None) -> None:
@@ -47,9 +47,7 @@ class Registry(Mapping[str, T], Generic[T]):
             The name is one of ours.
         """
         if name in self._own:
-            raise ConfigError(
-                f"{name!r} is a name of uavrt's own", remedy="Choose another name"
-            )
+            raise ConfigError(f"{name!r} is reserved by uavrt", remedy="Choose another name")
         self._loaded[name] = thing
 
     def __contains__(self, name: object) -> bool:

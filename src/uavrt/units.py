@@ -1,7 +1,7 @@
-"""Unit conversions at the edges, each in one place.
+"""Unit conversions.
 
 Inside uavrt: hertz, seconds, metres, degrees, nanoseconds UTC. Other units exist only in files,
-on the wire and on the screen, and are converted here.
+in protocols and on the screen, and are converted here.
 """
 
 import math
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIGMF_FULL_SCALE = "uavrt:full_scale"
-"""Entry in the global part of SigMF: what a sample at the stored type's full scale means."""
+"""Key in the global SigMF metadata: physical value of a full-scale sample."""
 NANOSECONDS_PER_SECOND = 1_000_000_000
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 
@@ -34,7 +34,7 @@ def ns_from_s(seconds: float) -> int:
 
 
 def s_from_ns(nanoseconds: int) -> float:
-    """Nanoseconds to seconds; for differences, not for times since 1970."""
+    """Nanoseconds to seconds; for differences, as absolute times would lose precision."""
     return nanoseconds / NANOSECONDS_PER_SECOND
 
 
@@ -52,7 +52,7 @@ def number_in(text: str) -> float:
 
 
 def rough_duration(seconds: float) -> str:
-    """A duration for people, whatever its sign: "40 s", "12 min", "3 days"."""
+    """A rounded duration for people, without its sign: "40 s", "12 min", "3 days"."""
     length_s = abs(seconds)
     for unit, unit_s, most in (("s", 1.0, 120.0), ("min", 60.0, 120.0), ("h", 3600.0, 48.0)):
         if length_s < most * unit_s:

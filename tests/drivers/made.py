@@ -39,7 +39,7 @@ from uavrt.messages import (
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.flight import Flight
-from uavrt.simulation.flying import NOWHERE
+from uavrt.simulation.flying import NOT_GIVEN
 from uavrt.simulation.propagation import Propagation
 from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
 from uavrt.supervisor.mission.orders import Mission
@@ -376,8 +376,8 @@ def reposition(**fields: Any) -> dialect.CommandInt:
         "param2": 1.0,
         "param3": 0.0,
         "param4": math.nan,
-        "x": NOWHERE,
-        "y": NOWHERE,
+        "x": NOT_GIVEN,
+        "y": NOT_GIVEN,
         "z": math.nan,
     }
     command = dialect.MavCmd.DO_REPOSITION

@@ -95,7 +95,7 @@ def test_the_page_says_within_5_s_that_recorder_directory_or_database_fail(
             flight.rename(flight.with_name("away"))
             flight.write_text("a file in its place")
 
-        await page.says("not recorded", in_the_way)
+        await page.says("cannot write the flight", in_the_way)
         flight.unlink()
         flight.with_name("away").rename(flight)
         await asyncio.sleep(3.0)

@@ -169,7 +169,7 @@ def test_only_listed_keys_count_and_only_their_owner_may_change_them(maker: Make
     keys.write_text(maker.other_public + maker.public)
     assert read_update(maker.tar("0.2.0"), keys).version == "0.2.0"
     keys.chmod(0o666)
-    with pytest.raises(UsageError, match="users other than root may change"):
+    with pytest.raises(UsageError, match="users other than root can write"):
         read_update(maker.tar("0.2.0"), keys)
     keys.write_text("")
     keys.chmod(0o644)
@@ -396,7 +396,7 @@ def test_a_full_disk_leaves_what_was(
 ) -> None:
     found = update.check(maker.tar("0.2.0"), place)
     monkeypatch.setattr(update, "SPACE_FACTOR", 1e12)
-    with pytest.raises(UsageError, match="Make room"):
+    with pytest.raises(UsageError, match="Free some space"):
         update.check(maker.tar("0.2.0"), place)
 
     def full(*_arguments: object, **_options: object) -> None:

@@ -180,7 +180,7 @@ def test_positions_of_the_drone_count_when_they_come() -> None:
     bench = Bench()
     bench.take(Poses(poses=(POSE,)), NOW_NS)
     assert bench.pose_ns == NOW_NS
-    bench.forget()
+    bench.reset()
     assert bench.pose_ns is None
 
 

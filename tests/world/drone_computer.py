@@ -19,7 +19,7 @@ from uavrt.ipc.process import ProcessFrame
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.processes.guide import TICK_S, Guide
 from uavrt.processes.recorder import TURN_S, Recorder
-from uavrt.processes.thinker import Thinker
+from uavrt.processes.search_thread import SearchThread
 from uavrt.supervisor.core import Supervisor
 from uavrt.supervisor.start.launcher import Launcher
 
@@ -99,7 +99,7 @@ class TaskLauncher(Launcher):
         return task.result(), 0.0
 
 
-class PromptThinker(Thinker):
+class PromptThinker(SearchThread):
     """Thinks at once instead of in a thread, in no virtual time."""
 
     def _start(self) -> None:

@@ -20,7 +20,7 @@ from uavrt.integration.heard_train import HeardTrain
 from uavrt.integration.single_slots import SlotEvidence, slot_evidence
 from uavrt.integration.train_place import PlaceBelief
 from uavrt.messages import Pulse, PulsePose
-from uavrt.processes.missing_poses import REACH_NS, made_up
+from uavrt.processes.missing_poses import REACH_NS, pose_from_records
 from uavrt.recording.flight_reader import Flight
 from uavrt.recording.integrated import IntegratedPart, IntegratedVerdict, Ring, write_integrated
 from uavrt.units import db_from_power, ns_from_s
@@ -101,7 +101,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
         )
         first = bisect_left(pose_times_ns, time_ns - REACH_NS)
         last = bisect_right(pose_times_ns, time_ns + REACH_NS)
-        found.append(made_up(pulse, flight.poses[first:last], antenna))
+        found.append(pose_from_records(pulse, flight.poses[first:last], antenna))
     return found
 
 

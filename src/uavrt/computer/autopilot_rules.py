@@ -1,4 +1,4 @@
-"""Autopilot parameters required to connect drone and ground. Pure.
+"""Autopilot parameters that uavrt needs to connect drone and ground.
 
 PX4 (docs.px4.io, "Serial Port Configuration", "MAVLink Peripherals"): instance n of MAVLink
 runs on the port MAV_n_CONFIG (0: off), sends what MAV_n_MODE says (2: onboard), and forwards
@@ -15,9 +15,9 @@ from uavrt.errors import ConfigError
 from uavrt.mavlink.discovery import STATION_SYSTEM_ID
 
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
-"""Number of a port for MAV_n_CONFIG, and its name in SER_…_BAUD."""
+"""Value of MAV_n_CONFIG for each port, and the port's name in SER_…_BAUD."""
 ARDUPILOT_PORTS = {"TELEM1": 1, "TELEM2": 2, "TELEM3": 5}
-"""Number of a port by default; boards differ, see SERIALn."""
+"""Default serial number of each port; boards differ, see SERIALn."""
 PX4_INSTANCES = (0, 1, 2)
 ARDUPILOT_SERIALS = (1, 2, 3, 4, 5, 6)
 ARDUPILOT_CHANNELS = (1, 2, 3, 4)
@@ -29,48 +29,47 @@ NO_FORWARD_CHANNEL = 1 << 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Need:
-    """One parameter: its value and the value that we need."""
+    """A parameter with its reported and its needed value."""
 
     name: str
     value: float | None
-    """Reported value; None: not reported."""
     wanted: float
     why: str
 
     @property
     def met(self) -> bool:
-        """Whether it is as needed."""
+        """True if the parameter has the needed value."""
         return self.value == self.wanted
 
 
 def serial_number(port: str) -> int:
-    """Get ArduPilot's number of a port: ``TELEM2`` or ``SERIAL2``; raises `ConfigError`."""
+    """ArduPilot's number of a port ``TELEM2`` or ``SERIAL2``; raises `ConfigError`."""
     number = port.removeprefix("SERIAL")
     if number.isdecimal() and int(number) in ARDUPILOT_SERIALS:
         return int(number)
     if port in ARDUPILOT_PORTS:
         return ARDUPILOT_PORTS[port]
     known = [*ARDUPILOT_PORTS, *(f"SERIAL{n}" for n in ARDUPILOT_SERIALS)]
-    raise ConfigError(f"no port {port}", remedy=f"Choose from {', '.join(known)}")
+    raise ConfigError(f"unknown port {port}", remedy=f"Choose from {', '.join(known)}")
 
 
 def px4_port(port: str) -> tuple[int, str]:
-    """Get PX4's number and short name of a port; raises `ConfigError`."""
+    """PX4's number and short name of a port; raises `ConfigError`."""
     if port not in PX4_PORTS:
-        raise ConfigError(f"no port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
+        raise ConfigError(f"unknown port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
     return PX4_PORTS[port]
 
 
 def has_serial_ports(values: Mapping[str, float | None]) -> bool:
-    """Whether a PX4 reports ports for MAVLink; one in simulation does not."""
+    """True if a PX4 reports ports for MAVLink; a simulated one does not."""
     return any(values.get(f"MAV_{n}_CONFIG") is not None for n in PX4_INSTANCES)
 
 
 def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bool, str, str]:
-    """Describe what the autopilot does when the operator's ground station is lost.
+    """Describe what the autopilot does when it loses the operator's ground station.
 
     PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
-    (SYSID_MYGCS before 4.7); our ground stations are neither.
+    (SYSID_MYGCS before 4.7); our ground stations send neither.
     """
     if px4:
         action = values.get("NAV_DLL_ACT")
@@ -86,7 +85,7 @@ def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bo
 
 
 def names_to_read(px4: bool, port: str | None) -> list[str]:
-    """List the parameters that the rules need."""
+    """Names of the parameters that the rules need."""
     if px4:
         names = [
             f"MAV_{n}_{what}" for n in PX4_INSTANCES for what in ("CONFIG", "MODE", "FORWARD")
@@ -102,11 +101,11 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Required value of every parameter that matters.
+    """Needed value of every relevant parameter.
 
-    `px4`: PX4, else ArduPilot. `port`: where the companion is connected; None: not at a serial
-    port. `baud`: our serial port's rate. Raises `ConfigError` for an unknown port, or if no
-    instance of MAVLink is free for it.
+    `px4`: True for PX4, False for ArduPilot. `port`: where the companion is connected; None: no
+    serial port. `baud`: rate of our serial port. Raises `ConfigError` for an unknown port, or
+    if no MAVLink instance is free for it.
     """
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
@@ -136,7 +135,6 @@ def _px4(values: Mapping[str, float | None], port: str | None, baud: int) -> lis
 
 
 def _instance_for(values: Mapping[str, float | None], number: int, port: str) -> int:
-    """Choose the instance that is on the port, else a free one, instance 1 first."""
     order = (1, 2, 0)
     on_port = [n for n in order if values.get(f"MAV_{n}_CONFIG") == number]
     free = [n for n in order if values.get(f"MAV_{n}_CONFIG") == 0]
@@ -175,5 +173,5 @@ def _ardupilot(values: Mapping[str, float | None], port: str | None, baud: int) 
 
 
 def _ardupilot_baud(baud: int) -> int:
-    """Write a rate as ArduPilot does: 57 is 57 600, 921 is 921 600, 1500 is 1 500 000."""
+    """Baud rate as ArduPilot writes it: 57 is 57 600, 921 is 921 600, 1500 is 1 500 000."""
     return baud // 1000

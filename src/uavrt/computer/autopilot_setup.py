@@ -1,4 +1,4 @@
-"""``uavrt doctor --autopilot``: read the autopilot's parameters; set them on request."""
+"""Reads the autopilot's parameters for ``uavrt doctor --autopilot``; sets them on request."""
 
 import asyncio
 from collections.abc import Iterator
@@ -26,9 +26,9 @@ def examine_autopilot(
 ) -> Iterator[Finding]:
     """Compare the autopilot's parameters with what uavrt needs.
 
-    `port`: the autopilot's port of the companion; None: TELEM2 where the address is a serial
-    port, else none. `baud`: rate of the companion's serial port in flight; None: the address's.
-    `fix`: set what is wrong, unless the vehicle is armed.
+    `port`: the autopilot's port of the companion; None: TELEM2 for a serial address, else none.
+    `baud`: rate of the companion's serial port in flight; None: the address's. `fix`: set wrong
+    parameters, unless the vehicle is armed.
     """
     place = parse_address(address)
     if port is None and place.device:
@@ -41,7 +41,7 @@ def examine_autopilot(
 
 
 def armed_by_link(address: str) -> bool | None:
-    """Whether the autopilot on a free link is armed; None if none answers."""
+    """True if the autopilot on an unused link is armed; None if none answers."""
 
     async def ask() -> bool:
         async with ParameterClient.connected(parse_address(address), LISTEN_S) as client:
@@ -90,7 +90,6 @@ def _greeting(client: ParameterClient, port: str | None) -> Finding:
 
 
 async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Finding, bool]:
-    """Check one parameter, and set it if requested; True when it was changed."""
     if need.met:
         return passed(WHAT, f"{need.name} = {need.wanted:g}"), False
     if need.value is None:

@@ -1,7 +1,7 @@
-"""Judges on the bench whether a drone is fit for a first flight. Pure.
+"""Decides on the bench whether a drone is ready for a first flight.
 
-`Bench` collects the records, on the drone or over its link; `first_flight` judges them and
-other facts, for ``uavrt doctor --flight`` and for the page.
+`Bench` collects records, on the drone or over its link. `first_flight` judges them and other
+facts, for ``uavrt doctor --flight`` and the page.
 """
 
 from collections.abc import Iterable
@@ -15,21 +15,24 @@ from uavrt.messages import Poses, PulsePose, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 
 DETECTOR_SILENT_S = 15.0
-"""Silence of a detector that is a fault [s]; over the link each reports every 6 s or so."""
+"""Silence of a detector that counts as a fault [s]; over the link each reports about every 6 s.
+"""
 POSE_OLD_S = 2.0
-"""Age of a position that is a fault [s]; five come each second, and poor links lose some."""
+"""Age of a position that counts as a fault [s]; five arrive each second, some are lost."""
 HEARD_S = 60.0
-"""Time for which a pulse of the bench tag counts [s]."""
+"""Time for which a received pulse of the bench tag counts [s]."""
 NOISE_RISE_DB = 6.0
-"""Rise above the quietest since the check began that is a fault [dB]; it halves the range."""
+"""Rise above the lowest noise of this check that counts as a fault [dB]; it halves the range.
+"""
 NOISE_APART_DB = 10.0
-"""Difference between the tags' frequencies that is a fault [dB]; a receiver is flat to 3 dB."""
+"""Noise difference between the tags' frequencies that is a fault [dB]; a receiver is flat to 3
+dB."""
 NOISE_LESS_DB = 10.0
-"""Drop below past flights that is a fault [dB]: the antenna is off, or the gain is less."""
+"""Noise drop below past flights that is a fault [dB]: antenna disconnected, or lower gain."""
 CLOCK_OFF_S = 3.0
-"""Difference between the drone's and the ground station's clock that is a fault [s]."""
+"""Clock difference of drone and ground station that counts as a fault [s]."""
 BATTERY_PERCENT = 50.0
-"""Least battery for a useful first flight [%]."""
+"""Smallest battery charge for a useful first flight [%]."""
 NOISE_REMEDY = (
     "Switch off what is near, one thing after the other (camera, video link, chargers), and "
     "keep cables away from the antenna"
@@ -44,31 +47,30 @@ LEVEL_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFacts:
-    """Facts other than the records; None: not known."""
+    """Facts in addition to the records; None if unknown."""
 
     tags: tuple[Tag, ...]
     state: SystemState | None
     heard: bool
-    """Whether the drone answers."""
+    """True if the drone answers."""
     own_findings: tuple[Finding, ...] = ()
-    """Checks by this computer itself, which replace those by records of the link."""
+    """Findings of this computer itself, which replace those from records over the link."""
     time_known: bool | None = None
-    """Whether the autopilot's clock is known; None: checked elsewhere."""
+    """True if the autopilot's clock is known; None: checked elsewhere."""
     clock_off_s: float | None = None
-    """Ground station's clock minus the drone's [s]."""
     pose_age_s: float | None = None
-    """Age of the newest position [s]; None: none yet."""
+    """Age of the newest position [s]; None without any."""
     disk_free_mb: float | None = None
     disk_needed_mb: float = 0.0
     battery_percent: float | None = None
     battery_v: float | None = None
     usual_noise_db: float | None = None
-    """Noise of the receiver at rest in past flights [dB]; None: unknown."""
+    """Noise of the resting receiver in past flights [dB]; None if unknown."""
 
 
 @dataclass(slots=True)
 class _Heard:
-    """Records of one tag."""
+    """The last records of one tag."""
 
     detector_ns: int | None = None
     pulse_ns: int | None = None
@@ -79,15 +81,15 @@ class _Heard:
 
 @dataclass(slots=True)
 class Bench:
-    """Collects records, with the times when they came."""
+    """Collects records with their arrival times."""
 
     tags: dict[int, _Heard] = field(default_factory=dict)
     pose_ns: int | None = None
     posed: bool | None = None
-    """Whether the newest pulse had a position; None: no pulse yet."""
+    """True if the newest pulse had a position; None without a pulse."""
 
     def take(self, record: object, now_ns: int) -> None:
-        """Add a record; only pulses, reports and poses count."""
+        """Add a record; only pulses, search reports and poses count."""
         match record:
             case PulsePose():
                 one = self.alive(record.pulse.tag_id, now_ns)
@@ -101,18 +103,18 @@ class Bench:
                 self.pose_ns = now_ns
 
     def alive(self, tag_id: int, now_ns: int) -> _Heard:
-        """Note a detector's sign of life."""
+        """Register that a tag's detector reported."""
         one = self.tags.setdefault(tag_id, _Heard())
         one.detector_ns = now_ns
         return one
 
-    def forget(self) -> None:
-        """Reset for another drone, or another place of this one."""
+    def reset(self) -> None:
+        """Reset for another drone, or after this one was moved."""
         self.tags.clear()
         self.pose_ns = self.posed = None
 
     def noise(self, tags: Iterable[Tag]) -> dict[int, _Heard]:
-        """Known noise of the tags."""
+        """Noise at the frequencies of the tags, where known [dB]."""
         ids = {tag.tag_id for tag in tags}
         return {
             tag_id: one
@@ -128,7 +130,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Judge each item of the list; unknown items count as faults."""
+    """Judge each item of the check list; unknown items count as faults."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -146,7 +148,6 @@ def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]
 
 
 def _without_drone(finding: Finding) -> Finding:
-    """Mark items that need the drone as waiting, without a remedy of their own."""
     if finding.ok or finding.what in ("drone", "tags"):
         return finding
     return failed(finding.what, "unknown: no contact with the drone", "Waiting for the drone")
@@ -206,7 +207,7 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Judge even, steady noise: only past flights show whether it is too high."""
+    """Finding on noise that is flat and steady: past flights show whether it is too high."""
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(

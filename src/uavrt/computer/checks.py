@@ -1,4 +1,4 @@
-"""``uavrt doctor``: is this computer fit to fly? One finding per line, each with its remedy."""
+"""Checks of ``uavrt doctor``: one finding per line, each with its remedy."""
 
 import asyncio
 import grp
@@ -31,17 +31,17 @@ LISTEN_S = 4.0
 HOT_C = 80.0
 """Temperature from which a Raspberry Pi 5 slows down [°C] (Raspberry Pi documentation)."""
 IDLE_CORES_NEEDED = 0.5
-"""Idle cores needed; a hundred tags take a tenth of a core of the reference machine."""
+"""Number of idle cores needed; a hundred tags take a tenth of a core of the reference machine.
+"""
 
 
 def examine(
     settings: Settings, running: SystemStatus | None, *, mavlink: str | None = None
 ) -> Iterator[Finding]:
-    """Check everything, one finding after the other.
+    """Run all checks, one finding after the other.
 
-    `settings`: of the flight. `running`: state of a system that runs already and uses the radio
-    and the serial port. `mavlink`: another link on which to find the autopilot, also while a
-    system runs.
+    `settings`: those of the flight. `running`: state of a running system, which uses the radio
+    and the serial port. `mavlink`: another link to the autopilot, also while a system runs.
     """
     yield check_radio(settings, running)
     if mavlink is not None:
@@ -56,7 +56,7 @@ def examine(
 
 
 def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
-    """Check that the radio is there."""
+    """Check that the radio is plugged in and works."""
     if running is not None and running.state in (SystemState.DETECTING, SystemState.CAPTURING):
         receiver = next((p for p in running.processes if p.process == "receiver"), None)
         good = receiver is not None and receiver.ok
@@ -123,7 +123,6 @@ def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding
 
 
 def _listen(settings: Settings) -> tuple[bool, str]:
-    """Wait for an autopilot; whether one was received, and a text."""
     clock = Clock.start()
     link = Connection(
         Handlers(
@@ -160,7 +159,7 @@ def _listen(settings: Settings) -> tuple[bool, str]:
 
 
 def check_clock() -> Finding:
-    """Check that the clock is set, which dates a flight."""
+    """Check that the clock is set; it dates the flights."""
     kept = check_kept_time()
     if not kept.ok or not (synchronized := _timedatectl()):
         return kept
@@ -171,7 +170,7 @@ def check_clock() -> Finding:
 
 
 def check_kept_time() -> Finding:
-    """Check that this computer keeps the time without a network."""
+    """Check that this computer keeps its time without a network."""
     fault = clock_fault()
     text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
     if fault is None:
@@ -190,7 +189,7 @@ def check_kept_time() -> Finding:
 
 
 def _timedatectl() -> str:
-    """Whether a time server has set the clock, by systemd: ``yes``, ``no`` or nothing."""
+    """``yes`` or ``no``: systemd has set the clock from a time server; empty if unknown."""
     if shutil.which("timedatectl") is None:
         return ""
     finished = subprocess.run(
@@ -204,7 +203,7 @@ def _timedatectl() -> str:
 
 
 def check_disk(settings: Settings) -> Finding:
-    """Check that there is room for a flight."""
+    """Check that there is disk space for a flight."""
     directory = Path(settings.recording.directory).resolve()
     present = next(path for path in (directory, *directory.parents) if path.exists())
     free_mb = shutil.disk_usage(present).free / 1e6
@@ -215,7 +214,7 @@ def check_disk(settings: Settings) -> Finding:
 
 
 def check_card(settings: Settings) -> Finding:
-    """Check the health of the card with the flights."""
+    """Check the health of the memory card with the flights."""
     what = "card"
     directory = Path(settings.recording.directory).resolve()
     present = next(path for path in (directory, *directory.parents) if path.exists())
@@ -242,7 +241,6 @@ def check_processor(measure_s: float = 1.0) -> Finding:
 
 
 def _idle_s() -> float:
-    """Idle time of all cores since boot [s] (proc(5): idle and iowait of ``/proc/stat``)."""
     fields = Path("/proc/stat").read_text().split("\n", 1)[0].split()
     return (int(fields[4]) + int(fields[5])) / os.sysconf("SC_CLK_TCK")
 

@@ -1,30 +1,30 @@
-"""Result of a check; without imports, so that a ground station on any computer has it."""
+"""Result of a check; without imports, for ground stations on any computer."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One line of a check."""
+    """One line of a check: passed or failed, with a remedy."""
 
     what: str
     ok: bool
     text: str
     remedy: str = ""
     open: bool = False
-    """Whether it cannot be judged yet; then it does not count as a fault."""
+    """True if it cannot be judged yet; then it does not count as a fault."""
 
 
 def passed(what: str, text: str) -> Finding:
-    """Make the line of something that is as it should be."""
+    """Finding for something that is right."""
     return Finding(what=what, ok=True, text=text)
 
 
 def failed(what: str, text: str, remedy: str) -> Finding:
-    """Make the line of a fault."""
+    """Finding for a fault, with its remedy."""
     return Finding(what=what, ok=False, text=text, remedy=remedy)
 
 
 def judged(what: str, ok: bool, text: str, remedy: str) -> Finding:
-    """Make the line of a value; the remedy is shown for a fault only."""
+    """Finding for a judged value; the remedy is shown only for a fault."""
     return passed(what, text) if ok else failed(what, text, remedy)

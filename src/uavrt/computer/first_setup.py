@@ -1,8 +1,8 @@
-"""First set-up of a drone's computer: the steps on its image's page.
+"""First set-up of a drone's computer: the steps on the page of its image.
 
-Each step is checked as a whole and written at once to ``uavrt.toml``, so that a power cut loses
-no step. Values for root (hostname, passwords, update keys) go to ``set-up.conf`` there, which
-the image's own start (``uavrt-identity``) applies and removes.
+Each step is checked as a whole and written to ``uavrt.toml`` at once, so a power cut loses no
+step. Values for root (hostname, passwords, update keys) go to ``set-up.conf`` in the same
+directory. The image's start-up script ``uavrt-identity`` applies and removes them.
 """
 
 import os
@@ -40,15 +40,16 @@ HANDOVER = "set-up.conf"
 UPDATE_KEYS = "update-keys.pem"
 COMMAND_KEY = "command.key"
 NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
-"""A hostname (RFC 1123) that also fits the computer's Wi-Fi: 32 bytes."""
+"""Pattern of a hostname (RFC 1123) that is also a valid Wi-Fi name (32 bytes)."""
 SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
-"""A password: WPA needs 8 to 63 characters; these need no quoting."""
+"""Pattern of a password: WPA needs 8 to 63 characters; these need no quoting."""
 KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
 SSH_KEY = re.compile(
     r"(?:ssh-(?:ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}"
     r"(?: [A-Za-z0-9@._-]{1,80})?"
 )
-"""A public key for log-in, as ``ssh-keygen`` writes it (sshd(8)), without options."""
+"""Pattern of a public key for log-in, as written by ``ssh-keygen`` (sshd(8)), without options.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +61,7 @@ class StepFault:
 
 
 class FirstSetup:
-    """The steps, and the state of this computer; `config`: the drone side's ``uavrt.toml``."""
+    """The set-up steps and their state; `config`: the drone's ``uavrt.toml``."""
 
     def __init__(self, config: Path) -> None:
         self.config = config
@@ -71,11 +72,11 @@ class FirstSetup:
 
     @property
     def wanted(self) -> bool:
-        """Whether the set-up has not been done yet."""
+        """True until the set-up has been finished."""
         return not (self.config.parent / DONE).exists()
 
     def values(self) -> dict[str, Any]:
-        """Initial values of each step; no secrets."""
+        """Initial values of each step, without secrets."""
         settings = self._settings()
         return {
             "name": self._handed_over().get("name") or socket.gethostname(),
@@ -91,7 +92,7 @@ class FirstSetup:
         }
 
     def choices(self) -> dict[str, Any]:
-        """Possible choices, and the radios that are plugged in."""
+        """Possible choices for each step, and the radios that are plugged in."""
         return {
             "antennas": list(PATTERNS),
             "radios": [
@@ -107,7 +108,7 @@ class FirstSetup:
         }
 
     def take(self, step: str, values: object) -> tuple[StepFault, ...]:
-        """Check a step and, without a fault, write it.
+        """Check a step's values and, if valid, write them.
 
         Raises `UsageError` if the step is unknown or done, or the values are malformed;
         `ConfigError` if the settings cannot be written.
@@ -131,7 +132,7 @@ class FirstSetup:
         return faults
 
     def test(self, step: str, running: SystemStatus | None) -> list[Finding]:
-        """Try what a step has set: the radio, or the link to the autopilot. Takes seconds."""
+        """Test a step's settings: the radio, or the autopilot's link. Takes seconds."""
         self._require_wanted()
         settings = self._settings()
         if step == "radio":
@@ -146,7 +147,7 @@ class FirstSetup:
         return [check_autopilot(settings, held)]
 
     def finish(self) -> dict[str, str]:
-        """End the set-up for good; raises `UsageError` if a step is missing."""
+        """Finish the set-up permanently; raises `UsageError` if a step is missing."""
         self._require_wanted()
         missing = [step for step in STEPS if step not in self.done]
         if missing:
@@ -156,7 +157,7 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """The drone's command key, for a laptop that is to command; only during set-up."""
+        """The drone's command key, for a laptop that will command it; only during set-up."""
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:
@@ -274,7 +275,7 @@ class FirstSetup:
     def _require_wanted(self) -> None:
         if not self.wanted:
             raise UsageError(
-                "this computer has been set up",
+                "this computer is already set up",
                 remedy=f"Remove the file {DONE} next to its settings to repeat the set-up",
             )
 
@@ -290,7 +291,7 @@ class FirstSetup:
         write_atomically(self.config.parent / HANDOVER, text, mode=0o600)
 
     def _may_log_in(self) -> Path:
-        """Keys allowed to log in to an image (deploy/image/configure-root.sh)."""
+        """Keys allowed to log in, written as in an image (deploy/image/configure-root.sh)."""
         return self.config.parent.resolve().parent / "ssh/authorized_keys"
 
     def _has_update_key(self) -> bool:
@@ -299,7 +300,7 @@ class FirstSetup:
 
 
 def _writing(directory: Path) -> AbstractContextManager[None]:
-    """Name the remedy if the disk cannot be written."""
+    """Context that adds the remedy if the disk cannot be written."""
     return os_errors_as(
         ConfigError,
         f"{directory} cannot be written",
@@ -313,7 +314,6 @@ def _text(values: dict[str, Any], name: str) -> str:
 
 
 def _number(values: dict[str, Any], name: str) -> float | None:
-    """Read a typed number, perhaps with a decimal comma."""
     value = values.get(name)
     if isinstance(value, bool):
         return None
@@ -328,7 +328,7 @@ def _lines(pem: str) -> str:
 
 
 def _are_public_keys(pem: str) -> bool:
-    """Whether a text holds only public keys of the kind that signs updates."""
+    """True if a text contains only public keys of the kind that signs updates."""
     keys = split_keys(_lines(pem))
     return bool(keys) and "".join(keys) == _lines(pem) and all(map(_is_ed25519, keys))
 

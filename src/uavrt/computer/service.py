@@ -1,10 +1,10 @@
-"""Start at boot: a systemd unit and a udev rule.
+"""Start at boot by a systemd unit and a udev rule.
 
-The unit is ``Type=notify`` with a watchdog (systemd.service(5)): systemd restarts the
-supervisor when it ends or falls silent, and the supervisor resumes the flight. It is confined
-(systemd.exec(5)) to its directory, removable drives, USB radios, serial ports and the network.
-The rule lets the group ``plugdev`` use the radio: Debian's own rule (``TAG+="uaccess"``) opens
-it only to the user at the screen, not to ssh and not to a service.
+The unit is ``Type=notify`` with a watchdog (systemd.service(5)). systemd restarts the
+supervisor when it ends or stops reporting, and the supervisor resumes the flight. It may access
+only its directory, removable drives, USB radios, serial ports and the network
+(systemd.exec(5)). The rule lets the group ``plugdev`` use the radio; Debian's own rule
+(``TAG+="uaccess"``) admits only the user at the screen, not ssh and not a service.
 """
 
 import pwd
@@ -26,10 +26,11 @@ RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
 UPDATE_UNIT_PATH = Path("etc/systemd/system/uavrt-update.service")
 UPDATE_WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants/uavrt-update.service")
 WATCHDOG_S = 15
-"""Silence after which systemd restarts it [s]; the tuner may take 10 s as a flight starts."""
+"""Silence after which systemd restarts the service [s]; the tuner may take 10 s at a flight's
+start."""
 
 DRIVES = ("/media", "/run/media")
-"""Directories where drives appear, for "save logs"."""
+"""Directories where removable drives are mounted, for the command "save logs"."""
 DEVICES = (
     "char-usb_device",
     "char-ttyUSB",
@@ -38,8 +39,8 @@ DEVICES = (
     "char-ttyS",
     "char-ttyTHS",
 )
-"""Kernel names (``/proc/devices``) of USB radios and serial ports. USB cables, boards with a
-USB port of their own, the Raspberry Pi's, a PC's and the Jetson's pins."""
+"""Kernel names (``/proc/devices``) of USB radios and serial ports: USB cables, boards with a
+USB port, and the pins of Raspberry Pi, PC and Jetson."""
 _TEMPORARY = (Path("/tmp"), Path("/var/tmp"))
 _HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
 
@@ -49,20 +50,20 @@ class ServicePlan:
     """Program, user and directories of the service."""
 
     program: Path
-    """The ``uavrt`` command."""
     user: str
     directory: Path
-    """Working directory, to which paths of the settings are relative."""
+    """Working directory; paths in the settings are relative to it."""
     config: Path | None = None
-    """Settings file; None: ``uavrt.toml`` in the directory, if it is there."""
+    """Settings file; None: ``uavrt.toml`` in the directory, if it exists."""
     writable: tuple[Path, ...] = ()
-    """Directories outside of `directory` in the settings: flights, save logs."""
+    """Directories outside of `directory` that the settings name, for flights and saved logs."""
     prefix: Path | None = None
-    """Where versions can be exchanged (`uavrt.computer.versions`); None: nowhere."""
+    """Directory in which versions can be exchanged (`uavrt.computer.versions`); None: no
+    updates."""
 
 
 def unit_text(plan: ServicePlan) -> str:
-    """Write the unit."""
+    """Text of the systemd unit of the service."""
     config = ["--config", str(plan.config)] if plan.config is not None else []
     command = " ".join(_quoted(word) for word in (str(plan.program), "run", *config))
     places = [str(plan.directory), *(str(path) for path in plan.writable)]
@@ -132,7 +133,7 @@ WantedBy=multi-user.target
 
 
 def update_unit_text(plan: ServicePlan, prefix: Path) -> str:
-    """Write the unit that ends the trial of a version after a power cut."""
+    """Text of the unit that completes the trial of a new version after a power cut."""
     config = ["--config", str(plan.config)] if plan.config is not None else []
     resume = ("uavrt.cli", "update", "--resume", "--prefix", str(prefix), *config)
     words = python_module(prefix / "trial", *resume)
@@ -153,10 +154,10 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Refuse a service that cannot start or would lose its recordings.
+    """Raise `UsageError` for a service that cannot start or would lose its recordings.
 
-    `root`: of the system that it is for; users of one without ``etc/passwd`` are not checked.
-    Raises `UsageError` for an unknown user, a missing directory, or one below /tmp.
+    That is an unknown user, a missing directory, or one below /tmp. `root`: root directory of
+    the target system; without its ``etc/passwd``, users are not checked.
     """
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
@@ -184,7 +185,6 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
 
 
 def _has_account(user: str) -> bool:
-    """Whether a user exists, also outside of ``etc/passwd``."""
     try:
         pwd.getpwnam(user)
     except KeyError:
@@ -193,17 +193,17 @@ def _has_account(user: str) -> bool:
 
 
 def _literal(path: Path) -> str:
-    """Write a path that systemd takes to the end of the line, where it expands ``%``."""
+    """Path for the end of a unit's line, where systemd expands ``%``."""
     return str(path).replace("%", "%%")
 
 
 def _place(path: str) -> str:
-    """Quote a path for ``ReadWritePaths=``, which expands ``%`` but not ``$``."""
+    """Quoted path for ``ReadWritePaths=``, which expands ``%`` but not ``$``."""
     return _quoted(f"-{path}").replace("$$", "$")
 
 
 def _home_access(plan: ServicePlan) -> str:
-    """Close home directories, unless the program or its files are in one."""
+    """Setting that hides home directories, unless the program or its files are in one."""
     used = (plan.program, plan.directory, plan.config, *plan.writable)
     within = any(
         path.is_relative_to(home) for path in used if path is not None for home in _HOMES
@@ -212,7 +212,7 @@ def _home_access(plan: ServicePlan) -> str:
 
 
 def rule_text() -> str:
-    """Write the udev rule."""
+    """Text of the udev rule."""
     lines = ["# uavrt: radios for the group plugdev, also over ssh and for services"]
     for vendor, product, name in (usb for row in RADIOS.values() for usb in row.usb):
         lines.append(f"# {name}")
@@ -229,7 +229,6 @@ def rule_text() -> str:
 
 
 def _quoted(word: str) -> str:
-    """Quote a word for ``ExecStart=`` (systemd.service(5), "Command lines")."""
     if any(c in word for c in "\n\r\0"):
         raise UsageError(f"{word!r} cannot be written in a systemd unit")
     escaped = (
@@ -241,8 +240,8 @@ def _quoted(word: str) -> str:
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
     """Write unit and rule, and enable the unit; can be repeated.
 
-    `root`: another root than the running system's: files are written, nothing is started.
-    Returns a description. Raises `UsageError` without permission.
+    `root`: root directory of another system; files are written, nothing is started. Returns a
+    description. Raises `UsageError` without permission.
     """
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
@@ -263,7 +262,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and remove the service, not its flights; raises `UsageError` without permission."""
+    """Stop and remove the service, not its flights; raises `UsageError` if not permitted."""
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:
@@ -307,7 +306,7 @@ def _write(path: Path, text: str) -> str:
 
 
 def _link(path: Path, target: str) -> str:
-    """Enable a unit like ``systemctl enable``, without a running systemd."""
+    """Enable a unit as ``systemctl enable`` does, without a running systemd."""
     try:
         if path.is_symlink() and str(path.readlink()) == target:
             return f"{path.name} starts at boot"
@@ -325,7 +324,6 @@ def _not_allowed(path: Path, error: OSError) -> UsageError:
 
 
 def _call(*commands: Sequence[str]) -> list[str]:
-    """Run commands; a failure is reported and does not stop the others."""
     said = []
     for command in commands:
         if shutil.which(command[0]) is None:

@@ -1,4 +1,4 @@
-"""A starter of the ground station for the desktop's menu (Desktop Entry Specification 1.0)."""
+"""Desktop menu entry that starts the ground station (Desktop Entry Specification 1.0)."""
 
 import os
 from pathlib import Path
@@ -24,9 +24,9 @@ def data_home() -> Path:
 
 
 def install_starter(program: Path, place: Path) -> list[Path]:
-    """Write the entry and its picture; can be repeated.
+    """Write the menu entry and its icon; can be repeated.
 
-    `program`: the ``uavrt`` command. `place`: `data_home`, or another. Returns what was
+    `program`: the ``uavrt`` command. `place`: `data_home`, or another. Returns the files
     written. Raises `UsageError` if the program is missing, or the place cannot be written.
     """
     if not program.exists():
@@ -42,7 +42,7 @@ def install_starter(program: Path, place: Path) -> list[Path]:
 
 
 def remove_starter(place: Path) -> list[Path]:
-    """Remove the files of `install_starter`; return those that were there."""
+    """Remove the files of `install_starter`; return those that existed."""
     removed = []
     for path in (place / ENTRY, place / ICON):
         try:
@@ -54,7 +54,7 @@ def remove_starter(place: Path) -> list[Path]:
 
 
 def entry_text(program: Path) -> str:
-    """Write the entry: in a terminal, whose closing ends the ground station."""
+    """Text of the menu entry; it opens a terminal, which ends the station when closed."""
     return f"""\
 [Desktop Entry]
 Type=Application
@@ -71,7 +71,7 @@ Keywords=radio;telemetry;wildlife;drone;
 
 
 def _quoted(word: str) -> str:
-    r"""Quote a word of ``Exec=``: the shell's reserved letters, then what a value escapes.
+    r"""Quoted word for ``Exec=``: first for the shell's reserved characters, then for a value.
 
     A backslash is ``\\`` within quotes, and each of those again ``\\`` in a value; a per cent
     sign would begin a field code.

@@ -1,9 +1,9 @@
-"""Judges whether a new version is fit to fly, by what the running system shows. Pure.
+"""Decides from the running system whether a new version is fit to fly.
 
-It is kept if, for a minute without a gap, the autopilot's heartbeat and fresh poses were there
-and no process was restarted; otherwise the previous version is restored. While the vehicle is
-armed nothing is exchanged: a deficient version flies on, until no armed state was received for
-three minutes.
+It is kept if the autopilot's heartbeat and fresh poses arrived for a minute without a gap, and
+no process was restarted. Otherwise the previous version is restored. While the vehicle is armed
+nothing is exchanged: even a faulty version keeps running until three minutes without an armed
+state.
 """
 
 from dataclasses import dataclass, field
@@ -16,18 +16,18 @@ from uavrt.errors import UsageError
 from uavrt.messages import Poses, SystemStatus
 
 HOLD_S = 60.0
-"""Time for which everything must be there [s]."""
+"""Time for which everything must work [s]."""
 PATIENCE_S = 180.0
-"""Time after the start, or after landing, in which that must happen [s]."""
+"""Time after the start, or after landing, within which that must happen [s]."""
 GAP_S = 5.0
-"""Longest gap [s]; status comes every second, poses every half."""
+"""Longest gap that counts as working [s]; status arrives every second, poses every half."""
 HEARD = ("waiting for ground station", "ready")
 ARMED = "autopilot_armed"
-"""The connection's counter: 1 while the autopilot reports that it is armed, 0 while not."""
+"""Counter in the connection's health: 1 if the autopilot reports armed, 0 if disarmed."""
 
 
 class Verdict(Enum):
-    """Decision on a version on trial."""
+    """Decision on a new version: keep, restore the previous one, or wait."""
 
     OPEN = "open"
     GOOD = "good"
@@ -36,14 +36,14 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Signs of life that a working version shows."""
+    """Records that a working version must produce."""
 
     heartbeat: bool
     poses: bool
 
     @classmethod
     def of(cls, settings: Settings) -> "Needs":
-        """What a working drone or station with these settings has."""
+        """Records that a drone or ground station with these settings must produce."""
         own = settings.pose.source != "autopilot"
         heartbeat = bool(settings.mavlink.address) and not own
         return cls(heartbeat=heartbeat, poses=heartbeat or own)
@@ -51,20 +51,20 @@ class Needs:
 
 @dataclass(slots=True)
 class Seen:
-    """What the running system has shown, and when [s]."""
+    """The newest records of the running system, with their times [s]."""
 
     status_s: float | None = None
     heartbeat_s: float | None = None
     poses_s: float | None = None
     armed: bool | None = None
-    """Whether the vehicle is armed; None: unknown."""
+    """True if the vehicle is armed; None if unknown."""
     state: SystemState | None = None
     restarts: dict[str, int] = field(default_factory=dict)
     restarted: tuple[str, ...] = ()
-    """Processes restarted since the record before."""
+    """Processes restarted since the previous record."""
 
     def take(self, record: Any, now_s: float) -> None:
-        """Handle a record of the system."""
+        """Add a record of the system."""
         match record:
             case Poses():
                 self.poses_s = now_s
@@ -85,12 +85,12 @@ class Seen:
                 self.armed = None if armed is None else bool(armed)
 
     def is_armed(self, now_s: float) -> bool:
-        """Whether the autopilot is received, and reports that it is armed."""
+        """True if an autopilot is received and reports that it is armed."""
         heard = self.heartbeat_s is not None and now_s - self.heartbeat_s <= GAP_S
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Name what is missing now."""
+        """Text on what is missing now; None if nothing is."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses
@@ -99,7 +99,7 @@ class Seen:
 
 
 class Trial:
-    """Monitors a version that must come within `patience_s` and stay for `hold_s`."""
+    """Monitors a new version, which must work within `patience_s` and for `hold_s`."""
 
     def __init__(
         self,
@@ -115,10 +115,10 @@ class Trial:
         self._good_from_s: float | None = None
         self.seen = Seen()
         self.fault = "nothing was heard of the service"
-        """What was missing last."""
+        """Text on what was missing last."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
-        """Handle new records; return the verdict."""
+        """Add new records; return the decision."""
         for record in records:
             self.seen.take(record, now_s)
             if self.seen.restarted:
@@ -141,10 +141,10 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Make sure that nothing flies, and get what the new version must show.
+    """Make sure that the vehicle does not fly; return what the new version must show.
 
-    `seen`: what the running version has shown. `needs`: what it should show. `bench`: require
-    only what is there now. Raises `UsageError` if it is armed or recording, or this is unknown.
+    `seen`: records of the running version. `needs`: what it should show. `bench`: require only
+    what works now. Raises `UsageError` if it is armed, recording, or its state is unknown.
     """
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")
@@ -165,7 +165,7 @@ def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Nee
         )
     if needs.poses and seen.status_s is not None and "poses" in seen.missing(needs, now_s):
         raise UsageError(
-            "there are no poses by which the new version could be tried: nothing was changed",
+            "no poses arrive, so the new version cannot be tested: nothing was changed",
             remedy="Take the drone under the open sky, or give --bench",
         )
     return needs

@@ -1,15 +1,18 @@
-"""``uavrt update``: install another version, try it, and keep it or go back.
+"""Installs another version for ``uavrt update``, tries it, and keeps it or goes back.
 
-Each step may be the last before a power cut:
+A power cut may happen at any step:
 
-1. The new version is made in a directory of its own, and rehearsed there: it loads all that a
-   flight needs, and reads the settings. The running version is not affected.
-2. ``trial`` is pointed at the previous version, ``venv`` at the new one, the service restarted.
-3. The new one is monitored (`uavrt.computer.trial`). If it is good, its keys are taken and
-   ``trial`` goes; if not, ``venv`` is pointed back and the service restarted once more.
+1. The new version is installed in its own directory and tested there: it loads everything that
+a flight needs, and reads the settings. The running version is not affected.
 
-A cut before 2 changes nothing; after it, ``uavrt-update.service`` continues with 3 at the next
-boot, by the program of the previous version. Flights and settings are not touched.
+2. The link ``trial`` is set to the previous version, ``venv`` to the new one, and the service
+is restarted.
+
+3. The new version is monitored (`uavrt.computer.trial`). If it is good, its keys are accepted
+and ``trial`` is removed; if not, ``venv`` is set back and the service restarted.
+
+A cut before 2 changes nothing. After it, ``uavrt-update.service`` continues with 3 at the next
+boot, with the program of the previous version. Flights and settings are not touched.
 """
 
 import os
@@ -30,27 +33,27 @@ from uavrt.errors import UavrtError, UsageError, os_errors_as
 Say = Callable[[str], None]
 Restart = Callable[[], None]
 Judge = Callable[[], tuple[Verdict, str]]
-"""Monitors the system until the verdict is known; the verdict, and what was missing."""
+"""Function that monitors the system; returns the decision and what was missing."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
-"""An extra, and a distribution by which an environment with it is recognised."""
+"""Extras by name, each with a package that shows that an environment has it."""
 BUILT_HERE = "wheels"
-"""Folder of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
+"""Directory of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
 PAGE_UNIT = "uavrt-page.service"
-"""Unit of an image's page (deploy/image)."""
 KEYS = ".update-keys.pem"
-"""File of a version's own keys, in its directory."""
+"""File with the keys that come with a version, in its directory."""
 SPACE_FACTOR = 2.2
-"""Room that a new version and its wheels need, relative to the previous one."""
+"""Disk space needed by a new version and its wheels, as a multiple of the previous version's
+size."""
 
 
 def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
-    """Decide whether an update may be installed here; raises `UavrtError` if it may not."""
+    """Check whether an update may be installed here; raises `UavrtError` if not."""
     place.require()
     update = read_update(path, place.keys)
     if place.before() is not None:
         text = "the version before is still on trial"
-        raise UsageError(text, remedy="Let that end first: uavrt update --resume")
+        raise UsageError(text, remedy="Wait for its end: uavrt update --resume")
     present = place.current()
     if present.name == update.name:
         raise UsageError(f"this build of {update.version} is already installed")
@@ -58,7 +61,7 @@ def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update
     if version_key(update.version) <= version_key(version) and not downgrade:
         raise UsageError(
             f"{update.version} is not newer than {version}, which is installed",
-            remedy="--downgrade installs it nevertheless",
+            remedy="To install it anyway, give --downgrade",
         )
     _require_room(place, present)
     return update
@@ -73,18 +76,18 @@ def _require_room(place: Installation, present: Path) -> None:
     if free_mb < needed_mb:
         raise UsageError(
             f"{free_mb:.0f} MB are free at {place.prefix}, an update needs {needed_mb:.0f}",
-            remedy="Make room: fetch the flights and remove some",
+            remedy="Free some space: fetch the flights and remove some",
         )
 
 
 def install_beside(
     update: Update, place: Installation, *, config: Path, directory: Path
 ) -> Path:
-    """Make and rehearse the new version next to the present one; get its directory.
+    """Install and test the new version next to the present one; return its directory.
 
-    `config`: settings that it must be able to read, if they exist. `directory`: where the
-    service runs. Raises `UavrtError` if it cannot be installed or does not run; nothing has
-    changed then.
+    `config`: settings that it must be able to read, if they exist. `directory`: working
+    directory of the service. Raises `UavrtError` if it cannot be installed or does not run;
+    nothing has changed then.
     """
     made = place.version_directory(update.name)
     try:
@@ -105,13 +108,12 @@ def install_beside(
 def python_module(environment: Path, *words: str) -> list[str]:
     """Command that runs a module of an environment as root.
 
-    ``-I``: imports nothing from the working directory, which may be the service's user's.
+    ``-I`` prevents imports from the working directory, which may belong to the service's user.
     """
     return [str(environment / "bin/python"), "-I", "-m", *words]
 
 
 def _make(update: Update, present: Path, made: Path) -> None:
-    """Make an environment: new from all wheels, or the present one with another program."""
     pip = python_module(made, "pip", "install", "--quiet", "--no-index")
     if update.alone:
         shutil.copytree(present, made, symlinks=True)
@@ -138,7 +140,6 @@ def _make(update: Update, present: Path, made: Path) -> None:
 
 
 def _require_libraries(made: Path, update: Update) -> None:
-    """Raise `UsageError` unless the present libraries suffice for the new program."""
     done = subprocess.run(
         python_module(made, "pip", "check"),
         capture_output=True,
@@ -151,7 +152,7 @@ def _require_libraries(made: Path, update: Update) -> None:
     if lacks:
         raise UsageError(
             f"{update.version} needs other libraries: {lacks[0]}",
-            remedy="Take the .tar, which has them (deploy/make-update.py)",
+            remedy="Use the .tar, which contains them (deploy/make-update.py)",
         )
 
 
@@ -175,13 +176,13 @@ def _run(command: Sequence[str], update: Update) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """Environment variables without the caller's Python or pip, and without a network."""
+    """Environment variables without the caller's Python and pip settings or network."""
     kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG")}
     return kept | {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
 
 
 def rehearse(made: Path, version: str, *, config: Path) -> None:
-    """Let the new version load what a flight needs; raises `UsageError`."""
+    """Let the new version load everything a flight needs; raises `UsageError`."""
     command = python_module(made, "uavrt.cli", "update", "--rehearse")
     if config.exists():
         command += ["--config", str(config.absolute())]
@@ -192,15 +193,14 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
         said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
         raise UsageError(
             f"{version} does not start here: {said[-1]}",
-            remedy="The previous version goes on; report this, and see whether a setting in "
-            "uavrt.toml is the reason",
+            remedy="The previous version stays in use; check uavrt.toml, or report this",
         )
 
 
 def exchange(
     made: Path, place: Installation, *, restart: Restart, judge: Judge, say: Say
 ) -> bool:
-    """Run the new version, monitor it, and keep it or go back; whether it was kept."""
+    """Start the new version, monitor it, and keep it or go back; True if it was kept."""
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)
@@ -210,7 +210,7 @@ def exchange(
 
 
 def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
-    """Monitor a version on trial, also after a power cut; keep it or go back. True if kept."""
+    """Monitor a version on trial, also after a power cut; True if it was kept."""
     before = place.before()
     if before is None:
         say("no version is on trial")
@@ -222,7 +222,7 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
     verdict, fault = judge()
     if verdict is Verdict.GOOD:
         _take_keys(current, place)
-        place.forget_trial()
+        place.end_trial()
         place.remove_others(current, before)
         say(f"{current.name} is good, and stays")
         return True
@@ -233,15 +233,13 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
 
 
 def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> None:
-    """Start the previous version again, and remove the refused one."""
     restarted = _restart(restart, say)
-    place.forget_trial()
+    place.end_trial()
     if restarted:  # otherwise the refused one may still run from its files
         place.remove_others(before)
 
 
 def _restart(restart: Restart, say: Say) -> bool:
-    """Restart the service; if that fails, the trial will find it missing."""
     try:
         restart()
     except UavrtError as error:
@@ -251,7 +249,6 @@ def _restart(restart: Restart, say: Say) -> bool:
 
 
 def _take_keys(version: Path, place: Installation) -> None:
-    """Use the keys that came with a version, if any did."""
     try:
         text = (version / KEYS).read_text(encoding="ascii")
     except FileNotFoundError:
@@ -260,7 +257,7 @@ def _take_keys(version: Path, place: Installation) -> None:
 
 
 def restart_by(command: Sequence[str]) -> None:
-    """Restart the service; raises `UavrtError` when that is not possible."""
+    """Restart the service; raises `UavrtError` if that fails."""
     with os_errors_as(UavrtError, f"{command[0]}"):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -268,9 +265,9 @@ def restart_by(command: Sequence[str]) -> None:
 
 
 def restart_page() -> None:
-    """Restart an image's page with the present version; elsewhere nothing happens.
+    """Restart an image's page with the present version; does nothing elsewhere.
 
-    This separate service would go on with the files of the previous version until these are
+    This separate service would otherwise use the files of the previous version until they are
     removed.
     """
     with suppress(OSError):

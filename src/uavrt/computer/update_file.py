@@ -58,29 +58,29 @@ class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Contents of an update, as it declares them."""
+    """Manifest of an update: version, wheels and keys."""
 
     format: int
     version: str
     files: Annotated[tuple[Wheel, ...], msgspec.Meta(min_length=1, max_length=500)]
     keys: str | None = None
-    """Public keys that replace the previous ones; None: unchanged."""
+    """New public keys that replace the previous ones; None: unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Update:
-    """An update whose signature is good."""
+    """An update with a valid signature."""
 
     path: Path
     version: str
     name: str
-    """Version and the first digits of its hash: two builds of a version differ."""
+    """Version and first digits of its hash; two builds of a version differ."""
     alone: bool
-    """Whether it has no libraries of its own."""
+    """True if it contains no libraries."""
     manifest: Manifest | None
     """None for a wheel alone."""
     content: bytes | None = None
-    """Signed bytes of a wheel alone, which do not change with the file."""
+    """Signed bytes of a single wheel, read once so that the file cannot change."""
 
 
 def version_key(version: str) -> tuple[object, ...]:
@@ -110,10 +110,10 @@ def version_key(version: str) -> tuple[object, ...]:
 
 
 def read_update(path: Path, keys: Path) -> Update:
-    """Read an update once its signature is verified; nothing is unpacked.
+    """Read an update and verify its signature; nothing is unpacked.
 
-    `path`: the ``.tar`` or ``.whl``. `keys`: file of the valid public keys. Raises
-    `FormatError` if it is damaged or no update, `UsageError` if no valid key has signed it.
+    `path`: the ``.tar`` or ``.whl``. `keys`: file of the accepted public keys. Raises
+    `FormatError` if it is damaged or no update, `UsageError` if no accepted key has signed it.
     """
     with os_errors_as(UsageError, f"{path} cannot be read"):
         if path.suffix == ".whl":
@@ -133,7 +133,7 @@ def read_update(path: Path, keys: Path) -> Update:
 
 def _read_wheel(path: Path, keys: Path) -> Update:
     if not _WHEEL.fullmatch(path.name) or not path.name.startswith("uavrt-"):
-        raise FormatError(f"{path} is not named as a wheel of uavrt", remedy=COPY_AGAIN)
+        raise FormatError(f"{path} does not have the name of a uavrt wheel", remedy=COPY_AGAIN)
     content = read_file(path, Limit(what="a wheel", bytes=MOST_WHEEL_BYTES))
     signature_path = path.with_name(f"{path.name}.sig")
     try:
@@ -151,7 +151,6 @@ def _read_wheel(path: Path, keys: Path) -> Update:
 
 
 def _wheel_version(content: bytes, path: Path) -> str:
-    """Read a wheel's version from its metadata; its name, which is not signed, must agree."""
     named = path.name.split("-")[1]
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -173,7 +172,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:
-    """Write the wheels of a ``.tar``; raises `FormatError` for one that is not as signed."""
+    """Write the wheels of a ``.tar``; raises `FormatError` if one differs from the manifest."""
     assert update.manifest is not None
     with _opened(update.path) as archive:
         for wheel in update.manifest.files:
@@ -198,10 +197,10 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Refuse impossible sizes; `tarfile` reads names and tables whole, whatever their size.
+    """Reject impossible sizes; `tarfile` reads names and tables whole, whatever their size.
 
-    Blocks of 512 bytes (POSIX.1-2017, pax): the size of what follows in octal at 124, its kind
-    at 156; sizes beyond the file and invalid names are refused.
+    Blocks of 512 bytes (POSIX.1-2017, pax): at 124 the size of the content in octal, at 156 its
+    kind. Sizes beyond the file and invalid names are rejected.
     """
     there = path.stat().st_size
     at = 0
@@ -224,7 +223,6 @@ def _check_headers(path: Path) -> None:
 
 
 def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> bytes:
-    """Read a plain file of the archive; `size` is from the manifest."""
     try:
         member = archive.getmember(name)
     except KeyError:
@@ -251,7 +249,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
         text_ = f"{path} is an update of format {manifest.format}; this version knows {FORMAT}"
         raise FormatError(text_, remedy="Update to a version in between first")
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
-        raise FormatError(f"{path}: {MANIFEST} names files that are no wheels")
+        raise FormatError(f"{path}: {MANIFEST} lists files that are not wheels")
     if manifest.keys is not None and not split_keys(manifest.keys):
         raise FormatError(f"{path}: its new keys are invalid")
     version_key(manifest.version)
@@ -259,12 +257,12 @@ def _manifest(text: bytes, path: Path) -> Manifest:
 
 
 def split_keys(text: str) -> list[str]:
-    """Get the public keys of a text: its PEM blocks."""
+    """Separate the public keys of a text: its PEM blocks."""
     return _KEY.findall(text)
 
 
 def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
-    """Raise `UsageError` unless a key that only its owner may change has signed the content."""
+    """Raise `UsageError` unless a key that only root can write has signed the content."""
     trusted = _trusted(keys)
     if len(signature) == SIGNATURE_BYTES:
         with tempfile.TemporaryDirectory(prefix="uavrt-update-") as name:
@@ -291,7 +289,7 @@ def _trusted(keys: Path) -> list[str]:
         mode = stat.S_IMODE(keys.stat().st_mode)
     if mode & 0o022:
         remedy = f"sudo chmod 644 {keys}, after a look at who wrote to it"
-        raise UsageError(f"users other than root may change {keys}", remedy=remedy)
+        raise UsageError(f"users other than root can write to {keys}", remedy=remedy)
     if not trusted:
         remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
         raise UsageError(f"there is no key in {keys}", remedy=remedy)

@@ -4,15 +4,15 @@
 
     /opt/uavrt/
     ├── venv -> versions/0.2.0-1f0c33a9    what the service starts
-    ├── trial -> versions/source           while the new one is tried: the one before
-    ├── update-keys.pem                    whose updates are taken
+    ├── trial -> versions/source           while a new version is on trial: the previous one
+    ├── update-keys.pem                    keys whose updates are accepted
     └── versions/
         ├── source/                        made by deploy/install.sh
         └── 0.2.0-1f0c33a9/                made by `uavrt update`
 
 Each is an environment of its own and complete before a link leads to it. A link is replaced as
 a whole (rename(2)), so at every instant there is a version that runs. `trial` is also the
-journal: while it is there, the new version is not taken for good.
+journal: while it exists, the new version is not accepted permanently.
 """
 
 import fcntl
@@ -38,7 +38,7 @@ class Installation:
 
     @classmethod
     def of(cls, executable: str) -> "Installation | None":
-        """Get the installation of a Python; None if it belongs to none."""
+        """Find the installation of a Python; None if it does not belong to one."""
         environment = Path(executable).parent.resolve().parent
         prefix = environment.parent.parent
         if environment.parent.name != "versions" or not (prefix / "venv").is_symlink():
@@ -47,17 +47,17 @@ class Installation:
 
     @property
     def link(self) -> Path:
-        """Version that the service starts."""
+        """Link to the version that the service starts."""
         return self.prefix / "venv"
 
     @property
     def trial(self) -> Path:
-        """Previous version, while a new one is tried."""
+        """Link to the previous version while a new one is on trial."""
         return self.prefix / "trial"
 
     @property
     def keys(self) -> Path:
-        """Public keys whose updates are accepted."""
+        """File with the public keys whose updates are accepted."""
         return self.prefix / "update-keys.pem"
 
     def version_directory(self, name: str) -> Path:
@@ -65,11 +65,11 @@ class Installation:
         return self.prefix / "versions" / name
 
     def current(self) -> Path:
-        """Version that the service starts; raises `UsageError`."""
+        """Directory of the version that the service starts; raises `UsageError`."""
         return _target(self.link, self.prefix)
 
     def before(self) -> Path | None:
-        """Version before the one on trial; None without a trial."""
+        """Directory of the version before the one on trial; None without a trial."""
         return _target(self.trial, self.prefix) if self.trial.is_symlink() else None
 
     def require(self) -> None:
@@ -83,20 +83,20 @@ class Installation:
             raise UsageError(f"{self.prefix} cannot be written", remedy="Run it with sudo")
 
     def point(self, link: Path, version: Path) -> None:
-        """Point a link at a version, atomically and durably."""
+        """Set a link to a version, atomically and durably."""
         new = link.with_name(f".{link.name}.new")
         new.unlink(missing_ok=True)
         new.symlink_to(version.relative_to(self.prefix))
         new.replace(link)
         self.sync()
 
-    def forget_trial(self) -> None:
-        """Keep the running version for good."""
+    def end_trial(self) -> None:
+        """Keep the running version permanently."""
         self.trial.unlink(missing_ok=True)
         self.sync()
 
     def mark_complete(self, version: Path) -> None:
-        """Mark a version as complete, after all its files are on the disk."""
+        """Mark a version as complete, once all its files are on the disk."""
         os.sync()
         (version / COMPLETE).touch()
         os.sync()
@@ -106,14 +106,14 @@ class Installation:
         sync_to_disk(self.prefix)
 
     def remove_others(self, *kept: Path) -> None:
-        """Remove versions that no link needs, and remains of an interrupted update."""
+        """Remove versions without a link, and remains of an interrupted update."""
         for path in (self.prefix / "versions").iterdir():
             if path not in kept:
                 shutil.rmtree(path, ignore_errors=True)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Let only one program exchange versions; raises `UsageError`."""
+        """Context in which no other program can exchange versions; raises `UsageError`."""
         with open(self.prefix / ".update-lock", "w", encoding="ascii") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -124,7 +124,7 @@ class Installation:
 
 
 def runs_from(process_id: int, environment: Path) -> bool:
-    """Whether a process is a Python of an environment."""
+    """True if a process is a Python of an environment."""
     try:
         words = Path(f"/proc/{process_id}/cmdline").read_bytes().split(b"\0")
     except OSError:
@@ -133,11 +133,11 @@ def runs_from(process_id: int, environment: Path) -> bool:
 
 
 def version_of(environment: Path) -> str:
-    """Get the version of uavrt in an environment; raises `UsageError`."""
+    """Version of uavrt in an environment; raises `UsageError`."""
     for place in environment.glob("lib/python3*/site-packages"):
         for found in distributions(name="uavrt", path=[str(place)]):
             return found.version
-    raise UsageError(f"there is no uavrt in {environment}", remedy="Run deploy/install.sh")
+    raise UsageError(f"uavrt is not installed in {environment}", remedy="Run deploy/install.sh")
 
 
 def _target(link: Path, prefix: Path) -> Path:

@@ -1,5 +1,5 @@
-"""Run the whole system, simulated, on one machine.
+"""Runs the whole system with a simulated world on one computer.
 
 `run` flies one drone or several, `search` and `search_together` search; `programs` starts the
-simulated parts, `watch` and `view` show what happens, `summary` judges it.
+programs, `watch` and `view` show what happens, `summary` evaluates it.
 """

@@ -1,7 +1,6 @@
 """Programs of the demo: simulated autopilot, real drone side, real ground station.
 
-Each runs in its own process, as in the field; only the radio, the autopilot and the world are
-simulated.
+Each runs in its own process, as in the field; only radio, autopilot and world are simulated.
 """
 
 import json
@@ -35,23 +34,23 @@ from uavrt.simulation.scenario import Scenario
 
 STOP_TIMEOUT_S = 15.0
 PORTS = range(61_000, 65_400)
-"""Ports that Linux never assigns by itself (``ip_local_port_range``)."""
+"""UDP ports that Linux never assigns by itself (``ip_local_port_range``)."""
 _ports = cycle(random.SystemRandom().sample(PORTS, len(PORTS)))
 _END_WITH_US = ("setpriv", "--pdeathsig", "TERM", "--") if shutil.which("setpriv") else ()
-"""Prefix of a command that makes the kernel end it when we end, even by SIGKILL."""
+"""Command prefix that makes the kernel end the program when this process ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoPaths:
-    """Files and sockets of one run."""
+    """Files and sockets of one demo run."""
 
     directory: Path
-    """Working directory: scenario, tags, logs, the ground's flight."""
+    """Working directory for scenario, tags, logs and the ground station's flight."""
     flights: Path
-    """Parent of the drone's flight directory."""
+    """Parent directory of the drone's flight."""
 
     def below(self, name: str) -> "DemoPaths":
-        """Paths of one of several drones; makes its directories."""
+        """Paths for one of several drones; creates its directories."""
         own = DemoPaths(directory=self.directory / name, flights=self.flights / name)
         own.directory.mkdir()
         own.flights.mkdir(parents=True, exist_ok=True)
@@ -74,16 +73,15 @@ class DemoPaths:
 
     @property
     def flown(self) -> Path:
-        """True track of a drone that flies commands."""
+        """Recorded true path of a commanded drone."""
         return self.directory / "flown.path"
 
 
 def free_udp_port(host: str = "127.0.0.1") -> int:
-    """Get a free UDP port of this computer, a different one each time.
+    """Get an unused UDP port of this computer, a different one each time.
 
-    It is one of `PORTS`: a port that the kernel chose and that was closed again may be given to
-    another socket before it is bound.
-    Raises `LinkError`: all ports above those are taken.
+    It is one of `PORTS`. A port chosen by the kernel could be given to another socket before it
+    is bound. Raises `LinkError` if all are in use.
     """
     for port in islice(_ports, len(PORTS)):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -101,9 +99,9 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
 def free_ros_domain() -> int:
     """Get a ROS domain that is unused on this computer.
 
-    A real drone in the lab is in the environment's domain, or in 0. Up to 101, the ports of a
-    domain lie below those that Linux assigns by itself (32768).
-    Raises `UavrtError`: all are in use.
+    A real drone in the lab uses the environment's domain, or 0. Up to 101, the ports of a
+    domain lie below those that Linux assigns by itself (32768). Raises `UavrtError` if all are
+    in use.
     """
     domains = random.sample(range(1, 102), 101)
     for domain in domains:
@@ -117,7 +115,7 @@ def free_ros_domain() -> int:
 
 
 def demo_environment() -> dict[str, str]:
-    """Environment of the demo's programs, without a site's ROS 2 network."""
+    """Environment variables of the demo's programs, without the site's ROS 2 network."""
     kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
     return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
@@ -125,9 +123,9 @@ def demo_environment() -> dict[str, str]:
 def drone_settings(
     scenario: Scenario, paths: DemoPaths, companion_port: int, *, flies: bool = False
 ) -> Settings:
-    """Settings of the drone side: as in a real ``uavrt.toml`` except for the radio program.
+    """Settings of the drone side, as in a real ``uavrt.toml`` except for the radio program.
 
-    With `flies`, the radio receives at the drone's place under commands, instead of on the
+    With `flies`, the radio receives at the commanded drone's position, otherwise on the
     scenario's flight.
     """
     names = {one.name for one in fields(AntennaSettings)}
@@ -191,12 +189,12 @@ class Program:
         self.pid = self._process.pid
 
     def check(self) -> None:
-        """Check that it still runs; raises `UavrtError` with the end of its output if not."""
+        """Raise `UavrtError` with the end of its output if it has ended."""
         if self._wait(0.0):
             words = self.last_line()
             raise UavrtError(
                 f"{self.name} ended (exit {self.exit_code})" + (f": {words}" if words else ""),
-                remedy=f"All that it said is in {self.log}",
+                remedy=f"Its output is in {self.log}",
             )
 
     def last_line(self) -> str:
@@ -206,7 +204,7 @@ class Program:
         return texts[-1].removeprefix("uavrt: ").rstrip(".") if texts else ""
 
     def new_events(self) -> list[dict[str, Any]]:
-        """JSON lines of its output since the last call."""
+        """JSON events in its output since the last call."""
         with self.log.open("rb") as file:
             file.seek(self._read_to)
             data = file.read()
@@ -224,14 +222,13 @@ class Program:
             self._process.send_signal(signal.SIGTERM)
 
     def stop(self) -> None:
-        """End it: SIGTERM, then SIGKILL."""
+        """Stop it by SIGTERM, then by SIGKILL."""
         self.ask_to_stop()
         if not self._wait(STOP_TIMEOUT_S):
             self._process.kill()
             self._wait(STOP_TIMEOUT_S)
 
     def _wait(self, timeout_s: float) -> bool:
-        """Wait for its end; True when it has ended. Stores its CPU time."""
         deadline_s = time.monotonic() + timeout_s
         while self.exit_code is None:
             pid, status, usage = os.wait4(self.pid, os.WNOHANG)

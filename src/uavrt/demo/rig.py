@@ -21,7 +21,7 @@ from uavrt.units import ns_from_s
 
 
 def starting_in(scenario: Scenario, seconds: float) -> Scenario:
-    """Set a world's start this much later than now: programs take 1.5 s to be ready."""
+    """The world with a start time this much later than now; programs need 1.5 s to be ready."""
     return scenario.starting_at(Clock.start().now_ns() + ns_from_s(seconds))
 
 
@@ -39,7 +39,7 @@ class SimulatedDrone:
     """UDP port to which the autopilot sends the ground station's traffic."""
 
     def check(self) -> None:
-        """Raise `UavrtError` when one of its programs has ended."""
+        """Raise `UavrtError` if one of its programs has ended."""
         self.autopilot.check()
         self.supervisor.check()
 
@@ -50,7 +50,7 @@ class SimulatedDrone:
 
 
 class Rig:
-    """Starts programs, and ends them with the `with` block."""
+    """Starts programs, and ends them when its `with` block ends."""
 
     def __init__(self) -> None:
         self._stack = ExitStack()

@@ -32,7 +32,7 @@ from uavrt.simulation.world import World
 from uavrt.units import ns_from_s
 
 START_LEAD_S = 2.5
-"""Start of the world's clock after that of the programs, which take about 1.5 s to be ready."""
+"""Start of the world after that of the programs [s]; they need 1.5 s to be ready."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
@@ -49,7 +49,7 @@ class _Drone:
 
     @property
     def heard_samples(self) -> bool:
-        """True once there are samples to account for."""
+        """True once the receiver has counted samples."""
         return bool(self.flight_directory and self.cpu.last_sample_ns)
 
     def read(self, wait_s: float, ground: Program) -> None:
@@ -70,17 +70,14 @@ class _Drone:
 
 
 class Demo:
-    """One run of the whole system on this machine.
+    """One run of the whole system on this computer.
 
-    `scenarios`: world of each drone: the same animals, another flight; the start time is set
-    here.
-    `flight_dir`: parent of the drone's flight directory; of several drones, `drone-NUMBER`
-    below it. The ground station's is `ground`, if it has a page.
-    `page_port`: port of the ground station's page, 0 for any free one; None flies without a
-    page.
-    `console`: shows the flight in progress; None: nothing is shown.
-    `on_page`: called with the page's address when it is ready.
-    `on_ros_domain`: called with the ROS domain of the drone's nodes, if it has any.
+    `scenarios`: world of each drone, with the same animals and different flights; the start
+    time is set here. `flight_dir`: parent of the drone's flight directory; with several drones,
+    of `drone-NUMBER`. The ground station uses `ground`, if it has a page. `page_port`: port of
+    the ground station's page, 0 for any free one; None: no page. `console`: shows the flight in
+    progress, unless None. `on_page`: called with the page's address when it is ready.
+    `on_ros_domain`: called with the ROS domain of the drone's nodes, if any.
     """
 
     def __init__(
@@ -102,12 +99,10 @@ class Demo:
         self._delivered = 0
 
     def run(self, picture: Path | None = None) -> dict[int, DemoSummary]:
-        """Fly once; returns the summary of each drone by its number. Saves a picture on
-        request.
+        """Fly once; return the summary of each drone by its number.
 
-        Ctrl-C ends the flight early, with a full summary.
-
-        Raises `UavrtError`: a program ended or did not get ready; the text gives the reason.
+        Saves a picture on request. Ctrl-C ends the flight early, with a full summary. Raises
+        `UavrtError` with the reason if a program ended or was not ready in time.
         """
         require_writable(self._flight_dir)
         require_free_port(self._page_port)
@@ -175,7 +170,6 @@ class Demo:
     # ------------------------------------------------------------------- flight
 
     def _fly_until_interrupted(self) -> None:
-        """Fly to the end, or until Ctrl-C once there are samples to account for."""
         try:
             self._fly()
         except KeyboardInterrupt:
@@ -188,7 +182,6 @@ class Demo:
         return max(0.0, (self._clock.now_ns() - self._start_ns) * 1e-9)
 
     def _fly(self) -> None:
-        """Wait for the start of detection, then until the flight's end."""
         deadline_s = time.monotonic() + READY_TIMEOUT_S
         said_s = 0.0
         while self._elapsed_s < self._duration_s:
@@ -202,7 +195,6 @@ class Demo:
                 raise not_started(self._ground, several if len(self._drones) > 1 else "")
 
     def _stop(self) -> None:
-        """Stop detection from the ground, then wait until everything has arrived."""
         for one in self._drones:
             one.view.phase = "landed, delivering"
         self._ground.ask_to_stop()
@@ -243,7 +235,6 @@ class Demo:
 
     @contextmanager
     def _display(self) -> Iterator[None]:
-        """Draw the view of one drone while it flies."""
         if self._console is None or len(self._drones) > 1:
             yield
             return
@@ -284,7 +275,7 @@ class Demo:
 
 
 def not_started(ground: Program, where: str = "") -> UavrtError:
-    """Message that the ground could not start detection, with last line and log files."""
+    """Error for a ground station that could not start detection, with its last output."""
     last = ground.last_line()
     return UavrtError(
         f"detection did not start{where}" + (f": {last}" if last else ""),
@@ -293,7 +284,7 @@ def not_started(ground: Program, where: str = "") -> UavrtError:
 
 
 def phase_of(flight: Flight, elapsed_s: float) -> str:
-    """Describe the drone's activity at a time of its flight."""
+    """Text on what the drone does at a time of its flight."""
     turns = 0
     for leg in flight.leg:
         turns += bool(leg.turn_deg)

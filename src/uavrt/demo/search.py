@@ -29,28 +29,28 @@ SPEED_M_S = 8.0
 START_LEAD_S = 2.0
 READY_TIMEOUT_S = 30.0
 SETTLES_S = 2.5
-"""Wait after the end of the search until all counts are reported."""
+"""Wait after the end of the search until all counts are reported [s]."""
 OTHERS_TIMEOUT_S = 60.0
 RETURNS_WITHIN_S = 30.0
-"""Longest return after the time of the search."""
+"""Longest duration of the return flight after the time limit of the search [s]."""
 REFRESH_S = 0.25
 FIRST_HEIGHT_M, ABOVE_M, BESIDE_M = 40.0, 12.0, 40.0
-"""Height of the first drone, and vertical and horizontal offset of each next one's start."""
+"""Height of the first drone, and vertical and horizontal distance between drones at the start
+[m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtAnimal:
-    """Result for one animal."""
+    """Result of a search for one animal."""
 
     name: str
     found: bool
     found_s: float | None
-    """Time from the start of the search."""
+    """Time from the start of the search to the find [s]; None if not found."""
     error_m: float | None
-    """Distance from its true place at that moment."""
+    """Distance of the found position from the animal's true one at that time [m]."""
     radius95_m: float
     walked_m: float
-    """Distance walked since the start of the search."""
     pulses: int
     latitude_deg: float
     longitude_deg: float
@@ -58,7 +58,7 @@ class SoughtAnimal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchSummary:
-    """What ``uavrt demo --search --json`` prints as its last line."""
+    """Result of ``uavrt demo --search``, printed as the last line with ``--json``."""
 
     tags: dict[str, SoughtAnimal]
     ended: str
@@ -66,7 +66,7 @@ class SearchSummary:
     decisions: int
     commands: int
     guide_cpu_percent: float
-    """CPU of the guide over the search, of one core."""
+    """CPU time of the guide during the search [% of one core]."""
     guide_memory_mb: float
     flight_directory: str
 
@@ -76,7 +76,7 @@ class SearchSummary:
         return all(one.found for one in self.tags.values())
 
     def table(self) -> Table:
-        """Table for a terminal."""
+        """Table of the results for a terminal."""
         found = sum(one.found for one in self.tags.values())
         after = f"after {self.duration_s:.0f} s"
         title = f"{found} of {len(self.tags)} animals found {after}"
@@ -97,7 +97,7 @@ class SearchSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Among:
-    """One of several drones that search together."""
+    """Place of a drone among several that search together."""
 
     number: int
     ground_port: int
@@ -105,11 +105,11 @@ class Among:
 
     @property
     def height_m(self) -> float:
-        """Height of its search."""
+        """Height at which this drone searches [m]."""
         return FIRST_HEIGHT_M + ABOVE_M * (self.number - 1)
 
     def placed(self, scenario: Scenario) -> Scenario:
-        """The world with this drone's start place."""
+        """The world with this drone's start position."""
         flight = replace(
             scenario.flight, east_m=BESIDE_M * (self.number - 1), height_m=self.height_m
         )
@@ -120,11 +120,10 @@ class Among:
 class _Seen:
     notes: list[SearchNote] = field(default_factory=list)
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
-    """The guide's records with their times, during the search."""
     flight_directory: str = ""
     commands: int = 0
     has_others: bool = False
-    """True when its guide has received other drones' data."""
+    """True once the guide has received other drones' data."""
 
     @property
     def ended(self) -> bool:
@@ -132,13 +131,11 @@ class _Seen:
 
 
 class SearchDemo:
-    """One search on this machine, by the real processes.
+    """One search on this computer, by the real processes.
 
-    `scenario`: the world, in which the drone hovers until it is commanded.
-    `limit_s`: longest duration of the search.
-    `flight_dir`: parent of the drone's flight directory.
-    `say`: takes a line for the terminal.
-    `among`: it searches with others.
+    `scenario`: world in which the drone hovers until commanded. `limit_s`: longest duration of
+    the search [s]. `flight_dir`: parent of the drone's flight directory. `say`: gets lines for
+    the terminal. `among`: place among other drones that search together; None if alone.
     """
 
     def __init__(
@@ -158,10 +155,9 @@ class SearchDemo:
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
-        """Fly once.
+        """Fly once; return the result.
 
-        Raises `UavrtError`: a program ended, or nothing was searched; the text gives the
-        reason.
+        Raises `UavrtError` with the reason if a program ended, or nothing was searched.
         """
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:
@@ -198,7 +194,6 @@ class SearchDemo:
     # ------------------------------------------------------------------ the search
 
     def _search(self) -> None:
-        """Order the search once the drone is ready; then only watch."""
         self._wait_for_others()
         order = self._ordered()
         deadline_s = time.monotonic() + self._limit_s + RETURNS_WITHIN_S
@@ -212,7 +207,6 @@ class SearchDemo:
         order.stop()
 
     def _wait_for_others(self) -> None:
-        """Wait until the ground station has announced the other drones."""
         deadline_s = time.monotonic() + OTHERS_TIMEOUT_S
         while self._among is not None and not self._seen.has_others:
             self._watch()
@@ -223,7 +217,6 @@ class SearchDemo:
                 )
 
     def _ordered(self) -> Program:
-        """The order, repeated until the drone has its position and its home."""
         deadline_s = time.monotonic() + READY_TIMEOUT_S
         while True:
             order = self._rig.program(
@@ -268,7 +261,7 @@ class SearchDemo:
 
     @property
     def searched_ns(self) -> tuple[int, int]:
-        """Start and end of the search."""
+        """Start and end of the search [ns, UTC]."""
         return self._seen.notes[0].time_ns, self._seen.notes[-1].time_ns
 
     def _summary(self) -> SearchSummary:

@@ -22,17 +22,17 @@ STEP_NS = ns_from_s(0.2)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TogetherSummary:
-    """What ``uavrt demo --search --drones --json`` prints as its last line."""
+    """Result of ``uavrt demo --search --drones``, printed as the last line with ``--json``."""
 
     drones: dict[str, SearchSummary]
     apart_m: float
-    """Least distance over ground of any two, while both searched."""
+    """Smallest horizontal distance of two drones while both searched [m]."""
     duration_s: float
-    """Time until the last of them had ended."""
+    """Time until the last drone had ended its search [s]."""
 
     @property
     def found(self) -> set[str]:
-        """Animals found by any drone."""
+        """Number of animals found by any drone."""
         return {
             tag
             for drone in self.drones.values()
@@ -47,10 +47,10 @@ class TogetherSummary:
 
 
 class TogetherDemo:
-    """One search of several drones on this machine, by the real processes.
+    """One search by several drones on this computer, with the real processes.
 
     `scenario`, `limit_s`, `say`: as in `SearchDemo`; each line begins with the drone's number.
-    `flight_dir`: parent of each drone's `drone-NUMBER`, and of the ground's `ground`.
+    `flight_dir`: parent of each drone's `drone-NUMBER`, and of the ground station's `ground`.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class TogetherDemo:
         self._ended: dict[int, SearchSummary | UavrtError] = {}
 
     def run(self) -> TogetherSummary:
-        """Fly once; raises as `SearchDemo.run`."""
+        """Fly once; raises errors as `SearchDemo.run` does."""
         with workplace("uavrt-together-") as work, Rig() as rig:
             ground_port = free_udp_port()
             # The station that serves all orders nothing.

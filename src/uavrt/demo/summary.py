@@ -19,38 +19,39 @@ from uavrt.units import db_from_power, ns_from_s, power_from_db
 
 DETECTABLE_ENR_DB = 14.0
 MATCH_TIME_S = 0.02
-"""One pulse width; the measured error of time is a tenth of this."""
+"""Largest time difference of a matching pulse [s]: one pulse width, ten times the usual error.
+"""
 MATCH_FREQUENCY_HZ = 100.0
 _ROUNDED_NS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagSummary:
-    """Counts of one tag over the time of detection."""
+    """Counts and errors of one tag's pulses while detecting."""
 
     transmitted: int
     detectable: int
-    """Sent with a true ENR of 14 dB or more at the antenna."""
+    """Number of pulses sent with a true ENR of 14 dB or more at the antenna."""
     detected: int
-    """Found and recorded on the drone."""
+    """Number of pulses found and recorded on the drone."""
     delivered: int
-    """Of those, received on the ground."""
+    """Number of detected pulses that the ground station received."""
     detectable_detected: int
-    """Of the detectable ones, found."""
+    """Number of detectable pulses that were detected."""
     detectable_delivered: int
     false: int
-    """Recorded pulses that match no true one."""
+    """Number of recorded pulses that match no true one."""
     snr_error_db: float | None
-    """Mean of reported minus true, over the detectable ones."""
+    """Mean of reported minus true SNR, over the detectable pulses [dB]."""
     frequency_error_hz: float | None
-    """Rms of reported minus true, over the detectable ones."""
+    """Rms error of the reported frequency, over the detectable pulses [Hz]."""
     time_error_ms: float | None
-    """Rms of reported minus true start, over the detectable ones."""
+    """Rms error of the reported start time, over the detectable pulses [ms]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoSummary:
-    """What ``uavrt demo --json`` prints as its last line."""
+    """Result of ``uavrt demo``, printed as the last line with ``--json``."""
 
     tags: dict[str, TagSummary]
     samples_lost: int
@@ -59,7 +60,7 @@ class DemoSummary:
     flight_directory: str
 
     def table(self) -> Table:
-        """Table for a terminal."""
+        """Table of the results for a terminal."""
         table = table_of(
             *("tag", "sent", "found", "14 dB or more", "of them found", "on the ground"),
             *("false", "SNR bias", "freq. rms", "time rms"),
@@ -88,12 +89,11 @@ def summarize_tag(
     recorded: Sequence[Pulse],
     received_times_ns: Sequence[int],
 ) -> TagSummary:
-    """Count the pulses of one tag.
+    """Compare the pulses of one tag with the truth.
 
-    `truth`: all pulses of all tags that were sent while detecting.
-    `recorded`: the drone's pulses, of any tag.
-    `received_times_ns`: start times of this tag's pulses on the ground [ns, UTC], any order;
-    the wire has a resolution of 0.3 µs.
+    `truth`: pulses of all tags sent while detecting. `recorded`: the drone's pulses, of any
+    tag. `received_times_ns`: start times of this tag's pulses on the ground [ns, UTC], in any
+    order; the link rounds them to 0.3 µs.
     """
     sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
     if tag.coded:
@@ -125,7 +125,7 @@ def summarize_tag(
 
 
 def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tuple[int, int]:
-    """Widen the reported time of a flight's samples, which may lack parts, to all pulses."""
+    """Extend the reported time of a flight's samples, perhaps incomplete, to all pulses."""
     limit_ns = ns_from_s(MATCH_TIME_S)
     times = [pulse.start_time_ns for pulse in recorded]
     return (
@@ -135,10 +135,9 @@ def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tupl
 
 
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
-    """Combine the pulses of each complete burst into one with their mean strength.
+    """Combine the pulses of each complete burst into one, with their mean strength.
 
-    `sent`: of one coded tag, in order of time.
-    `pulses`: of a burst.
+    `sent`: pulses of one coded tag, in order of time. `pulses`: number in a burst.
     """
     bursts: dict[int, list[TruePulse]] = {}
     for pulse in sent:
@@ -155,7 +154,7 @@ def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
 
 
 def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:
-    """Pair each true pulse with the nearest unpaired found one, in order of time."""
+    """Pair each true pulse with the nearest unpaired detected one, in order of time."""
     times = [pulse.start_time_ns for pulse in found]
     limit_ns = ns_from_s(MATCH_TIME_S)
     taken: set[int] = set()
@@ -177,7 +176,7 @@ def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TrueP
 
 
 def _is_in(times_ns: Sequence[int], time_ns: int) -> bool:
-    """True if a sorted list contains a time, within the wire's rounding."""
+    """True if a sorted list contains a time, within the link's rounding."""
     place = bisect.bisect_left(times_ns, time_ns - _ROUNDED_NS)
     return place < len(times_ns) and times_ns[place] <= time_ns + _ROUNDED_NS
 

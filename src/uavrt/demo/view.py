@@ -20,7 +20,7 @@ from uavrt.monitor.tables import plain_table
 RATE_WINDOW_S = 60.0
 FRESH_S = 5.0
 WIDE = 100
-"""Columns from which all is shown: a terminal of 80 has neither bars nor units in cells."""
+"""Terminal width above which bars and units are shown [columns]."""
 
 
 @dataclass(slots=True)
@@ -30,7 +30,7 @@ class TagView:
     tag: Tag
     last: Pulse | None = None
     times_s: deque[float] = field(default_factory=deque)
-    """Arrival times of its pulses, on the viewer's clock."""
+    """Arrival times of its pulses on the viewer's clock [s]."""
     detected: int = 0
     delivered: int = 0
 
@@ -53,7 +53,7 @@ _SHORT = ("tag", "MHz", "SNR, dB", "rate, s", "a minute", "found", "ground")
 
 @dataclass(slots=True)
 class DemoView:
-    """The displayed state; `render` draws it."""
+    """State shown in the terminal; `render` draws it."""
 
     duration_s: float
     tags: dict[int, TagView]
@@ -64,14 +64,13 @@ class DemoView:
     flight_directory: str = ""
     page_address: str = ""
     ros_domain: int | None = None
-    """ROS domain of the drone, for `ros2 topic list`."""
 
     def render(self, now_s: float) -> RenderableType:
-        """Draw the view at an instant of the viewer's clock, fitted to the terminal."""
+        """Draw the view at a time of the viewer's clock [s], fitted to the terminal."""
         return _Drawn(self, now_s)
 
     def drawn(self, now_s: float, width: int) -> RenderableType:
-        """Draw the view for a number of columns."""
+        """Draw the view for a terminal width [columns]."""
         narrow = width < WIDE
         more = (
             ""
@@ -167,7 +166,6 @@ class DemoView:
         ]
 
     def _short_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
-        """As `_tag_cells`, without units and the bar."""
         name, frequency, snr, _, rate, per_minute, detected, delivered = self._tag_cells(
             view, now_s
         )
@@ -181,7 +179,6 @@ class DemoView:
         return [name, *short]
 
     def _short_process_table(self) -> RenderableType:
-        """Two processes to a line; only states that are not good."""
         table = plain_table(*(2 * ("process", "CPU", "MB")))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         cells: list[list[RenderableType]] = []
@@ -219,7 +216,7 @@ class DemoView:
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """The view at an instant, drawn once its width is known."""
+    """The view at one time, drawn once its width is known."""
 
     view: DemoView
     now_s: float

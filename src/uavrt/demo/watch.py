@@ -1,4 +1,4 @@
-"""Measure the CPU time of the demo's processes."""
+"""Measures the CPU time of the demo's processes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +15,7 @@ RECEIVER = "receiver"
 
 
 def samples_lost(counters: Mapping[str, float]) -> int:
-    """Count the samples lost by a receiver, from the radio and on the way to detectors."""
+    """Number of samples lost by the radio and on the way to the detectors."""
     names = ("samples_lost", "channel_samples_dropped")
     return int(sum(counters.get(name, 0.0) for name in names))
 
@@ -23,13 +23,14 @@ def samples_lost(counters: Mapping[str, float]) -> int:
 class Cpu:
     """CPU time of every process of the demo.
 
-    The simulated radio program is a child of the receiver, and the supervisor measures both
-    together; here they are separated.
+    The simulated radio program is a child of the receiver; the supervisor measures both
+    together, and they are separated here.
     """
 
     def __init__(self) -> None:
         self.first_sample_ns = self.last_sample_ns = 0
-        """Times of the flight's samples [ns, UTC]; a receiver counts only its own."""
+        """Times of the flight's first and last sample [ns, UTC]; a receiver counts only its own
+        samples."""
         self._totals: dict[str, float] = {}
         self._radio_s = 0.0
         self._before: dict[str, float] = {}
@@ -37,7 +38,7 @@ class Cpu:
         self._processes: dict[str, ProcessStatus] = {}
 
     def take(self, status: SystemStatus, programs: Sequence[Program]) -> None:
-        """Handle a status of the drone side and measure the other programs."""
+        """Handle a status report of the drone side, and measure the other programs."""
         for process in status.processes:
             self._processes[process.process] = process
             if process.process == RECEIVER:
@@ -61,7 +62,7 @@ class Cpu:
         self._totals[VIEW] = cpu_s()
 
     def percents(self) -> dict[str, float]:
-        """CPU of each process since the last call, in percent of one core."""
+        """CPU use of each process since the last call [% of one core]."""
         now_s = monotonic_s()
         span_s = max(0.1, now_s - self._before_s)
         percents = {

@@ -18,15 +18,14 @@ from uavrt.errors import UavrtError, UsageError, os_errors_as
 PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-together-")
 LOCK = "running"
 _YOUNG_S = 60.0
-"""Age below which a directory may not have its lock yet [s]."""
+"""Age below which a directory may not be locked yet [s]."""
 
 
 @contextmanager
 def workplace(prefix: str) -> Iterator[Path]:
-    """Make a directory for a demo; it is removed afterwards, unless the demo failed.
+    """Create a directory for a demo; it is removed afterwards, unless the demo failed.
 
-    That of a failed demo stays for its log files, until the next one begins.
-
+    The directory of a failed demo is kept for its log files, until the next demo starts.
     `prefix`: one of `PREFIXES`.
     """
     sweep(Path(tempfile.gettempdir()))
@@ -44,7 +43,7 @@ def workplace(prefix: str) -> Iterator[Path]:
 
 
 def sweep(directory: Path) -> None:
-    """Remove the directories of dead demos."""
+    """Remove the directories of demos that no longer run."""
     for prefix in PREFIXES:
         for place in directory.glob(f"{prefix}*"):
             # Another user's, or one that ends just now.
@@ -67,7 +66,7 @@ def _is_left(place: Path) -> bool:
 
 
 def require_free_port(port: int | None) -> None:
-    """Check the page's port before the start; raises `UsageError` if it is not free."""
+    """Raise `UsageError` if the page's port is in use."""
     if not port:
         return
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sock:

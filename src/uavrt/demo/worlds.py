@@ -1,4 +1,4 @@
-"""World of the demo: the built-in one, or that of a scenario file."""
+"""Worlds of the demo: the built-in one, or that of a scenario file."""
 
 import math
 from dataclasses import replace
@@ -11,11 +11,11 @@ from uavrt.simulation.scenario import Scenario
 from uavrt.simulation.scenario_file import load_scenario
 
 FLIGHT_S = 120.0
-"""Default flight time in the built-in world."""
+"""Default duration of a flight in the built-in world [s]."""
 SHORTEST_S = 20.0
-"""Least flight time of a scenario file: detection takes some seconds to begin."""
+"""Shortest flight with a scenario file [s]; detection takes some seconds to begin."""
 AFTER_S = 120.0
-"""Time that a world lasts after a search, for the way home."""
+"""Duration of the world after a search, for the return flight [s]."""
 
 
 def flight_world(
@@ -23,12 +23,10 @@ def flight_world(
 ) -> Scenario:
     """World for a flight along its own plan.
 
-    `file`: a scenario file.
-    `duration_s`: of the flight; the file's, or 120 s, unless given.
-    `seed`: of everything random; the file's, or 1, unless given.
-    `coded`: the built-in world has two animals more, with coded tags.
-    Raises `UsageError`, `ConfigError`: the file has faults or no tags, or the flight is too
-    short.
+    `file`: a scenario file. `duration_s`: of the flight; by default the file's, or 120 s.
+    `seed`: of all random numbers; by default the file's, or 1. `coded`: add two animals with
+    coded tags to the built-in world. Raises `UsageError` or `ConfigError` if the file has
+    faults or no tags, or the flight is too short.
     """
     if file is None:
         return demo_scenario(duration_s or FLIGHT_S, 1 if seed is None else seed, coded=coded)
@@ -45,7 +43,7 @@ def flight_world(
 def search_world(
     file: Path | None, *, limit_s: float, seed: int | None, coded: bool
 ) -> Scenario:
-    """World for a commanded search of at most `limit_s`; else as `flight_world`."""
+    """World for a search of at most `limit_s`; other parameters as for `flight_world`."""
     if file is None:
         return search_scenario(1 if seed is None else seed, coded=coded)
     scenario = _of_file(file, seed, coded)
@@ -55,7 +53,7 @@ def search_world(
             raise UsageError(
                 f"tag {tag.tag_id} is {away_m:.0f} m from home, the demo's search covers "
                 f"{RADIUS_M:.0f} m",
-                remedy="Put it nearer in the scenario, or say listed = false",
+                remedy="Put it nearer in the scenario, or set listed = false",
             )
     return searched_scenario(scenario, limit_s + AFTER_S)
 
@@ -63,13 +61,13 @@ def search_world(
 def _of_file(file: Path, seed: int | None, coded: bool) -> Scenario:
     if coded:
         raise UsageError(
-            "--coded adds tags to the built-in world, and --scenario is another",
-            remedy="Give the scenario's tags gaps_s, or leave one of the two out",
+            "--coded works only with the built-in world, not with --scenario",
+            remedy="Give the scenario's tags gaps_s, or omit one of the two",
         )
     scenario = load_scenario(file)
     if not scenario.tags:
         raise UsageError(
-            f"{file} has no tag to listen for",
-            remedy="Add a [[tag]], or take listed = false from one",
+            f"{file} has no tag to search for",
+            remedy="Add a [[tag]], or remove listed = false from one",
         )
     return scenario if seed is None else replace(scenario, seed=seed)

@@ -1,4 +1,4 @@
-"""Start and stop without a ground station: cart, bench and field-monitor use."""
+"""Starts and stops detection without a ground station, as on carts and benches."""
 
 import os
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from uavrt.messages import Command, CommandReply, Tag
 from uavrt.monitor.reader import StatusReader
 
 REPLY_S = 15.0
-"""Longest wait for a reply [s]; the tuner may take some seconds on a small computer."""
+"""Longest wait for a reply [s]; finding a frequency takes some seconds on a small computer."""
 
 
 def start_detection(
@@ -21,9 +21,9 @@ def start_detection(
     center_frequency_hz: float | None = None,
     gain: int | None = None,
 ) -> str:
-    """Send tags and start detecting; get the flight's directory.
+    """Upload tags and start detection; return the flight's directory.
 
-    Raises `CommandRefused`, with the reason, in the wrong state; `ConfigError` for an invalid
+    Raises `CommandRefused` with the reason in the wrong state; `ConfigError` for an invalid
     frequency or gain; `UavrtError` without an answer.
     """
     check_start(None, center_frequency_hz, gain)

@@ -1,4 +1,4 @@
-"""The status socket of a running supervisor, from outside: its records, and commands to it."""
+"""Client of a running supervisor's status socket: reads records, sends commands."""
 
 import select
 import socket
@@ -18,18 +18,18 @@ from uavrt.messages import SystemStatus
 
 SOCKET_NAME = "status.sock"
 STATUS_S = 3.0
-"""Time between the supervisor's reports of its state [s]."""
+"""Period of the supervisor's status reports [s]."""
 
 
 def status_socket_path(settings: Settings) -> Path:
-    """Path of the supervisor's socket: as set, or in the flights' folder."""
+    """Path of the supervisor's socket: from the settings, or in the flights' directory."""
     if settings.status_socket is not None:
         return Path(settings.status_socket)
     return Path(settings.recording.directory) / SOCKET_NAME
 
 
 def running_status(path: Path) -> SystemStatus | None:
-    """State of a system that is running; None without one."""
+    """Status of the running system; None if none runs."""
     try:
         reader = StatusReader(path)
     except (UavrtError, OSError):
@@ -44,14 +44,14 @@ def running_status(path: Path) -> SystemStatus | None:
 
 
 def _never() -> None:
-    """Go on waiting."""
+    """Check nothing; the default of `check`."""
 
 
 class StatusReader:
     """Reads the records of the supervisor's status socket.
 
-    `timeout_s`: how long to wait for the supervisor to open it [s]. `check`: called while
-    waiting; raises when a program has ended. Raises `UavrtError` if it does not open in time.
+    `timeout_s`: longest wait for the socket to open [s]. `check`: called while waiting; raises
+    an error if a program has ended. Raises `UavrtError` if the socket does not open in time.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class StatusReader:
 
     @property
     def is_open(self) -> bool:
-        """Whether the supervisor is still there."""
+        """True while the supervisor is connected."""
         return self._open
 
     @property
@@ -93,7 +93,7 @@ class StatusReader:
         return int.from_bytes(credentials[:4], sys.byteorder)
 
     def read(self, wait_s: float) -> list[tuple[str, Any]]:
-        """Get the topics and records that came within `wait_s`; none after the end."""
+        """Read the records received within `wait_s`, with their topics; none after the end."""
         deadline_s = monotonic_s() + wait_s
         records: list[tuple[str, Any]] = []
         while (rest_s := deadline_s - monotonic_s()) > 0:
@@ -108,7 +108,7 @@ class StatusReader:
         return records
 
     def send(self, topic: str, record: object) -> None:
-        """Send a record to the supervisor: a command."""
+        """Send a record, such as a command, to the supervisor."""
         self._sock.setblocking(True)
         self._sock.sendall(encode_record(topic, record))
         self._sock.setblocking(False)

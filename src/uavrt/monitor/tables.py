@@ -1,4 +1,4 @@
-"""Tables in a terminal, drawn alike by all commands."""
+"""Tables in a terminal, with a common style."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from rich.table import Table
 
 
 def table_of(*titles: str, left: tuple[str, ...] = ("tag", "name"), **style: Any) -> Table:
-    """Make a table without rows; titles in `left` are of words, at the left."""
+    """Create an empty table; columns whose title is in `left` are aligned left."""
     table = Table(**style)
     for title in titles:
         table.add_column(title, justify="left" if title in left else "right")
@@ -14,6 +14,6 @@ def table_of(*titles: str, left: tuple[str, ...] = ("tag", "name"), **style: Any
 
 
 def plain_table(*titles: str) -> Table:
-    """Make a table without lines, as wide as the terminal."""
+    """Create an empty table without lines, as wide as the terminal."""
     left = ("tag", "process", "status")
     return table_of(*titles, left=left, expand=True, box=None, header_style="dim")

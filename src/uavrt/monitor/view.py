@@ -34,7 +34,7 @@ LOSSES = (
     "records_dropped",
     "records_refused",
 )
-"""Counters that should stay at zero."""
+"""Counters that should stay zero, shown as losses."""
 
 
 @dataclass(slots=True)
@@ -43,28 +43,27 @@ class Heard:
 
     pulses: int = 0
     recorded_ns: int = 0
-    """Start of the last pulse recorded before the monitor started; 0 if there is none."""
+    """Start of the last pulse recorded before the monitor started [ns, UTC]; 0 if there is
+    none."""
     last: Pulse | None = None
     last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)
     searched: SearchReport | None = None
-    """The newest search report."""
 
 
 @dataclass(slots=True)
 class MonitorView:
-    """Collects records; `render` draws them."""
+    """Collects records for display; `render` draws them."""
 
     status: SystemStatus | None = None
     heard: dict[int, Heard] = field(default_factory=dict)
     texts: deque[StatusText] = field(default_factory=lambda: deque(maxlen=TEXTS_SHOWN))
     beeps: list[Beep] = field(default_factory=list)
-    """Beeping senders of this flight."""
     cpu_percent: dict[str, float] = field(default_factory=dict)
     _cpu_before: dict[str, tuple[int, float]] = field(default_factory=dict)
 
     def take(self, topic: str, record: object, now_s: float) -> None:
-        """Handle a record of the status socket."""
+        """Add a record from the status socket."""
         match record:
             case Pulse() if topic == "pulse":
                 heard = self.heard.setdefault(record.tag_id, Heard())
@@ -110,7 +109,7 @@ class MonitorView:
         return sum(p.counters.get(name, 0.0) for p in processes for name in LOSSES)
 
     def render(self, now_s: float) -> RenderableType:
-        """Draw at a moment of the viewer's monotonic clock [s]."""
+        """Draw the view at a time of the monotonic clock [s]."""
         if self.status is None:
             return Panel("waiting for the supervisor …", title="uavrt monitor")
         return Panel(
@@ -195,7 +194,6 @@ class MonitorView:
         return table
 
     def _reasons(self) -> list[RenderableType]:
-        """List the reasons why processes are not ok, however old."""
         assert self.status is not None
         return [Text(one.reason, "bold red") for one in self.status.processes if one.reason]
 
@@ -210,13 +208,12 @@ class MonitorView:
 
 
 def _number(tag_id: int, last: Pulse | None) -> str:
-    """Number of a tag, with those of the others that may have sent its newest pulse."""
     others = last.also_possible_tag_ids if last is not None else ()
     return " or ".join(map(str, (tag_id, *others)))
 
 
 def _usable(searched: SearchReport | None) -> str:
-    """Usable share of the time, and the weakest tag that would have been found."""
+    """Usable fraction of the time, and ENR of the weakest tag that would have been found."""
     if searched is None or searched.usable_share is None:
         return "–"
     weakest_db = searched.weakest_enr_db

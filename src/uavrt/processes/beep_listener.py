@@ -1,6 +1,6 @@
-"""Search for beeping senders in a thread, so that the radio is read meanwhile.
+"""Searches for unlisted beeping senders in a thread, so that the radio is read meanwhile.
 
-A batch of the search takes up to 0.2 s on a slow computer; a radio's pipe holds 40 ms.
+A batch of the search takes up to 0.2 s on a slow computer; a radio's pipe buffers 40 ms.
 """
 
 import threading
@@ -16,18 +16,18 @@ from uavrt.messages import Beep, IQBlock
 log = get_logger()
 
 MOST_WAITING: Final = 6
-"""Blocks that may wait for the search, 12 MB at 3 MS/s; further ones are dropped and
+"""Largest number of sample blocks queued for the search, 12 MB at 3 MS/s; more are dropped and
 counted."""
 _CLOSE_S: Final = 2.0
-"""Longest wait for the search to end when closing [s]."""
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""The search it is for, the radio's samples, and those of the tags' band."""
+"""Queued work: the search, and samples of the whole radio band and of the tags' band, if
+needed."""
 
 
 class BeepListener:
-    """Searches samples in a thread by what `make` creates, and collects the senders found."""
+    """Runs a search made by `make` in a thread, and collects the beeping senders found."""
 
     def __init__(self, make: Callable[[], BeepSearch]) -> None:
         self._make = make
@@ -36,14 +36,14 @@ class BeepListener:
         self._there = threading.Semaphore(0)
         self._found: deque[tuple[BeepSearch, Beep]] = deque()
         self.failed = False
-        """Whether the thread has ended with an error; nothing more is found then."""
+        """True if the thread has ended with an error; nothing more is found then."""
         self.dropped_s = 0.0
-        """Duration of samples dropped because the search was behind [s]."""
+        """Duration of samples dropped because the search was too slow [s]."""
         self._thread = threading.Thread(target=self._work, name="beeps", daemon=True)
         self._thread.start()
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
-        """Take the radio's next block, and the same at the rate of the tags' band."""
+        """Queue a block of the whole radio band and the same time in the tags' band."""
         wanted = self._search.due(block, band)
         if wanted == (None, None):
             return
@@ -56,22 +56,22 @@ class BeepListener:
         )
         self._put((self._search, radio, tags))
 
-    def take_news(self) -> list[Beep]:
-        """Get what was found since the last call."""
+    def take_found(self) -> list[Beep]:
+        """Get the senders found since the last call."""
         found = [self._found.popleft() for _ in range(len(self._found))]
         return [beep for search, beep in found if search is self._search]
 
     def begin_again(self) -> None:
-        """Discard all samples and results, because the frequencies have changed."""
+        """Discard all samples and results, because the radio's frequency has changed."""
         self._search = self._make()
 
     @property
     def cells_dropped(self) -> int:
-        """Cells of the spectrum left unexamined because too many stood out."""
+        """Number of spectrum cells skipped because too many exceeded the threshold."""
         return self._search.dropped
 
     def close(self) -> None:
-        """Search what still waits, then end the thread."""
+        """Search the queued samples, then end the thread."""
         self._put(None)
         self._thread.join(_CLOSE_S)
 
@@ -94,4 +94,4 @@ class BeepListener:
                 self._found.extend((search, beep) for beep in search.news(time_ns))
         except Exception:  # the flight goes on without it
             self.failed = True
-            log.exception("search for beeps failed")
+            log.exception("search for unlisted senders failed")

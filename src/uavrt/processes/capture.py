@@ -1,6 +1,6 @@
-"""Raw capture: record the decimated band of the radio for a given time, without detection.
+"""Raw capture: records the radio's decimated band for a set time, without detection.
 
-Runs in the receiver process, in place of the receiver.
+It runs in the receiver process, in place of the receiver.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from uavrt.recording.sample_file import BYTES_PER_SAMPLE
 
 
 class Capture:
-    """Decimates and records until a length or a full disk; raises `RecordingError`."""
+    """Decimates and records samples up to a set duration; raises `RecordingError`."""
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
         assert flight.capture_s is not None
@@ -62,7 +62,7 @@ class Capture:
 
     @property
     def status(self) -> str | None:
-        """Final status for the supervisor; None while the capture runs."""
+        """Final status, ``captured`` or ``not captured``; None while the capture runs."""
         if self._taken < self._wanted and self._recorder.trouble is None:
             return None
         self._why = self._recorder.trouble or self._why
@@ -81,7 +81,7 @@ class Capture:
         return f"{seconds:.1f} of {self._capture_s:g} s in {where}{parts}{why}"
 
     def process(self, block: IQBlock) -> None:
-        """Decimate and record a block; samples beyond the wanted length are dropped."""
+        """Decimate and record a block; samples beyond the set duration are dropped."""
         band = self._front_end.decimate(block)
         self._lost += block.lost_before
         self._check.look(band)
@@ -94,20 +94,20 @@ class Capture:
             self._taken += len(samples)
 
     def flush(self) -> None:
-        """Do nothing: no samples wait here."""
+        """Do nothing, because no samples are buffered here."""
 
-    def forget(self, *, failed: bool = True) -> None:
-        """Restart the filter, because the next samples do not continue the last."""
+    def restart_filters(self, *, failed: bool = True) -> None:
+        """Restart the filter, because the next samples do not follow the last ones."""
         self.failures += failed
         self._front_end.reset()
         self._check = SampleCheck("the radio")
 
     def close(self) -> None:
-        """Finish the file."""
+        """Close the recording."""
         self._recorder.close()
 
     def counters(self) -> Mapping[str, float]:
-        """Counts of samples recorded and lost."""
+        """Numbers of samples recorded and lost, for the health report."""
         return {
             "samples_lost": self._lost,
             "radio_failures": self.failures,

@@ -1,6 +1,6 @@
-"""The whole chain in one process, for a computer with one core: radio samples in, pulses out.
+"""The chain process: receiver and detectors together, for a computer with one core.
 
-Receiver and detectors are those of the separate processes, without sockets between them.
+Receiver and detectors are the same as in separate processes, without sockets between them.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from uavrt.processes.receiver import Receiver, run
 
 
 class Chain(Receiver):
-    """A receiver whose channels go to detectors in the same process."""
+    """A receiver that passes its channels to detectors in the same process."""
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
         bank = DetectorBank(frame.assignment.tags, frame.assignment.settings.detection, flight)
@@ -20,12 +20,12 @@ class Chain(Receiver):
         super().__init__(frame, flight, [self._searcher])
 
     def close(self) -> None:
-        """Finish the search and the recording."""
+        """Search the remaining samples and close the recording."""
         self._searcher.finish()
         super().close()
 
     def counters(self) -> Mapping[str, float]:
-        """Counters of the receiver and the detectors."""
+        """Counters of the receiver and the detectors, for the health report."""
         return {**self._searcher.counters(), **super().counters()}
 
 

@@ -1,47 +1,45 @@
-"""When the recorder commits: rarely, because each commit writes partly filled pages."""
+"""Decides when the recorder commits; rarely, because each commit writes partly filled pages."""
 
 PULSES_S = 3.0
-"""Longest time until a pulse is committed, and shortest time between such commits [s]."""
+"""Longest time until a pulse is committed, and shortest time between two such commits [s]."""
 OTHERS_S = 15.0
-"""Longest time until vehicle poses, health and texts are committed [s]; a power cut loses
-them."""
+"""Longest time until poses, health and texts are committed [s]; a power cut loses them."""
 RETRY_S = 1.0
-"""Wait after a failed commit [s]."""
 
 
 class CommitTimes:
-    """Tracks what is waiting for a commit, and since when."""
+    """Tracks since when pulses and other records wait for a commit."""
 
     def __init__(self) -> None:
         self._pulses_at_s: float | None = None
         self._others_at_s: float | None = None
 
     def pulses_wait(self, now_s: float) -> None:
-        """Note that a pulse is waiting."""
+        """Note the time at which a pulse was written."""
         if self._pulses_at_s is None:
             self._pulses_at_s = now_s + PULSES_S
 
     def others_wait(self, now_s: float) -> None:
-        """Note that another record is waiting."""
+        """Note the time at which a record other than a pulse was written."""
         if self._others_at_s is None:
             self._others_at_s = now_s + OTHERS_S
 
     def pulses_due(self, now_s: float) -> bool:
-        """Whether to commit the pulses now."""
+        """True if the written pulses should be committed now."""
         return self._pulses_at_s is not None and now_s >= self._pulses_at_s
 
     def all_due(self, now_s: float) -> bool:
-        """Whether to commit everything now, also with pulses shortly before the rest is due."""
+        """True if everything written should be committed now, together with pulses due soon."""
         spare_s = PULSES_S if self.pulses_due(now_s) else 0.0
         return self._others_at_s is not None and now_s >= self._others_at_s - spare_s
 
     def committed(self, now_s: float, *, pulses_only: bool = False) -> None:
-        """Note that everything waiting was committed."""
+        """Reset the waiting times after a commit."""
         self._pulses_at_s = None
         if not pulses_only:
             self._others_at_s = None
 
     def failed(self, now_s: float) -> None:
-        """Note a failed commit; the next attempt is soon."""
+        """Schedule another attempt after a failed commit."""
         self._pulses_at_s = now_s + RETRY_S
         self._others_at_s = now_s + RETRY_S

@@ -1,7 +1,7 @@
-"""The connection process: autopilot and ground on one side, the drone's records on the other.
+"""The connection process: links the drone's processes to autopilot and ground stations.
 
-Gives each pulse its pose, hands it to the recorder, and sends it to the ground at once. Turns
-tunnel payloads into commands and the supervisor's replies into acknowledgements.
+It gives each pulse its pose and sends it to the recorder and to the ground at once. It converts
+received payloads to commands, and the supervisor's replies to acknowledgements.
 """
 
 import asyncio
@@ -54,7 +54,7 @@ PEERS = ("autopilot", "ground station")
 
 
 class LinkWatch:
-    """Keeps the links at `addresses` open, by number; the autopilot's is number 0."""
+    """Keeps the links at `addresses` open, by number; the autopilot's link is number 0."""
 
     def __init__(
         self, link: Connection, addresses: Mapping[int, str], memory: SigningMemory | None
@@ -63,15 +63,13 @@ class LinkWatch:
         self._faults: dict[int, str] = {}
         self._heard = (False, False)
         self._stations: frozenset[tuple[int, int]] = frozenset()
-        """Ground stations present at the last check."""
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
-        """Get the tasks that serve the links."""
+        """Coroutines that serve the links."""
         served = [self._serve(number, address) for number, address in self._addresses.items()]
         return [*served, self._link.keep_time()] if served else []
 
     async def _serve(self, number: int, address: str) -> None:
-        """Open a link repeatedly: a missing adapter may be plugged in."""
         while True:
             try:
                 await self._link.serve(number, address)
@@ -84,27 +82,27 @@ class LinkWatch:
 
     @property
     def linked(self) -> bool:
-        """Whether there is any link."""
+        """True if any link is configured."""
         return bool(self._addresses)
 
     @property
     def failed(self) -> bool:
-        """Whether the autopilot's link could not be opened."""
+        """True if the autopilot's link cannot be opened."""
         return 0 in self._addresses and self._link.link is None and 0 in self._faults
 
     def keep_signing_times(self, now_ns: int, disk: DiskThread) -> None:
-        """Write the times of signed messages when due."""
+        """Write the times of signed messages to the disk when due."""
         times = None if self._memory is None else self._memory.due(now_ns)
         if self._memory is not None and times is not None:
             disk(partial(self._memory.write, times), lambda _done: None)
 
     def newcomer(self) -> bool:
-        """Whether a ground station has appeared since the last call."""
+        """True if a ground station has appeared since the last call."""
         before, self._stations = self._stations, frozenset(self._link.stations_silent_s())
         return not self._stations <= before
 
     def log_presence(self) -> None:
-        """Log it when the autopilot or the ground appears or falls silent."""
+        """Log when the autopilot or a ground station appears or falls silent."""
         heard = (self._link.autopilot_present, self._link.station_present)
         for name, before, now in zip(PEERS, self._heard, heard, strict=True):
             if before != now:
@@ -114,13 +112,14 @@ class LinkWatch:
 
 
 class ConnectionProcess:
-    """Makes the parts of the process and runs each in turn; see the module's text."""
+    """Creates the parts of the process and runs each in turn."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         settings, flight = frame.assignment.settings, frame.assignment.flight
         mavlink, now_ns = settings.mavlink, frame.clock.now_ns
         self._frame, self._now_ns = frame, now_ns
-        """Frame and clock; a flight's clock differs from this one by the poses' shift."""
+        """Link to the supervisor, and the process's clock; flights differ by
+        `PoseDesk.shift_ns`."""
         self._disk = DiskThread()
         self._poses = PoseDesk(
             settings,
@@ -218,7 +217,7 @@ class ConnectionProcess:
         )
 
     async def run(self) -> None:
-        """Serve until the process is to end."""
+        """Serve the links until the supervisor ends the process."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._frame.link.fileno(), self._take_records)
         self._disk.start()
@@ -281,7 +280,6 @@ class ConnectionProcess:
         self._links.log_presence()
 
     def _status_text(self) -> str:
-        """State of the process in a few words."""
         linked = self._links.linked
         status = self._link.status() if linked else "no autopilot configured"
         if self._poses.is_own:
@@ -294,9 +292,9 @@ class ConnectionProcess:
         self._frame.send("command", command)
 
     def _say(self, text: StatusText) -> None:
-        """Send a text of our own to the operator and into the flight.
+        """Send a text to the operator and to the supervisor, which records it.
 
-        The supervisor passes it to the others only.
+        The supervisor does not return it to this process, so it is sent to the ground here.
         """
         self._frame.send("status_text", text)
         self._send_text(text)
@@ -349,7 +347,7 @@ class ConnectionProcess:
 
 
 def _address(text: str | None) -> Address | None:
-    """Read the address of a link; None for an invalid one, which fails where it is opened."""
+    """Parse a link's address; None if invalid, which is reported when the link is opened."""
     with suppress(ConfigError):
         return parse_address(text or "")
     return None

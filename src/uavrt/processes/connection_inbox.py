@@ -1,7 +1,7 @@
-"""Handlers of what arrives at the connection process, in two tables.
+"""Handlers for everything the connection process receives, in two tables.
 
-What ground stations send is found by the message's number inside a seal, records of the
-supervisor by their type.
+Messages of ground stations are looked up by their type number (in a sealed message, the type of
+its content), records of the supervisor by their class.
 """
 
 from collections.abc import Callable
@@ -62,17 +62,18 @@ log = get_logger()
 
 
 class _Handler(Protocol):
-    """Handler of a ground station's message."""
+    """Handler of one type of message from a ground station."""
 
     def __call__(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Handle its payload."""
+        """Handle a message's payload; `sealed`: it had a valid authentication code."""
 
 
 class ConnectionInbox:
-    """Passes each message and record to the part that handles it; others are ignored.
+    """Passes each message and record to the part that handles it; ignores others.
 
-    `motion`: None if this drone takes no orders. `ask`: sends a command to the supervisor.
-    `text`: sends a text to the operator. `linked`: there is a link to the ground.
+    `motion`: None if this drone accepts no motion orders. `ask`: sends a command to the
+    supervisor. `text`: sends a text to the operator. `linked`: a link to the ground is
+    configured.
     """
 
     def __init__(
@@ -94,8 +95,8 @@ class ConnectionInbox:
         self._poses, self._pulses, self._status = poses, pulses, status
         self._parameters, self._motion, self._ask = parameters, motion, ask
         self.system: SystemStatus | None = None
-        """None until the supervisor reports it: a restarted connection must not end a flight
-        on the ground."""
+        """Latest status of the system; None until the supervisor sends it, so that a restarted
+        connection does not report an idle drone."""
         self._payloads: dict[int, _Handler] = {
             PLAIN_INSIDE: self._take_command,
             RECEIPT_INSIDE: self._take_receipt,
@@ -107,7 +108,7 @@ class ConnectionInbox:
         }
         self._records: dict[type, Callable[[Any], None]] = {
             Pulse: pulses.add,
-            PulsePose: pulses.made_up,
+            PulsePose: pulses.pose_reconstructed,
             Recorded: pulses.recorded,
             FlightInfo: pulses.begin_flight,
             Beep: status.beep,
@@ -129,8 +130,8 @@ class ConnectionInbox:
     def payload(self, payload_type: int, payload: bytes, peer: Peer) -> None:
         """Handle a payload by its row in the table of link messages.
 
-        A seal is checked first, so that sealed messages are handled however many unsealed ones
-        use the same ids. Allowances apply only to messages without a valid seal.
+        Sealed (authenticated) messages are checked first, so a flood of unsealed ones cannot
+        block them. Rate limits apply only to messages without a valid seal.
         """
         if payload_type == SEALED_TYPE:
             opened = self.stations.gate.open(payload, peer.place, self._link.place)
@@ -144,7 +145,7 @@ class ConnectionInbox:
             self._payloads[row.inside](payload, peer, sealed=False)
 
     def parameter_request(self, message: Requests, peer: Peer) -> None:
-        """Handle a request for parameters without a seal."""
+        """Handle an unauthenticated request to read or set parameters."""
         answers = len(PARAMETERS) if isinstance(message, ParamRequestList) else 1
         if self.stations.admits(peer, answers):
             refusal = self.stations.gate.refusal(peer.place, sealed=False)
@@ -153,7 +154,6 @@ class ConnectionInbox:
     def _take_command(
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
-        """Handle a command of an authorised station, or refuse it with the reason."""
         asker, gate = peer.place, self.stations.gate
         self.stations.asked(peer)
         reason = gate.refusal(asker, sealed=sealed)
@@ -179,7 +179,6 @@ class ConnectionInbox:
         self._parameters.receive_sealed(payload, peer, refusal, number)
 
     def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Handle an order of motion, or refuse it with the remedy."""
         asker = peer.place
         self.stations.asked(peer)
         with self.stations.gate.order(payload, asker, sealed=sealed) as refusal:
@@ -192,7 +191,6 @@ class ConnectionInbox:
             self.stations.answer_motion(encode_state(state), asker)
 
     def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Handle the report of another drone; ignored unless this drone takes orders."""
         if self._motion is not None:
             refusal = self.stations.gate.refusal(peer.place, sealed=sealed)
             self._motion.neighbours.receive(payload, peer.place, refusal, sealed=sealed)
@@ -202,9 +200,9 @@ class ConnectionInbox:
         self.stations.answer_keepalive(payload, peer)
 
     def record(self, topic: str, record: Any) -> None:
-        """Handle a record."""
+        """Handle a record from the supervisor."""
         if topic == "corrected_tags":
-            self._status.forget_beeps()
+            self._status.clear_beeps()
         elif (handler := self._records.get(type(record))) is not None:
             handler(record)
 
@@ -234,7 +232,6 @@ class ConnectionInbox:
         )
 
     def _send_course(self, course: Course) -> None:
-        """Report to all where the drone is going."""
         try:
             payload = encode_course(course)
         except TunnelError as error:
@@ -243,10 +240,10 @@ class ConnectionInbox:
         self._link.tunnel.send_tunnel(payload, Priority.STATUS, payload_type=COURSE_TYPE)
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of ignored and refused messages, for the health report."""
         return {
             **{name: float(count) for name, count in self._exchange.counters.items()},
             "seals_refused": self.stations.gate.refused,
-            "messages_passed_over": self.stations.passed_over,
+            "messages_passed_over": self.stations.dropped,
             "parameters_refused": self._parameters.refused,
         }

@@ -1,4 +1,4 @@
-"""The detector process: channel samples in, pulses of several tags out."""
+"""The detector process: finds pulses of several tags in channel samples."""
 
 import select
 import socket
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
 
 log = get_logger()
 
-FAULTS_OF_A_TAG = 2
-"""Failures of a detector after which its tag is no longer searched."""
+FAILURES_PER_TAG = 2
+"""Number of failed searches after which a tag is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Age above which samples count as backlog, e.g. after a restart [ns]. Blocks and filters alone
-delay them by 0.2 s."""
+"""Age above which samples count as backlog, for example after a restart [ns]. Blocks and
+filters alone delay samples by 0.2 s."""
 
 
 class DetectorBank:
-    """One `PulseDetector` for each tag, made when its channel's first block comes.
+    """One `PulseDetector` for each tag, created with the first block of its channel.
 
-    A detector that fails or hangs must not cost the others their pulses. All detectors are then
-    rebuilt, and the suspects are searched one by one. A tag whose search fails twice is left
-    out and reported by name.
+    A detector that fails or hangs must not cost the other tags their pulses. All detectors are
+    then rebuilt, and suspect tags are searched one by one. A tag that fails twice is no longer
+    searched, and is reported by name.
 
-    `tags`: the tags this worker serves. `settings`: window and operating mode. `flight`: radio
-    settings, needed to reject its ghosts of a strong tag.
+    `tags`: tags of this process. `settings`: search window and operating mode. `flight`: radio
+    frequency and rate, used to reject receiver ghosts of strong tags.
     """
 
     def __init__(
@@ -66,11 +66,11 @@ class DetectorBank:
         self._watch = HangWatch(lambda: self._group.last_searched)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
-        """Clipped times of the last block; the same for all channels of a radio block."""
+        """Clipped times of the last block, shared by all channels of a radio block."""
         self._faults: Counter[int] = Counter()
-        self._alone: frozenset[int] = frozenset()
+        self._searched_alone: frozenset[int] = frozenset()
         self.left_out: dict[int, Tag] = {}
-        """Tags that are no longer searched, by id."""
+        """Tags that are no longer searched, by tag number."""
         self.failures = 0
         self.samples = 0
         self.samples_lost = 0
@@ -78,7 +78,7 @@ class DetectorBank:
         self.samples_invalid = 0
 
     def put(self, block: ChannelBlock) -> None:
-        """Feed a block to the detectors of its channel; `collect` searches it."""
+        """Add a block to the detectors of its channel; `collect` searches it."""
         self.samples += len(block.samples)
         self.samples_lost += block.lost_before
         self.last_sample_ns = block.time_ns + round(
@@ -87,14 +87,13 @@ class DetectorBank:
         if block.clipped_ns is not self._clipped_ns:
             self._clipped_ns = block.clipped_ns
             self._clipped.add(block.clipped_ns)
-        with self._surviving():
+        with self._handle_failures():
             self._group.carriers_hz = block.carriers_hz
             if block.channel in self._group or self._add(block):
                 self._group.put(block.channel, self._finite(block.samples), block.time_ns)
         self._put_coded(block)
 
     def _put_coded(self, block: ChannelBlock) -> None:
-        """Search a block for coded tags; after two failures they are left out."""
         codes = [tag for tag in self._of_channel(block) if tag.coded]
         if not codes:
             return
@@ -117,19 +116,18 @@ class DetectorBank:
             self.failures += 1
             for tag in codes:
                 self._faults[tag.tag_id] += 1
-                if self._faults[tag.tag_id] >= FAULTS_OF_A_TAG:
+                if self._faults[tag.tag_id] >= FAILURES_PER_TAG:
                     self._leave_out(tag, error)
 
     def collect(self) -> list[Pulse]:
-        """Search what came since the last call; get the pulses found."""
+        """Search the blocks added since the last call; return the pulses found."""
         pulses: list[Pulse] = []
-        with self._surviving():
+        with self._handle_failures():
             pulses = self._group.collect()
         bursts, self._bursts = self._bursts, []
         return self._marked(pulses + bursts)
 
     def _marked(self, pulses: list[Pulse]) -> list[Pulse]:
-        """Mark the pulses that were clipped."""
         covers = self._clipped.covers
         return [
             replace(pulse, clipped=True)
@@ -139,15 +137,14 @@ class DetectorBank:
         ]
 
     def _add(self, block: ChannelBlock) -> bool:
-        """Make the detectors of a channel; False if it has no tags."""
         detectors = self._make(block)
         if detectors:
             self._group.add(block.channel, detectors)
         return bool(detectors)
 
     @contextmanager
-    def _surviving(self) -> Iterator[None]:
-        """Keep a failure in one tag's search from ending the others."""
+    def _handle_failures(self) -> Iterator[None]:
+        """Context that handles an error in one tag's search, so that the others continue."""
         try:
             with self._watch:
                 yield
@@ -157,18 +154,18 @@ class DetectorBank:
             self._restart(error)
 
     def _restart(self, error: Exception) -> None:
-        """Rebuild all detectors after a failure; leave out a tag that failed twice."""
+        """Rebuild all detectors after a failure; stop searching a tag that failed twice."""
         suspects = [detector.tag for detector in self._group.last_searched]
         self.failures += 1
         # Which of several failed shows when each is searched alone; otherwise all are left out.
-        if len(suspects) == 1 or all(tag.tag_id in self._alone for tag in suspects):
+        if len(suspects) == 1 or all(tag.tag_id in self._searched_alone for tag in suspects):
             for tag in suspects:
                 self._faults[tag.tag_id] += 1
-                if self._faults[tag.tag_id] >= FAULTS_OF_A_TAG:
+                if self._faults[tag.tag_id] >= FAILURES_PER_TAG:
                     self._leave_out(tag, error)
-        self._alone |= {tag.tag_id for tag in suspects}
+        self._searched_alone |= {tag.tag_id for tag in suspects}
         self._group = DetectorGroup(self._receiver)
-        self._group.alone = self._alone
+        self._group.alone = self._searched_alone
 
     def _leave_out(self, tag: Tag, error: Exception) -> None:
         self.left_out[tag.tag_id] = tag
@@ -176,7 +173,7 @@ class DetectorBank:
         log.error("tag no longer searched: its detector failed", tag=name, reason=str(error))
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Replace non-finite values by zeros, which would spoil the noise estimate for good."""
+        """Replace non-finite samples by zeros, since they would spoil the noise estimate."""
         if np.isfinite(samples.sum()):  # one sum shows it, and costs 2 µs
             return samples
         good = np.isfinite(samples)
@@ -185,31 +182,31 @@ class DetectorBank:
 
     @property
     def complete(self) -> bool:
-        """Whether samples have come for every tag."""
+        """True once samples have arrived for every tag."""
         coded = sum(len(one.tags) for one in self._coded.values())
         return len(self.all()) + coded >= len(self._tags) - len(self.left_out)
 
     def flush(self) -> list[Pulse]:
-        """Get the pulses in the samples so far."""
+        """Return the pulses in the samples received so far."""
         pulses: list[Pulse] = []
-        with self._surviving():
+        with self._handle_failures():
             pulses = self._group.flush()
         bursts = [pulse for coded in self._coded.values() for pulse in coded.flush()]
         return self._marked(pulses + bursts)
 
     def all(self) -> list[PulseDetector]:
-        """All single-tag detectors made so far."""
+        """All single-tag detectors created so far."""
         return self._group.detectors
 
     def search_reports(self) -> list[SearchReport]:
-        """Take the detectors' reports on searches without a find."""
+        """Get the detectors' reports on intervals that were searched without a detection."""
         return [report for one in self._searching() for report in one.search_reports()]
 
     def _searching(self) -> "list[PulseDetector | CodedDetector]":
         return [*self.all(), *self._coded.values()]
 
     def counters(self) -> dict[str, float]:
-        """Sums of the counters of all detectors."""
+        """Sums of the counters of all detectors, for the health report."""
         total: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
@@ -226,10 +223,10 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Find the tags of this channel that are still searched.
+        """Tags of this channel that are still searched.
 
-        A tag belongs to the channel with the nearest centre; a worker receives its tags'
-        channels only.
+        A tag belongs to the channel with the nearest centre. A process receives the channels of
+        its own tags only.
         """
         half_spacing_hz = block.sample_rate_hz / 4
         return [
@@ -240,7 +237,6 @@ class DetectorBank:
         ]
 
     def _make(self, block: ChannelBlock) -> list[PulseDetector]:
-        """Make the detectors of this channel's beeping tags."""
         made = []
         for tag in self._of_channel(block):
             if tag.coded:
@@ -262,7 +258,6 @@ class DetectorBank:
 
 
 def _numbers(detector: "PulseDetector | CodedDetector") -> Iterator[tuple[str, int]]:
-    """All counters of a detector except samples, which the bank counts once."""
     counters = asdict(detector.counters)
     for reason, count in counters.pop("rejected").items():
         yield f"rejected_{reason}", count
@@ -272,7 +267,7 @@ def _numbers(detector: "PulseDetector | CodedDetector") -> Iterator[tuple[str, i
 
 
 def main() -> None:
-    """Detect until stopped; then finish the samples that have arrived."""
+    """Detect until stopped; then search the samples that have arrived."""
     with ProcessFrame.start() as frame:
         assignment = frame.assignment
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
@@ -290,27 +285,26 @@ def main() -> None:
 
 
 class Searcher:
-    """Feeds blocks to a bank of detectors, and sends what it finds."""
+    """Passes sample blocks to a bank of detectors, and sends the pulses found."""
 
     samples_dropped = 0
-    """Samples dropped: none, since it waits for the search."""
+    """Number of dropped samples: always 0, because this sink waits for the search."""
 
     def __init__(self, frame: ProcessFrame, bank: DetectorBank) -> None:
         self._frame = frame
         self._bank = bank
         self._latencies = Latencies()
         self._time_ns: int | None = None
-        """Time of the blocks not yet searched [ns]."""
+        """Start time of the blocks that are not yet searched [ns]."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add a channel's next block; the channels of one radio block are searched together."""
+        """Add a channel's block; all channels of a radio block are searched together."""
         if block.time_ns != self._time_ns:
             self._search()
             self._time_ns = block.time_ns
         self._bank.put(block)
 
     def _search(self) -> None:
-        """Search the waiting blocks; send the pulses found."""
         if self._time_ns is None:
             return
         for pulse in self._bank.collect():
@@ -320,7 +314,7 @@ class Searcher:
         self._time_ns = None
 
     def flush(self) -> None:
-        """Search the waiting blocks; send pulses and reports of searches without a find."""
+        """Search the waiting blocks; send pulses and reports of searches without detections."""
         self._search()
         for report in self._bank.search_reports():
             self._frame.send("search_report", report)
@@ -331,7 +325,7 @@ class Searcher:
             self._frame.send("pulse", pulse)
 
     def report_health(self) -> None:
-        """Send the health if it is due."""
+        """Send a health report if it is due."""
         if not self._bank.complete:
             status = "waiting for samples"
         elif self._frame.clock.now_ns() - self._bank.last_sample_ns > LIVE_NS:
@@ -341,7 +335,7 @@ class Searcher:
         self._frame.report(status, counters=self.counters)
 
     def counters(self) -> dict[str, float]:
-        """Counters of the bank, and the latencies of searched samples."""
+        """Counters of the detectors and age of searched samples, for the health report."""
         return self._bank.counters() | self._latencies.counters()
 
 

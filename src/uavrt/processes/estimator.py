@@ -1,7 +1,7 @@
-"""The estimator process: bearings on the drone, for a ground that receives few of its pulses.
+"""The estimator process: bearings on the drone, for ground stations that receive few pulses.
 
-It takes pulses and poses from the supervisor and sends bearings, at a low priority. Each
-bearing summarises all pulses of a turn, so that one received message replaces many lost ones.
+It gets pulses and poses from the supervisor and sends bearings. A bearing summarises all pulses
+of a turn, so one received message replaces many lost ones.
 """
 
 import os
@@ -18,13 +18,13 @@ from uavrt.units import ns_from_s
 log = get_logger()
 
 NICENESS = 10
-"""Low priority, so that it takes no time from the detectors."""
+"""Scheduling priority below that of the detectors (Unix niceness)."""
 TICK_S = 0.2
 REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
-"""Times after which a turn's last bearing is repeated [ns]. With 50 % packet loss, one of the
+"""Times after which a turn's last bearing is sent again [ns]. With 50 % packet loss, one of the
 six copies arrives with probability 0.98."""
 PERIOD_NS = ns_from_s(0.25)
-"""Shortest time between two messages [ns]; 64 bytes each, a fifth of the slowest link."""
+"""Shortest time between two messages [ns]; with 64 bytes each, a fifth of the slowest link."""
 SHARE = 9
 """Ratio of waiting to computing time; estimates use at most a tenth of a core."""
 
@@ -37,7 +37,7 @@ class _Waiting:
 
 
 class Outgoing:
-    """Queue of bearings: the newest of each tag and turn, spaced in time."""
+    """Queue of bearings: the newest for each tag and turn, spaced in time."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[int, int], _Waiting] = {}
@@ -47,7 +47,7 @@ class Outgoing:
         return sum(not one.sent for one in self._waiting.values())
 
     def put(self, bearing: LiveBearing, now_ns: int) -> None:
-        """Add a bearing, replacing the last one of its tag and turn."""
+        """Add a bearing, replacing an older one of its tag and turn."""
         key = (bearing.tag_id, bearing.start_time_ns)
         before = self._waiting.get(key)
         # A waiting bearing keeps its place, so that each of a hundred tags gets its turn.
@@ -55,7 +55,7 @@ class Outgoing:
         self._waiting[key] = _Waiting(bearing, due_ns)
 
     def take(self, now_ns: int) -> LiveBearing | None:
-        """Return the bearing that is due, if any."""
+        """Return the bearing that is due; None if there is none."""
         if now_ns < self._next_ns or not self._waiting:
             return None
         key, first = min(self._waiting.items(), key=lambda item: item[1].due_ns)
@@ -75,7 +75,7 @@ class Outgoing:
 
 
 class Estimation:
-    """State of the process: the stage, and the bearings to send."""
+    """Computes bearings from the pulses received, and sends them when due."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame

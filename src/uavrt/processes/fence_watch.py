@@ -1,7 +1,6 @@
-"""Reads the autopilot's own fence over its link, for the guide. No I/O.
+"""Reads the autopilot's geofence over its link, for the guide.
 
-It is read when the autopilot is found and, as it may change, every half minute while nothing is
-flown.
+It is read when the autopilot is found, and every half minute while no order is flown.
 """
 
 from collections import Counter
@@ -19,15 +18,14 @@ from uavrt.messages import VehicleFence
 
 log = get_logger()
 
-AGAIN_S = 30.0
+FENCE_PERIOD_S = 30.0
 
 
 class FenceWatch:
-    """State of the reading.
+    """Downloads the autopilot's geofence and passes it on.
 
-    `send`: sends a message to the autopilot.
-    `report`: takes what was read.
-    `place`: our own system and component id; the autopilot's system is the same.
+    `send`: sends a message to the autopilot. `report`: gets the fence. `place`: own system and
+    component id; the autopilot has the same system id.
     """
 
     def __init__(
@@ -43,11 +41,11 @@ class FenceWatch:
         self._counted: Counter[str] = Counter()
 
     def autopilot_found(self) -> None:
-        """Discard the fence, since the autopilot may be another one."""
+        """Discard the fence, because the autopilot may be another one."""
         self._download, self._known, self._next_s = None, None, -inf
 
     def vehicle(self, message: Message, now_s: float) -> None:
-        """Handle a message of the autopilot."""
+        """Handle a message from the autopilot."""
         download = self._download
         if download is not None:
             sender = (self._place()[0], MavComponent.COMP_ID_AUTOPILOT1)
@@ -55,23 +53,23 @@ class FenceWatch:
             self._end(download)
 
     def tick(self, now_s: float, *, resting: bool) -> None:
-        """Request what is due; start no new reading while something is flown."""
+        """Send the requests that are due; start no download while an order is flown."""
         if self._download is None and resting and now_s >= self._next_s:
             own = self._place()
             peer = Peer(own[0], MavComponent.COMP_ID_AUTOPILOT1)
             self._download = MissionDownload("fence", peer, own)
         if self._download is not None:
-            self._next_s = now_s + AGAIN_S
+            self._next_s = now_s + FENCE_PERIOD_S
             self._send_all(self._download.due(now_s))
             self._end(self._download)
 
     def repeat(self) -> None:
-        """Report the fence again to a restarted guide."""
+        """Send the known fence again, for a restarted guide."""
         if self._known is not None:
             self._report(self._known)
 
     def counters(self) -> dict[str, float]:
-        """Counts of readings and repeated requests, for a health record."""
+        """Counts of downloads and repeated requests, for the health report."""
         return {f"fence_{name}": float(count) for name, count in self._counted.items()}
 
     def _end(self, download: MissionDownload) -> None:

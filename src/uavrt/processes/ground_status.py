@@ -1,7 +1,7 @@
-"""Status of the drone for the ground: heartbeat, detectors, texts, the computer's load.
+"""Status messages for the ground: heartbeat, detectors, texts, load of the computer.
 
-Belongs to the connection process. All share a link that may carry only 1200 bytes a second, so
-each kind has its own rate.
+Part of the connection process. The link may carry only 1200 bytes a second, so each kind of
+message has its own rate.
 """
 
 import os
@@ -29,17 +29,17 @@ COMPUTER_NS = ns_from_s(10.0)
 """Time between two reports of the computer's load [ns]; 250 bytes, 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
 AGAIN_NS = ns_from_s(30.0)
-"""Time between two reports of a lasting fault [ns]; 200 bytes, below 1 % of the slowest
+"""Time between two reports of a persisting fault [ns]; 200 bytes, below 1 % of the slowest
 link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
-"""Time between two search reports of the same tag [ns]; they share the link with its pulses."""
+"""Time between two search reports of a tag [ns]; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
-"""Time between two signs of life of a tag's detector [ns]. The original ground station expects
-one within K + 1 intervals and a second, about 6 s."""
+"""Shortest time between two reports that a tag's detector works [ns]. The original ground
+station expects one within K + 1 pulse intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""Additional time for each tag [ns], which limits them to 10 small messages a second."""
+"""Time added to `ALIVE_NS` for each tag [ns]; it limits these reports to 10 a second."""
 BEEP_NS = ns_from_s(5.0)
-"""Time between two reports of beeping senders, which are repeated in turn [ns]."""
+"""Time between two reports of beeping senders, which are sent in turn [ns]."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127
@@ -47,10 +47,10 @@ UNKNOWN_U32 = 0xFFFFFFFF
 
 
 class GroundStatus:
-    """Decides which status messages are due.
+    """Decides which status messages are due, and sends them.
 
-    `exchange`: writes payloads in the ground's generation. `root`: the place whose free space
-    is reported. `disk`: queries that space; inline by default.
+    `exchange`: encodes payloads for the ground station's protocol version. `root`: directory
+    whose free space is reported. `disk`: runs disk queries; inline by default.
     """
 
     def __init__(
@@ -64,31 +64,30 @@ class GroundStatus:
         self._asking = False
         self._limiter = TextLimiter()
         self._tag_limiter = TextLimiter()
-        """A separate limit, so that many tags suppress no warning."""
+        """Separate rate limit, so that texts about many tags suppress no warning."""
         self._beeps: list[Beep] = []
         self._ppm: float | None = None
         self._next_beep = 0
         self.beeps_left_out = 0
-        """Beeping senders not repeated because there are too many."""
+        """Number of beeping senders dropped from the reports because there were too many."""
         self._next_ns: dict[str, int] = {}
         self._state: SystemState | None = None
-        """State in the last heartbeat."""
         self._tags = 1
         self._shift_ns = 0
-        """Difference from the timers' clock to the flight's."""
+        """Clock of the flight minus the clock of this process [ns]."""
         self._busy = _busy_ticks()
 
     @property
     def texts_left_out(self) -> int:
-        """Texts dropped as too many."""
+        """Number of texts dropped because there were too many."""
         return self._limiter.left_out + self._tag_limiter.left_out
 
     def tags(self, count: int) -> None:
-        """Set the number of tags."""
+        """Set the number of tags searched."""
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
-        """Send the periodic messages that are due; a heartbeat also on a change of state."""
+        """Send the messages that are due, and a heartbeat whenever the state changes."""
         if state is not self._state:
             self._state = state
             self._next_ns.pop("heartbeat", None)
@@ -102,22 +101,22 @@ class GroundStatus:
             self._report_computer()
 
     def begin_flight(self, shift_ns: int) -> None:
-        """Report in the time of a new flight; clear the previous flight's beeping senders."""
+        """Use the time of a new flight; clear the last flight's beeping senders."""
         self._shift_ns = shift_ns
         self._beeps.clear()
 
-    def forget_beeps(self) -> None:
-        """Clear the beeping senders: the list of tags has changed."""
+    def clear_beeps(self) -> None:
+        """Clear the beeping senders, because the list of tags has changed."""
         self._beeps.clear()
 
     def radio_set(self, radio: RadioSettings) -> None:
-        """Discard the beeping senders if the radio's frequency correction has changed."""
+        """Clear the beeping senders if the radio's frequency correction has changed."""
         if radio.frequency_correction_ppm != self._ppm:
             self._ppm = radio.frequency_correction_ppm
             self._beeps.clear()
 
     def beep(self, beep: Beep) -> None:
-        """Add a beeping sender, or a newer measurement of one."""
+        """Add a beeping sender, or a newer measurement of a known one."""
         keep_beep(self._beeps, beep)
         self.beeps_left_out += drop_beeps(self._beeps)
         if beep in self._beeps:
@@ -131,7 +130,7 @@ class GroundStatus:
         self._next_beep += 1
 
     def text(self, text: StatusText, now_ns: int) -> None:
-        """Send a text for the operator, unless there are too many."""
+        """Send a text to the operator, unless there are too many."""
         if self._limiter.allows(text.severity, text.text, now_ns):
             self._sender.send_text(text.severity, text.text)
 
@@ -155,21 +154,21 @@ class GroundStatus:
                 self.text(fault, now_ns)
 
     def tag_text(self, text: str, now_ns: int) -> bool:
-        """Send a text about a tag; False when there were too many."""
+        """Send a text about a tag; False if dropped because there are too many."""
         allowed = self._tag_limiter.allows(MavSeverity.INFO, text, now_ns)
         if allowed:
             self._sender.send_text(MavSeverity.INFO, text)
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """Report from time to time that a tag is searched."""
+        """Send a report that a tag is searched, at a limited rate."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:
             self.detector_alive(report.tag_id, now_ns)
 
     def detector_alive(self, tag_id: int, now_ns: int) -> None:
-        """Note a report of a tag's detector."""
+        """Report that a tag's detector works, at a limited rate."""
         period_ns = max(ALIVE_NS, ALIVE_PER_TAG_NS * self._tags)
         if self._due(f"alive {tag_id}", period_ns, now_ns):
             self._send(self._exchange.detector_heartbeat(tag_id, now_ns + self._shift_ns))
@@ -185,9 +184,9 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _report_computer(self) -> None:
-        """Report load and free space; the last known while the disk stalls.
+        """Report load and free space; the last known space while the disk does not answer.
 
-        Repeated queries would delay file clients when the disk recovers.
+        The query is not repeated, because many of them would delay file transfers later.
         """
         asked = not self._asking
         if asked:
@@ -203,7 +202,6 @@ class GroundStatus:
         self._sender.send_message(self._computer_status())
 
     def _computer_status(self) -> OnboardComputerStatus:
-        """Load, memory and space of this computer; other fields stay unknown."""
         before, self._busy = self._busy, _busy_ticks()
         ticks = self._busy[1] - before[1]
         load = round(100 * (self._busy[0] - before[0]) / ticks) if ticks > 0 else UNKNOWN_U8
@@ -244,7 +242,7 @@ def _fault_of(process: ProcessStatus) -> StatusText:
 
 
 def cpu_temperature_c() -> float | None:
-    """Temperature of the processor [°C]; None if the system does not report it."""
+    """Processor temperature [°C]; None if the system does not report it."""
     try:
         return int(THERMAL_ZONE.read_text()) / 1000.0
     except (OSError, ValueError):
@@ -252,7 +250,6 @@ def cpu_temperature_c() -> float | None:
 
 
 def _busy_ticks() -> tuple[int, int]:
-    """Busy and all ticks of the processors since boot."""
     try:
         first = Path("/proc/stat").read_text().split("\n", 1)[0].split()
         ticks = [int(part) for part in first[1:9]]
@@ -262,7 +259,6 @@ def _busy_ticks() -> tuple[int, int]:
 
 
 def _memory_mib() -> tuple[int, int]:
-    """Used and whole memory [MiB]."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         kib = {line.split(":")[0]: int(line.split()[1]) for line in lines[:5]}
@@ -273,7 +269,6 @@ def _memory_mib() -> tuple[int, int]:
 
 
 def _disk_mib(place: Path) -> tuple[int, int]:
-    """Used and whole space where flights are recorded [MiB]."""
     try:
         usage = shutil.disk_usage(place if place.exists() else os.curdir)
     except OSError:

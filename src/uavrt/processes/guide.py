@@ -1,7 +1,7 @@
-"""The guide process: plans orders, offers them, and flies confirmed ones.
+"""The guide process: plans motion orders, proposes them, and flies confirmed ones.
 
-It requests motions; the connection process, which receives the signs of a takeover, decides. A
-restarted guide has no order: nothing continues unconfirmed.
+It requests each motion from the connection process, which detects a takeover and permits or
+refuses. A restarted guide has no order, so nothing continues without confirmation.
 """
 
 import secrets
@@ -50,7 +50,7 @@ from uavrt.messages import (
     VehicleReport,
     VehicleWish,
 )
-from uavrt.processes.thinker import Failed, Thinker
+from uavrt.processes.search_thread import SearchFailed, SearchThread
 from uavrt.tangent_plane import TangentPlane
 from uavrt.tunnel.motion import cut_text
 
@@ -61,24 +61,25 @@ log = get_logger()
 
 Found = TypeVar("Found")
 InBackground = Callable[[Callable[[], None]], None]
-"""Starts work that may take seconds, and returns at once."""
+"""Function that runs work of several seconds elsewhere and returns at once."""
 
 TICK_S = 0.05
 ALIVE_S = 0.5
-COURSE_S, ASKING_S = 1.0, 0.4
-"""Interval between two reports of our course, and while a path is requested."""
-MOST_ASKS = 8
-"""Most orders waiting to be planned."""
+COURSE_S, PATH_REQUEST_S = 1.0, 0.4
+"""Time between two reports of the drone's course, normally and while a path is requested [s].
+"""
+MOST_WAITING_ORDERS = 8
+"""Largest number of orders waiting to be planned."""
 
 
 def limits_of(settings: GuidanceSettings) -> Limits:
-    """Limits of the settings; raises `ConfigError`, `FormatError` as `keep_out_of`."""
+    """Flight limits from the settings; raises `ConfigError` or `FormatError`."""
     own = {one.name: getattr(settings, one.name) for one in fields(settings)}
     return Limits(**own, keep_out=keep_out_of(settings))
 
 
 def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:
-    """The ground around home; raises `FormatError` or `PlanError` if unknown."""
+    """Terrain around home, None if not set; raises `FormatError`, `PlanError`."""
     if settings.terrain is None:
         return None
     from uavrt.terrain.elevation_files import open_elevation
@@ -89,7 +90,7 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 
 
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
-    """Limits with the vehicle's own fence, if known; raises `PlanError` for an unusable one."""
+    """Add the vehicle's own fence to the limits; raises `PlanError` if it is unusable."""
     if fence is None:
         return limits
     if fence.fault is not None:
@@ -98,7 +99,7 @@ def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
 
 
 def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLosses | None":
-    """Losses of pulses behind the hills around home; raises `FormatError`."""
+    """Loss of signal behind hills around home, None without terrain; raises `FormatError`."""
     if settings.terrain is None:
         return None
     from uavrt.terrain.elevation_files import open_elevation
@@ -111,7 +112,7 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
 
 def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
-    """Excluded areas; raises `ConfigError`, `FormatError` if their file is unusable."""
+    """Areas that must not be flown over; raises `ConfigError` or `FormatError`."""
     name = settings.keep_out_file
     if name is None:
         return ()
@@ -120,13 +121,13 @@ def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"guidance.keep_out_file {name} cannot be read: {error}",
-            remedy="Put the file on the drone, or take the setting out",
+            remedy="Put the file on the drone, or remove the setting",
         ) from error
     return keep_out_in(text, name, every=True)
 
 
 def equipment_of(settings: Settings) -> Equipment:
-    """Antenna, detectors and planner of the settings; raises `UsageError`: unknown antenna."""
+    """Antenna, detector and planner settings of a search; raises `UsageError`."""
     antenna = settings.bearings.antenna
     return Equipment(
         pattern=None if antenna == MONOPOLE else pattern_named(antenna),
@@ -138,13 +139,12 @@ def equipment_of(settings: Settings) -> Equipment:
 
 
 def _height_m(order: Order, now: VehicleNow) -> float:
-    """Height above home at which an order is flown."""
     return now.altitude_relative_m if order.height_m is None else order.height_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
-    """A requested order, and the state when it arrived."""
+class _OrderRequest:
+    """A requested order with the state of the vehicle when it arrived."""
 
     request: MotionRequest
     order: Order
@@ -157,36 +157,33 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Planned:
-    """A plan that can be offered."""
+    """A planned order, ready to be proposed."""
 
     home: tuple[float, float]
-    """Home position of the plan."""
     pilot: Pilot
     limits: Limits
     seeker: Seeker | None
-    """The search, if the order is one."""
     summary: str
 
 
 class _Planning:
-    """Makes a plan in the background.
+    """Plans an order in the background.
 
-    Reading elevation files takes seconds, and a guide that is silent for that long ends the
+    Reading elevation files takes seconds, and a guide that is silent for so long would end the
     order being flown.
     """
 
-    def __init__(self, asked: _Asked, in_background: InBackground) -> None:
+    def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
         self.asked = asked
         self.found: _Planned | str | None = None
-        """A plan, or why there is none."""
+        """The plan, or a text on why there is none; None while planning."""
         in_background(self._run)
 
     def _run(self) -> None:
-        self.found = _tried(lambda: _plan(self.asked))
+        self.found = _attempt(lambda: _plan(self.asked))
 
 
-def _plan(asked: _Asked) -> _Planned:
-    """Plan the order from the vehicle's state at its arrival."""
+def _plan(asked: _OrderRequest) -> _Planned:
     guidance, order, now = asked.settings.guidance, asked.order, asked.now
     behaviour = behaviour_of(asked.vehicle.autopilot)
     ground = ground_of(guidance, now.home)
@@ -210,8 +207,8 @@ def _plan(asked: _Asked) -> _Planned:
     )
 
 
-def _tried(make: Callable[[], Found]) -> Found | str:
-    """Get the result or the reason for its failure; unexpected errors are logged, too."""
+def _attempt(make: Callable[[], Found]) -> Found | str:
+    """Return the result, or the error as a text; unexpected errors are also logged."""
     try:
         return make()
     except UavrtError as error:
@@ -222,48 +219,46 @@ def _tried(make: Callable[[], Found]) -> Found | str:
 
 
 def in_thread(work: Callable[[], None]) -> None:
-    """Do `work` in a thread of its own."""
+    """Run `work` in a thread of its own."""
     threading.Thread(target=work, name="plan", daemon=True).start()
 
 
 class Guide:
-    """State of the process; see the module's text.
+    """Plans and flies orders, with all input from the supervisor.
 
-    `frame`: its link to the supervisor. `in_background`: starts the planning of an order.
-    `thinker`: makes the thread of a search.
+    `frame`: link to the supervisor. `in_background`: runs the planning of an order. `planner`:
+    creates the thread of a search.
     """
 
     def __init__(
         self,
         frame: ProcessFrame,
         in_background: InBackground = in_thread,
-        thinker: Callable[[Seeker], Thinker] = Thinker,
+        planner: Callable[[Seeker], SearchThread] = SearchThread,
     ) -> None:
         self._frame = frame
-        self._in_background, self._make_thinker = in_background, thinker
+        self._in_background, self._make_planner = in_background, planner
         guidance = frame.assignment.settings.guidance
         self._energy_learning = EnergyLearning(guidance.hover_w, guidance.battery_wh)
-        """Learnt power of flight, over all orders."""
+        """Power needed to fly, learnt from the battery over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
-        """The vehicle's own fence; None: unknown."""
         self._pilot: Pilot | None = None
         self._offered: _Planned | None = None
-        self._asks: deque[tuple[MotionRequest, Order]] = deque()
-        """Orders that wait to be planned."""
+        self._waiting_orders: deque[tuple[MotionRequest, Order]] = deque()
         self._planning: _Planning | None = None
-        self._thinker: Thinker | None = None
-        self._ending: list[Thinker] = []
-        """Ended searches that have not sent their summary."""
+        self._planner: SearchThread | None = None
+        self._ending: list[SearchThread] = []
+        """Ended searches whose summary is not recorded yet."""
         flight = frame.assignment.flight
         self._tags: tuple[Tag, ...] = () if flight is None else flight.tags
         self._alive_s = self._course_s = 0.0
         self._shared = SharedSearch(secrets.randbits(16))
-        self.offers = self.flown = self.decisions = self.ways_not_given = 0
+        self.offers = self.flown = self.decisions = self.paths_refused = 0
         frame.send("wish", VehicleWish(order_id=None, ends=True))
 
     def take(self, topic: str, record: object) -> None:
-        """Handle a record of the hub."""
+        """Handle a record from the supervisor."""
         match record:
             case VehicleReport():
                 self._vehicle = record
@@ -276,33 +271,31 @@ class Guide:
                 self._shared.take(record, monotonic_s())
             case FlightInfo():
                 self._tags = record.tags if topic == "flight" else ()
-            case PulsePose() if self._thinker is not None:
-                self._thinker.pulse(record)
-            case SearchReport() if self._thinker is not None:
-                self._thinker.searched(record)
+            case PulsePose() if self._planner is not None:
+                self._planner.pulse(record)
+            case SearchReport() if self._planner is not None:
+                self._planner.searched(record)
 
     def _offer(self, request: MotionRequest) -> None:
-        """Plan an order and offer it; the present order ends when the new one is confirmed."""
         order = Order.of(request, secrets.randbits(31) | 1)
-        if len(self._asks) >= MOST_ASKS:
+        if len(self._waiting_orders) >= MOST_WAITING_ORDERS:
             busy = "too many orders are being planned. Ask again"
             self._send_offer(request, order.order_id, busy, "", refused=True)
             return
-        self._asks.append((request, order))
+        self._waiting_orders.append((request, order))
         self._plan_next()
 
     def _plan_next(self) -> None:
-        """Start to plan the oldest waiting order, if none is being planned."""
-        while self._asks and self._planning is None:
-            request, order = self._asks.popleft()
-            asked = _tried(partial(self._asked, request, order))
+        while self._waiting_orders and self._planning is None:
+            request, order = self._waiting_orders.popleft()
+            asked = _attempt(partial(self._checked_request, request, order))
             if isinstance(asked, str):
                 self._send_offer(request, order.order_id, asked, "", refused=True)
             else:
                 self._planning = _Planning(asked, self._in_background)
 
-    def _asked(self, request: MotionRequest, order: Order) -> _Asked:
-        """Refuse what can be refused without a plan."""
+    def _checked_request(self, request: MotionRequest, order: Order) -> _OrderRequest:
+        """Check an order as far as possible without a plan; raises `UavrtError`."""
         vehicle = self._vehicle
         if vehicle is None:
             raise UavrtError("no contact with the vehicle", remedy="Check the autopilot's link")
@@ -313,10 +306,10 @@ class Guide:
         behaviour_of(vehicle.autopilot)
         now = self._now(vehicle, monotonic_s())
         if now is None:
-            raise UavrtError("the vehicle has no position or no home", remedy="Wait for it")
+            raise UavrtError("the vehicle's position or home is unknown", remedy="Wait for it")
         if order.action == "search":
             self._shared.check(now, _height_m(order, now))
-        return _Asked(
+        return _OrderRequest(
             request=request,
             order=order,
             vehicle=vehicle,
@@ -327,7 +320,6 @@ class Guide:
         )
 
     def _take_plan(self) -> None:
-        """Offer the finished plan, or refuse its order."""
         planning = self._planning
         if planning is None or planning.found is None:
             return
@@ -366,20 +358,18 @@ class Guide:
         )
 
     def _fly(self, vehicle: VehicleReport) -> None:
-        """Request the motion that is due, and report the course."""
         now_s = monotonic_s()
         now = self._now(vehicle, now_s)
-        self._wish(vehicle, now, now_s)
+        self._fly_order(vehicle, now, now_s)
         if now is not None:
             self._report_course(now, now_s)
 
     def _now(self, vehicle: VehicleReport, now_s: float) -> VehicleNow | None:
-        """Vehicle state, with the power learnt from its battery."""
         now = now_of(vehicle, now_s)
         return None if now is None else self._energy_learning.learn(now)
 
-    def _wish(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
-        """Request the motion that is due, while the offered order is the confirmed one."""
+    def _fly_order(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
+        """Request the motion that is due in the confirmed order."""
         offered = self._offered
         if offered is not None and vehicle.order_id == offered.pilot.order.order_id:
             self._begin(offered, vehicle, now)
@@ -388,11 +378,11 @@ class Guide:
             self._pilot = None
             self._end_search(now, vehicle.reason)
             return
-        if now is not None and self._thinker is not None:
-            self._search(self._thinker, pilot, now)
+        if now is not None and self._planner is not None:
+            self._search(self._planner, pilot, now)
         wish = None if now is None else pilot.next(now)
         said = f"{pilot.plan.summary}: {pilot.said or pilot.progress}"
-        if self._thinker is not None:
+        if self._planner is not None:
             said = pilot.said
         if now is not None and (isinstance(wish, GoHome) or pilot.returning):
             self._shared.go(now.home, returning=True)
@@ -410,27 +400,25 @@ class Guide:
             self._frame.send("wish", VehicleWish(order_id=pilot.order.order_id, said=said))
 
     def _begin(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow | None) -> None:
-        """Start the confirmed order from the vehicle's present state."""
         self._end_search(now, "another order was confirmed")
         self._pilot = self._offered = None
         if now is None:
             return
         order, seeker = offered.pilot.order, offered.seeker
         self.flown += 1
-        pilot = _tried(lambda: self._again(offered, vehicle, now))
+        pilot = _attempt(lambda: self._plan_again(offered, vehicle, now))
         if isinstance(pilot, str):
             self._end(order.order_id, pilot)
             return
         self._pilot = pilot
         if seeker is not None:
-            self._thinker = self._make_thinker(seeker)
-            self._thinker.begin(self._frame.clock.now_ns(), now)
+            self._planner = self._make_planner(seeker)
+            self._planner.begin(self._frame.clock.now_ns(), now)
 
-    def _again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
-        """Check the offer again at its confirmation.
+    def _plan_again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
+        """Plan the order again at its confirmation; raises `PlanError` if invalid by now.
 
-        The authority has no home before the offer; fence, ground and return must be those of
-        the plan.
+        Fence, terrain and return path belong to the home position of the first plan.
         """
         if distance_m(*offered.home, *now.home) > SAFETY.home_moved_m:
             raise PlanError(
@@ -446,13 +434,12 @@ class Guide:
         return Pilot(pilot.order, plan, offered.limits)
 
     def _report_course(self, now: VehicleNow, now_s: float) -> None:
-        """Report our course, while a ground station passes it on."""
         shared, pilot = self._shared, self._pilot
-        every_s = ASKING_S if shared.waits else COURSE_S
+        every_s = PATH_REQUEST_S if shared.waits else COURSE_S
         if not shared.must_report(now_s) or now_s - self._course_s < every_s:
             return
         self._course_s = now_s
-        height, searching = None, self._thinker is not None and pilot is not None
+        height, searching = None, self._planner is not None and pilot is not None
         if pilot is not None and searching:
             height = _height_m(pilot.order, now)
         course = shared.course(now, searching=searching, height_m=height)
@@ -462,47 +449,46 @@ class Guide:
         log.info("order ended", order=order_id, reason=reason)
         self._frame.send("wish", VehicleWish(order_id=order_id, ends=True, said=reason))
 
-    def _search(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
-        """Give the search the drone's position, and process its decisions."""
+    def _search(self, planner: SearchThread, pilot: Pilot, now: VehicleNow) -> None:
         time_ns = self._frame.clock.now_ns()
         pilot.shared = self._shared.has_others(now.time_s)
-        thinker.place(time_ns, now)
-        for thought in thinker.thoughts():
-            match thought:
+        planner.place(time_ns, now)
+        for result in planner.results():
+            match result:
                 case Choice():
-                    self._choose(thought, pilot, now)
-                case Failed():
-                    pilot.give_up(thought.reason)
+                    self._choose(result, pilot, now)
+                case SearchFailed():
+                    pilot.give_up(result.reason)
         shared = self._shared
         if shared.waits:
-            self._await_way(thinker, pilot, now)
-        elif now.began and pilot.ended is None and thinker.is_time(now, idle=pilot.idle):
+            self._await_path(planner, pilot, now)
+        elif now.began and pilot.ended is None and planner.is_time(now, idle=pilot.idle):
             others = shared.begin_decision(now.time_s)
-            thinker.ask(time_ns, now, idle=pilot.idle, others=others)
+            planner.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly a decision; among other drones only after the path is assigned."""
+        """Fly a decision; near other drones only once the path is assigned to this drone."""
         if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
-            self._take_up(choice, choice.notes, pilot, now)
+            self._follow(choice, choice.notes, pilot, now)
             return
         self._note([note for note in choice.notes if note.event != "decision"])
         self._course_s = 0.0
 
-    def _await_way(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly the requested path once it is assigned; otherwise continue as before."""
+    def _await_path(self, planner: SearchThread, pilot: Pilot, now: VehicleNow) -> None:
+        """Fly a requested path once it is assigned; if refused, let the search decide again."""
         answer = self._shared.answer(now)
         if answer is None:
             return
         choice, given = answer
         if given:
             decided = [note for note in choice.notes if note.event == "decision"]
-            self._take_up(choice, decided, pilot, now)
+            self._follow(choice, decided, pilot, now)
         else:
-            self.ways_not_given += 1
-            thinker.withdraw(now)
+            self.paths_refused += 1
+            planner.withdraw(now)
         self._course_s = 0.0
 
-    def _take_up(
+    def _follow(
         self, choice: Choice, notes: Sequence[SearchNote], pilot: Pilot, now: VehicleNow
     ) -> None:
         self._note(notes)
@@ -511,7 +497,6 @@ class Guide:
             pilot.redirect(choice.steps, now)
 
     def _note(self, notes: Sequence[SearchNote]) -> None:
-        """Record decisions; report finds and the end to the operator."""
         for note in notes:
             self.decisions += note.event == "decision"
             self._frame.send("search_note", note)
@@ -520,40 +505,39 @@ class Guide:
                 self._frame.notify(5, f"Search: {note.text}")
 
     def _end_search(self, now: VehicleNow | None, reason: str) -> None:
-        """End the search with its summary; pending decisions are ignored."""
-        thinker, self._thinker = self._thinker, None
+        planner, self._planner = self._planner, None
         self._shared.end()
-        if thinker is None:
+        if planner is None:
             return
         if now is not None:
-            thinker.end(self._frame.clock.now_ns(), now, reason)
-        self._ending.append(thinker)
+            planner.end(self._frame.clock.now_ns(), now, reason)
+        self._ending.append(planner)
 
     def tick(self) -> None:
-        """Offer finished plans, and record how searches have ended."""
+        """Propose finished plans, and record the summaries of ended searches."""
         self._take_plan()
-        for thinker in self._ending:
-            for thought in thinker.thoughts():
-                if isinstance(thought, Choice):
-                    self._note([note for note in thought.notes if note.event == "found"])
-                elif isinstance(thought, SearchNote):
-                    self._note([thought])
+        for planner in self._ending:
+            for result in planner.results():
+                if isinstance(result, Choice):
+                    self._note([note for note in result.notes if note.event == "found"])
+                elif isinstance(result, SearchNote):
+                    self._note([result])
         self._ending = [one for one in self._ending if not one.over]
 
     @property
     def status(self) -> str:
-        """State of the process in a word or two."""
+        """State of the process as a short text."""
         if self._vehicle is None:
             return "waiting for autopilot"
         return "ready" if self._pilot is None else "flying"
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of orders and decisions, for the health report."""
         return {
             "orders_offered": self.offers,
             "orders_flown": self.flown,
             "search_decisions": self.decisions,
-            "ways_not_given": self.ways_not_given,
+            "ways_not_given": self.paths_refused,
             "lessons_of_power": self._energy_learning.learnt,
             "hover_w": round(self._energy_learning.energy.power_w(0.0)),
             "others_told": len(self._shared.others(monotonic_s())),

@@ -1,9 +1,9 @@
-"""Abort a search that hangs, and identify its tag.
+"""Aborts a tag's search that hangs, and identifies the tag.
 
-A timer of processor time checks which tag is processed (`DetectorGroup.last_searched`); one
-step at several checks in a row is a hang. An exception ends it and the process continues,
-whereas the supervisor would kill it without knowing the tag. Processor time excludes a stopped
-process or computer. A hang inside one library call is left to the supervisor.
+A timer of processor time checks which step runs (`DetectorGroup.last_searched`). The same step
+at several checks in a row counts as a hang and raises an exception, so that the process
+continues. The supervisor would kill it without knowing the tag. Processor time excludes pauses
+of the process or computer. A hang in one library call is left to the supervisor.
 """
 
 import signal
@@ -11,34 +11,34 @@ import threading
 from collections.abc import Callable
 from types import FrameType, TracebackType
 
-LOOK_S = 0.8
+CHECK_S = 0.8
 """Processor time between two checks [s]."""
-LOOKS = 5
-"""Checks at the same turn that mean a hang: 3.2 to 4 s. The supervisor waits 5 s for a sign of
-life; a tag's longest turn takes some tenths of a second."""
+CHECKS = 5
+"""Checks in the same step that count as a hang: 3.2 to 4 s. The supervisor kills the process
+after 5 s of silence; the longest normal step takes some tenths of a second."""
 
 
 class SearchHangs(RuntimeError):
-    """A search did not end."""
+    """Raised in a search that does not end."""
 
 
 class HangWatch:
-    """A reusable context that raises `SearchHangs` within it when a turn does not end.
+    """Reusable context that raises `SearchHangs` if one step of the search does not end.
 
-    `turn`: returns the present turn, another object for each.
+    `turn`: returns the present step, as a different object for each step.
     """
 
     def __init__(self, turn: Callable[[], object]) -> None:
         self._turn = turn
         self._last: object = None
-        self._looks = 0
+        self._checks = 0
         self._able = threading.current_thread() is threading.main_thread()
 
     def __enter__(self) -> None:
-        self._looks = 0
+        self._checks = 0
         if self._able:
-            signal.signal(signal.SIGPROF, self._look)
-            signal.setitimer(signal.ITIMER_PROF, LOOK_S, LOOK_S)
+            signal.signal(signal.SIGPROF, self._check)
+            signal.setitimer(signal.ITIMER_PROF, CHECK_S, CHECK_S)
 
     def __exit__(
         self,
@@ -49,10 +49,10 @@ class HangWatch:
         if self._able:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
 
-    def _look(self, _number: int, _frame: FrameType | None) -> None:
+    def _check(self, _number: int, _frame: FrameType | None) -> None:
         turn = self._turn()
-        self._looks = self._looks + 1 if turn is self._last else 1
+        self._checks = self._checks + 1 if turn is self._last else 1
         self._last = turn
-        if self._looks >= LOOKS:
-            self._looks = 0
-            raise SearchHangs(f"no end after {LOOK_S * (LOOKS - 1):.1f} s of computing")
+        if self._checks >= CHECKS:
+            self._checks = 0
+            raise SearchHangs(f"no end after {CHECK_S * (CHECKS - 1):.1f} s of computing")

@@ -1,4 +1,4 @@
-"""Record the channels of a flight from within the process that makes them."""
+"""Records a flight's channel samples within the receiver process."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,7 +9,7 @@ from uavrt.recording.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Passes channels to their recorder and reports drops; keeps none unless switched on."""
+    """Queues channel samples for recording and reports drops; can be off."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True
@@ -28,7 +28,7 @@ class KeptChannels:
             )
 
     def put(self, channels: list[ChannelBlock]) -> None:
-        """Take the channels of one radio block; never waits."""
+        """Queue the channels of one radio block for writing; never waits."""
         if self._recorder is not None and channels:
             self._recorder.put(channels)
             self._report_once(self._recorder)
@@ -42,12 +42,12 @@ class KeptChannels:
             self._notify(6, f"Kept channels: {self._budget_mb:.0f} MB used, oldest go")
 
     def close(self) -> None:
-        """Write what waits."""
+        """Write the queued samples and close."""
         if self._recorder is not None:
             self._recorder.close()
 
     def counters(self) -> Mapping[str, float]:
-        """Counts of samples kept, dropped and removed."""
+        """Numbers of samples stored, dropped and removed, for the health report."""
         recorder = self._recorder
         if recorder is None:
             return {}

@@ -1,4 +1,4 @@
-"""Age of samples when they have been searched: median and 99th percentile."""
+"""Age of samples at the end of their search: median and 99th percentile."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ MOST_MS = 10_000
 
 
 class Latencies:
-    """Histogram of latencies in steps of a millisecond, over the last half to whole minute."""
+    """Histogram of latencies in steps of 1 ms, over the last 30 to 60 s."""
 
     def __init__(self) -> None:
         self._past = np.zeros(MOST_MS + 1, np.int32)
@@ -16,7 +16,7 @@ class Latencies:
         self._until_s = 0.0
 
     def add(self, latency_s: float, now_s: float) -> None:
-        """Count one, measured at a time in seconds of any clock."""
+        """Add a latency, measured at a time `now_s` of any clock."""
         if now_s >= self._until_s:
             self._until_s = now_s + WINDOW_S
             self._past, self._present = self._present, self._past
@@ -25,7 +25,7 @@ class Latencies:
         self._present[min(max(step, 0), MOST_MS)] += 1
 
     def percentile_ms(self, percent: float) -> float | None:
-        """The latency that this percentage does not exceed [ms]; None without any."""
+        """Latency that this percentage of values does not exceed [ms]; None if empty."""
         up_to = np.cumsum(self._past + self._present)
         if not up_to[-1]:
             return None
@@ -33,7 +33,7 @@ class Latencies:
         return min(step + 1, MOST_MS) * STEP_MS
 
     def counters(self) -> dict[str, float]:
-        """Both percentiles, rounded up to a millisecond."""
+        """Median and 99th percentile, rounded up to 1 ms, for the health report."""
         median_ms, slow_ms = self.percentile_ms(50.0), self.percentile_ms(99.0)
         if median_ms is None or slow_ms is None:
             return {}

@@ -1,7 +1,7 @@
-"""Fills in poses of pulses that the connection can no longer provide.
+"""Reconstructs poses of pulses that the connection can no longer provide.
 
-The connection gives each pulse its pose. If it is killed or stopped, the pulses waiting there
-lose theirs; the recorder has those pulses, and the vehicle's recorded poses.
+The connection normally adds the pose. If it is killed or stopped, the pulses waiting there lose
+theirs. The recorder has those pulses and the vehicle's recorded poses.
 """
 
 from collections import OrderedDict
@@ -14,15 +14,15 @@ from uavrt.pose.ring import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
 from uavrt.units import ns_from_s
 
 REACH_NS = ns_from_s(MAX_GAP_S + MAX_EXTRAPOLATION_S)
-"""Largest time between a pulse and a pose that is used for it [ns]."""
+"""Largest time between a pulse and a recorded pose used for it [ns]."""
 MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Pulses still waiting for their pose, and those whose pose will not come.
+    """Pulses without pose, and those among them whose pose will never arrive.
 
-    The poses of a tag's pulses come in the order of the pulses. So a pose is lost when that of
-    a later pulse has come, or after `patience_s`.
+    Poses of a tag's pulses arrive in the order of the pulses. A pose counts as lost once a
+    later pulse's has arrived, or after `patience_s`.
     """
 
     def __init__(self, patience_s: float) -> None:
@@ -33,12 +33,12 @@ class AwaitedPoses:
         return sum(map(len, self._tags.values()))
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Add a pulse; one that is waiting already keeps its time."""
+        """Add a pulse; one that is already waiting keeps its time."""
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._patience_s))
 
     def came(self, pulse: Pulse) -> list[Pulse]:
-        """Record a pulse's pose; return the earlier pulses of its tag, whose poses are lost."""
+        """Remove a pulse with its pose; return the tag's earlier pulses, as lost ones."""
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:
             return []
@@ -50,7 +50,7 @@ class AwaitedPoses:
             vain.append(first)
 
     def overdue(self, now_s: float) -> list[Pulse]:
-        """Get the pulses that have waited too long."""
+        """Remove and return the pulses that have waited too long."""
         vain: list[Pulse] = []
         for waiting in self._tags.values():
             while waiting:
@@ -62,12 +62,14 @@ class AwaitedPoses:
         return vain
 
     def all(self) -> list[Pulse]:
-        """Get all waiting pulses, at the end of a flight."""
+        """Remove and return all waiting pulses, at the end of a flight."""
         return self.overdue(float("inf"))
 
 
-def made_up(pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings) -> PulsePose:
-    """Give a pulse the antenna's pose from recorded vehicle poses, if they are near enough.
+def pose_from_records(
+    pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings
+) -> PulsePose:
+    """Compute a pulse's antenna pose from recorded vehicle poses; None if none is near enough.
 
     `poses`: around the pulse's centre, in the order of time. `antenna`: its mounting.
     """

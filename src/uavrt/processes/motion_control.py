@@ -1,4 +1,8 @@
-"""Send commands to the autopilot that the authority permits, until *Take back*."""
+"""Sends the motion commands that the authority permits, until control ends.
+
+The authority (`uavrt.guidance`) decides from the autopilot's messages whether a command may be
+sent. An operator ends control by *Take back*.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -23,33 +27,31 @@ from uavrt.tunnel.motion import MotionConfirmation
 log = get_logger()
 
 Asker = tuple[int, int]
-STANDS_WITHIN_S = 1.5
-"""Longest wait for the stop command [s]; then control ends without it."""
+STOP_WITHIN_S = 1.5
+"""Longest wait to send the stop command [s]; then control ends without it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlets:
-    """Where a desk sends its messages."""
+    """Functions by which the motion parts send their messages."""
 
     command: Callable[[Message], None]
     """Sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
-    """Whether a command could be sent at once."""
+    """True if a command could be sent at once."""
     state: Callable[[bytes, Asker | None], None]
-    """Sends a payload of type 60006 to one station, or to all."""
+    """Sends a payload of type 60006 to one station, or to all if None."""
     ask: Callable[[Command], None]
-    """Sends a query to the supervisor."""
     record: Callable[[str, object], None]
     """Sends a record to the guide, through the supervisor."""
     text: Callable[[StatusText], None]
-    """Sends a text to the operator."""
 
 
 class MotionControl:
     """The authority over the present autopilot, and the commands of its order.
 
-    `own_place`: our system and component id; the vehicle's system is the same. `changed`:
-    called with the time after each change of state.
+    `own_place`: own system and component id; the vehicle has the same system id. `changed`:
+    called with the time [s] after each change of state.
     """
 
     def __init__(
@@ -62,17 +64,16 @@ class MotionControl:
         self._settings, self._out = settings, outlets
         self._own_place, self._changed = own_place, changed
         self.authority: Authority | None = None
-        """None: no known autopilot."""
+        """Decides which commands are permitted; None without a known autopilot."""
         self.standing = Standing.OUT
-        """The last reported state."""
         self.stalls = StallWatch(monotonic_s())
         self.order_id = self.sent = self.refused = 0
-        """The last confirmed order."""
+        """Number of the last confirmed order (`order_id`); its commands sent and refused."""
         self._said = ""
         self._late_reported = False
 
     def use(self, kind: AutopilotName | None) -> None:
-        """Begin with the authority of an autopilot; None: no command is possible."""
+        """Set the autopilot's kind, for the rules on commands; None: no commands possible."""
         if kind is None:
             self.authority = None
             return
@@ -91,7 +92,7 @@ class MotionControl:
 
     @property
     def text(self) -> str:
-        """State of the order for the operator."""
+        """State of the order, as a text for the operator."""
         if self.authority is None:
             return "the autopilot is not known"
         if self.authority.standing is Standing.OUT:
@@ -107,7 +108,7 @@ class MotionControl:
             self._changed(now_s)
 
     def wake(self, now_s: float, *, turn: bool = False) -> None:
-        """End control after a stall of this process, when messages may be old."""
+        """End control if this process was paused so long that its messages may be old."""
         pause_s = self.stalls.wake(now_s, turn=turn)
         if pause_s > SAFETY.stall_s:
             self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
@@ -120,7 +121,7 @@ class MotionControl:
             self.watch(now_s)
 
     def end(self, reason: str, now_s: float) -> None:
-        """End control."""
+        """End control, for this reason."""
         if self.authority is not None:
             self.authority.stop(now_s, reason)
             self.watch(now_s)
@@ -131,7 +132,7 @@ class MotionControl:
             self.authority.tick(now_s)
 
     def offer(self, offer: MotionOffer) -> None:
-        """Offer an order for confirmation; raises `CommandRefused`."""
+        """Propose an order for confirmation; raises `CommandRefused`."""
         authority = self.known
         mode = authority.vehicle.mode_name
         if offer.mode != mode:
@@ -139,7 +140,7 @@ class MotionControl:
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
-        """Begin the offered order; raises `CommandRefused`."""
+        """Begin the confirmed order; raises `CommandRefused`."""
         self.known.confirm(
             confirmation.order_id,
             confirmation.nonce,
@@ -175,14 +176,14 @@ class MotionControl:
         return True
 
     def command(self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False) -> bool:
-        """Send a motion's command if it is permitted and can leave at once; True if sent."""
+        """Send a motion command if it is permitted and can be sent at once; True if sent."""
         authority = self.known
         try:
             if not self._out.leaves():
-                raise CommandRefused("other bytes wait for the link to the autopilot")
+                raise CommandRefused("the link to the autopilot is busy")
             command = authority.command(order_id, wish, now_s, stops=stops)
         except CommandRefused as error:
-            log.info("wish refused", reason=error.message)
+            log.info("motion not permitted", reason=error.message)
             self._report_late(authority)
             return False
         self._out.command(command_message(command, self._own_place()[0]))
@@ -191,7 +192,6 @@ class MotionControl:
         return True
 
     def _report_late(self, authority: Authority) -> None:
-        """Report once if the link's delay keeps an order from being flown."""
         late = authority.vehicle.late
         if late is None or authority.standing is Standing.OUT or self._late_reported:
             return
@@ -200,7 +200,7 @@ class MotionControl:
 
 
 class TakeBack:
-    """*Take back*: command the drone to stop where it is, then end control."""
+    """The operator's *Take back*: stops the drone where it is, then ends control."""
 
     def __init__(self, settings: GuidanceSettings, control: MotionControl) -> None:
         self._settings, self._control = settings, control
@@ -212,20 +212,20 @@ class TakeBack:
         return self._by_s > 0.0
 
     def begin(self, now_s: float) -> None:
-        """Stop the drone if it flies our command, end control, and withdraw any offer."""
+        """Stop a drone that flies our command, end control, withdraw a proposed order."""
         if self._control.authority is not None:
-            self._by_s = self._by_s or now_s + STANDS_WITHIN_S
+            self._by_s = self._by_s or now_s + STOP_WITHIN_S
             self.go_on(now_s)
 
     def go_on(self, now_s: float) -> None:
-        """End control once the stop command is sent, or after `STANDS_WITHIN_S`."""
+        """End control once the stop command is sent, or after `STOP_WITHIN_S`."""
         authority = self._control.authority
         if authority is None or not self.under_way:
             return
         if authority.taking_off:
             climbs = ": it climbs on to its height" if authority.climbs else ""
             authority.stop(now_s, f"stopped by the operator{climbs}")
-        if not authority.flies_ours or self._stand(authority, now_s):
+        if not authority.flies_ours or self._send_stop(authority, now_s):
             authority.stop(now_s)
         elif now_s >= self._by_s:
             authority.stop(now_s, "stopped by the operator: it flies on to its last target")
@@ -233,7 +233,7 @@ class TakeBack:
             self._by_s = 0.0
         self._control.watch(now_s)
 
-    def _stand(self, authority: Authority, now_s: float) -> bool:
+    def _send_stop(self, authority: Authority, now_s: float) -> bool:
         now, order_id = authority.vehicle_seen(), authority.order_id
         if self._control.stalls.late or now is None or order_id is None:
             return False

@@ -1,8 +1,8 @@
-"""Motion control at the link: orders in, commands out, the authority in between.
+"""Connects motion orders, the autopilot's messages and the commands to the autopilot.
 
-Belongs to the connection process. The autopilot's messages reach `Authority` before anything
-else uses them; the guide's requests become commands here or are dropped. Orders must be sealed,
-except for a simulator that identifies itself, on this computer.
+Part of the connection process. `Authority` gets the autopilot's messages before anything else
+uses them. The guide's requests become commands here or are dropped. Orders must be sealed
+(authenticated), except for a simulator on this computer.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,9 +26,9 @@ from uavrt.processes.reported_autopilot import ReportedAutopilot
 class MotionDesk:
     """Passes each message to the parts that need it, in a safe order.
 
-    `settings`: the drone's. `outlets`: destinations of its messages. `own_place`: our system
-    and component id; the vehicle's system is the same. `next_request_id`: numbers for commands.
-    `autopilot_link`: link to the autopilot.
+    `settings`: the drone's. `outlets`: functions that send its messages. `own_place`: own
+    system and component id; the vehicle has the same system id. `next_request_id`: numbers for
+    commands. `autopilot_link`: address of the autopilot's link.
     """
 
     def __init__(
@@ -54,19 +54,20 @@ class MotionDesk:
         self.neighbours = NeighbourReports(outlets, autopilot, own_place)
 
     def autopilot_found(self) -> None:
-        """Reset: it is another autopilot, or the first."""
+        """Reset, because the autopilot is new or another one."""
         now_s = monotonic_s()
         self.control.see([Boot(now_s)], now_s)
         self.control.use(None)
-        self._autopilot.forget()
+        self._autopilot.reset()
         self._fence.autopilot_found()
 
     def vehicle(
         self, message: Message, age_s: float = 0.0, late_s: float | None = None
     ) -> None:
-        """Handle a message of the autopilot.
+        """Handle a message from the autopilot.
 
-        `age_s`: time since its arrival. `late_s`: its delay, if the autopilot's clock is known.
+        `age_s`: time since it arrived. `late_s`: its delay on the link, None if the autopilot's
+        clock is unknown.
         """
         now_s, before = monotonic_s(), self._autopilot.kind
         self.control.wake(now_s)
@@ -80,7 +81,7 @@ class MotionDesk:
             self._fence.vehicle(message, now_s)
 
     def wish(self, wish: VehicleWish) -> None:
-        """Handle the guide's requested motions."""
+        """Handle a motion request from the guide."""
         now_s, authority = monotonic_s(), self.control.authority
         self.control.wake(now_s)
         if authority is None:
@@ -98,7 +99,7 @@ class MotionDesk:
             self.control.watch(now_s)
 
     def tick(self, silent_s: Mapping[Asker, float]) -> None:
-        """Do periodic work.
+        """End or continue control, and send requests and reports that are due.
 
         `silent_s`: silence of each ground station.
         """
@@ -114,7 +115,7 @@ class MotionDesk:
         self._reports.tick(now_s)
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of refused orders and of commands, for the health report."""
         authority = self.control.authority
         counts = {} if authority is None else authority.counters
         return {

@@ -1,4 +1,4 @@
-"""Orders of ground stations: checked, authorised by the supervisor, offered and confirmed."""
+"""Motion orders of ground stations: checked, allowed by the supervisor, proposed, confirmed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,16 +19,14 @@ log = get_logger()
 
 PENDING = 16
 ANSWERS_WITHIN_S = 2.0
-"""Longest wait for the supervisor at a confirmation; then the station has given up."""
+"""Longest wait for the supervisor at a confirmation [s]; stations wait no longer."""
 SENDER_S = 10.0
-"""Silence after which another station may report other drones: two could assign the same
-path."""
+"""Silence of the station that reports other drones after which another may do so [s]. Two
+stations at once could assign the same path twice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Question:
-    """A query to the supervisor."""
-
     name: CommandName
     about: MotionRequest | MotionConfirmation
     asker: Asker
@@ -36,7 +34,7 @@ class _Question:
 
 
 class MotionOrders:
-    """Orders that wait for an answer; `next_request_id` numbers queries to the supervisor."""
+    """Motion orders that wait for an answer; `next_request_id` numbers the queries."""
 
     def __init__(
         self,
@@ -53,15 +51,15 @@ class MotionOrders:
         self._pending: dict[int, _Question] = {}
         self._offered_to: Asker | None = None
         self.refused = 0
-        """Orders that were unsealed or invalid."""
+        """Number of orders that were unauthenticated or invalid."""
 
     def receive(
         self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
     ) -> None:
         """Handle a ground station's message about motion.
 
-        `payload`: of type 60005, unsealed. `asker`: the station. `refusal`: why this station
-        may not command. `sealed`: it had a valid seal.
+        `payload`: of type 60005, without its seal. `asker`: the station. `refusal`: why this
+        station may not command. `sealed`: it had a valid seal.
         """
         try:
             message = decode_motion(payload, asker)
@@ -97,7 +95,6 @@ class MotionOrders:
         *,
         sealed: bool,
     ) -> None:
-        """Ask the supervisor whether this station commands."""
         number = self._next_request_id()
         self._pending[number] = _Question(
             name=name, about=about, asker=asker, asked_s=monotonic_s()
@@ -114,7 +111,7 @@ class MotionOrders:
         )
 
     def reply(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer about a station."""
+        """Handle the supervisor's answer on whether a station may command."""
         question = self._pending.get(reply.request_id)
         if question is None or question.name != reply.name:
             return
@@ -147,7 +144,7 @@ class MotionOrders:
         self._reports.confirmed(asker, confirmation.request_id, now_s)
 
     def offer(self, offer: MotionOffer) -> None:
-        """Handle the guide's offer or refusal; report it to the requesting station."""
+        """Send the guide's proposed order, or its refusal, to the requesting station."""
         answer, asker, number = self._reports.answer, offer.asker, offer.request_id
         if offer.refused:
             answer("refused", offer.summary, asker, number)
@@ -163,7 +160,7 @@ class MotionOrders:
 
 
 class NeighbourReports:
-    """Reports of other drones for the guide, from one ground station at a time."""
+    """Passes reports on other drones to the guide, from one ground station at a time."""
 
     def __init__(
         self,
@@ -179,7 +176,7 @@ class NeighbourReports:
     def receive(
         self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a report, of type 60010; parameters as of `MotionOrders.receive`."""
+        """Handle a report of type 60010; parameters as for `MotionOrders.receive`."""
         now_s = monotonic_s()
         try:
             neighbour = decode_neighbour(payload)

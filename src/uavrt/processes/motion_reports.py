@@ -1,4 +1,4 @@
-"""Reports of the order and the vehicle: to ground stations, operator and guide."""
+"""Reports on motion order and vehicle: to ground stations, operator and guide."""
 
 from collections.abc import Mapping
 from math import inf
@@ -19,7 +19,7 @@ UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
 
 
 class MotionReports:
-    """Reports and answers on the order that `control` flies."""
+    """Sends reports and answers about the motion order that `control` flies."""
 
     def __init__(
         self, outlets: Outlets, control: MotionControl, autopilot: ReportedAutopilot
@@ -27,10 +27,10 @@ class MotionReports:
         self._out, self._control, self._autopilot = outlets, control, autopilot
         self._silent_s: Mapping[Asker, float] = {}
         self._confirmer: Asker | None = None
-        """Station that confirmed the order; only its silence counts."""
+        """Station that confirmed the order; control ends if it falls silent."""
         self._request: tuple[Asker, int] | None = None
         self._answered: bytes | None = None
-        """Answer to the last request for a motion."""
+        """Encoded answer to the last motion request; None if not answered yet."""
         self._next_report_s = self._next_state_s = -inf
 
     def answer(
@@ -43,7 +43,7 @@ class MotionReports:
         order_id: int = 0,
         nonce: int = 0,
     ) -> None:
-        """Answer a station, or all if `asker` is None."""
+        """Answer a station, or all stations if `asker` is None."""
         authority = self._control.authority
         state = MotionState(
             kind=kind,
@@ -59,7 +59,7 @@ class MotionReports:
         self._out.state(payload, asker)
 
     def is_repeated(self, asker: Asker, request_id: int) -> bool:
-        """True if a request repeats the last one; then repeat its answer, if known."""
+        """True if a request repeats the last one; its answer is then sent again."""
         if (asker, request_id) != self._request:
             self._request, self._answered = (asker, request_id), None
             return False
@@ -74,7 +74,7 @@ class MotionReports:
         self.report(now_s)
 
     def standing_changed(self, now_s: float) -> None:
-        """Report at once whether orders are being flown."""
+        """Report that control has begun or ended."""
         control = self._control
         ended = control.authority if control.standing is Standing.OUT else None
         log.info(
@@ -100,12 +100,12 @@ class MotionReports:
         self.answer("state", self._control.text, None, 0)
 
     def stations_silent(self, silent_s: Mapping[Asker, float]) -> None:
-        """Set the silence of each ground station."""
+        """Set the silence of each ground station [s]."""
         self._silent_s = silent_s
 
     @property
     def _ground_silent_s(self) -> float:
-        """Silence of the station that confirmed the order; without an order, the shortest."""
+        """Silence of the station that confirmed the order; without one, the shortest [s]."""
         silent_s = self._silent_s
         if self._control.standing is Standing.OUT or self._confirmer is None:
             return min((NEVER_S, *silent_s.values()))
@@ -140,6 +140,5 @@ class MotionReports:
     def _fault(
         self, authority: Authority, now_s: float, *, takeoff: bool = False
     ) -> str | None:
-        """Why no order, or no take-off, can be offered now."""
         fault = authority.fault(now_s, takeoff=takeoff)
         return self._autopilot.link_fault if fault is None else f"{fault[0]}. {fault[1]}"

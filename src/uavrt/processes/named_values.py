@@ -1,4 +1,4 @@
-"""SNR and count of each tag as named values, for ground stations without our messages.
+"""SNR and pulse count of each tag as MAVLink named values, for other ground stations.
 
 They are sent at a low rate, and only when no pulse waits.
 """
@@ -17,15 +17,16 @@ PERIOD_NS = ns_from_s(0.25)
 TAG_PERIOD_NS = ns_from_s(1.0)
 """Time between two values of the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
-"""Age at which an unsent value is dropped [ns]; the next pulse brings the count."""
+"""Age at which an unsent value is dropped [ns]; the next pulse repeats the count."""
 NS_PER_MS = 1_000_000
 
 
 class NamedValues:
-    """A source of messages (`uavrt.mavlink.pacing.Source`): each tag's newest SNR and count.
+    """Message source (`uavrt.mavlink.pacing.Source`) with each tag's newest SNR and pulse
+    count.
 
-    `which`: SNR and count, the SNR alone, or nothing. `wanted`: whether a station is there that
-    needs them. `pulses_wait`: whether pulses are still to be sent.
+    `which`: send SNR and count, only SNR, or nothing. `wanted`: returns True if a station needs
+    them. `pulses_wait`: returns True if pulses are still to be sent.
     """
 
     def __init__(
@@ -39,19 +40,19 @@ class NamedValues:
         self._wanted, self._pulses_wait = wanted, pulses_wait
         self._counts: Counter[int] = Counter()
         self._news: OrderedDict[int, tuple[int, float]] = OrderedDict()
-        """Time and SNR of each tag's last pulse, in the order of sending."""
+        """Time [ns] and SNR [dB] of each tag's last pulse, in the order of sending."""
         self._sent_ns: dict[int, int] = {}
         self._outgoing: deque[NamedValueFloat] = deque()
         self._free_ns = 0
 
     def begin_flight(self) -> None:
-        """Reset the counts."""
+        """Reset the counts for a new flight."""
         self._counts.clear()
         self._news.clear()
         self._outgoing.clear()
 
-    def heard_before(self, counts: Mapping[int, int]) -> None:
-        """Set counts from earlier in this flight, before this process started."""
+    def restore(self, counts: Mapping[int, int]) -> None:
+        """Add pulses counted in this flight before this process started."""
         self._counts.update(counts)
 
     def heard(self, pulse: Pulse, now_ns: int) -> None:
@@ -61,7 +62,7 @@ class NamedValues:
             self._news[pulse.tag_id] = now_ns, pulse.snr_db
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until one is due [ns]; None without any."""
+        """Time until the next message is due [ns]; None if there is none."""
         if not self._wanted() or self._pulses_wait():
             return None
         gap_ns = max(0, self._free_ns - now_ns)
@@ -73,7 +74,7 @@ class NamedValues:
         return None if first_ns is None else max(gap_ns, first_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> NamedValueFloat | None:
-        """Return one; a tag's count follows its SNR."""
+        """Return the message that is due; a tag's count follows its SNR."""
         if self.wait_ns(now_ns) != 0:
             return None
         if not self._outgoing:

@@ -1,7 +1,7 @@
-"""Place and heading of a station without autopilot: from settings or a GPS receiver.
+"""Position and heading of a receiver without autopilot: from settings or a GPS receiver.
 
-A mast has a measured place and heading. A person or a cart has a receiver with NMEA or gpsd,
-and a compass or a heading typed while walking.
+A mast has a measured position and heading. A person or cart has a receiver that speaks NMEA or
+gpsd, and a compass or a heading typed while moving.
 """
 
 import asyncio
@@ -23,23 +23,22 @@ from uavrt.units import ns_from_s, wrap_degrees_360
 log = get_logger()
 
 FIXED_PERIOD_S = 0.5
-"""Time between two poses of a mast, which are interpolated [s]."""
+"""Time between two poses of a fixed station [s]; poses are interpolated."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Least time between two places [ns]; receivers send 1 to 20 a second, more is a flood."""
+"""Shortest time between two positions [ns]; receivers send 1 to 20 a second."""
 SILENCE_NS = ns_from_s(5.0)
-"""Time after which a place is outdated [ns]; receivers send one a second."""
+"""Age above which a position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
-"""Time for which places without altitude are dropped after one with it [ns]."""
-ASK_AGAIN_S = 3.0
-"""Time between requests to a silent gpsd, which forgets them with the connection [s]."""
+"""Time after a position with altitude for which positions without it are dropped [ns]."""
+WATCH_PERIOD_S = 3.0
+"""Time between requests to a silent gpsd, which loses them with the connection [s]."""
 GPSD = "127.0.0.1:2947"
-"""Default address of gpsd."""
 WAIT_S = 1.5
-"""Longest wait of a pulse for the receiver's next place, sent once a second [s]."""
+"""Longest wait of a pulse for the receiver's next position [s]."""
 
 
 def pose_address(settings: PoseSettings) -> Address | None:
-    """Get the receiver's address, None for a mast; raises `ConfigError` if it is invalid."""
+    """Get the GPS receiver's address, None for a fixed station; raises `ConfigError`."""
     if settings.source == "fixed":
         missing = [
             name
@@ -70,10 +69,10 @@ def pose_address(settings: PoseSettings) -> Address | None:
 
 
 class OwnPose:
-    """Gives samples of place and heading.
+    """Produces attitude and position samples.
 
-    `settings`: with any source but the autopilot. `clock_ns`: our clock [ns, UTC]. `attitude`,
-    `position`: receive the samples. Raises `ConfigError`: see `pose_address`.
+    `settings`: any source but the autopilot. `clock_ns`: clock of the samples [ns, UTC].
+    `attitude`, `position`: receive the samples. Raises `ConfigError`: see `pose_address`.
     """
 
     def __init__(
@@ -93,15 +92,15 @@ class OwnPose:
         self._heading_ns: int | None = None
         self._altitude_ns: int | None = None
         self.counters: Counter[str] = Counter()
-        """Counts of places and headings used, and of what was dropped."""
+        """Numbers of positions and headings used and dropped."""
 
     def use(self, settings: PoseSettings) -> None:
-        """Set the typed heading while it runs."""
+        """Apply changed settings, such as a newly typed heading."""
         self._settings = settings
 
     @property
     def status(self) -> str | None:
-        """What is missing, in a few words; None when nothing is."""
+        """Text on what is missing; None if position and heading are known."""
         now_ns = self._clock_ns()
         if self._fault is not None:
             return f"no place: {self._fault}"
@@ -112,7 +111,7 @@ class OwnPose:
         return None
 
     def health(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of positions, headings and bytes, for the health report."""
         counts = {f"pose_{name}": float(count) for name, count in self.counters.items()}
         if self._link is not None:
             link = self._link.counters
@@ -120,13 +119,13 @@ class OwnPose:
         return counts
 
     async def run(self) -> None:
-        """Give samples until cancelled."""
+        """Produce samples until cancelled."""
         if self._address is None:
-            await self._stand()
+            await self._report_fixed_place()
         elif self._settings.source == "gpsd":
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._read(self._address, self.take_report, GpsdParser()))
-                tasks.create_task(self._ask())
+                tasks.create_task(self._request_reports())
         else:
             await self._read(self._address, self.take_sentence, SentenceParser())
 
@@ -173,10 +172,9 @@ class OwnPose:
             )
         )
         if settings.heading_deg is not None:
-            self._look(settings.heading_deg, now_ns)
+            self._use_heading(settings.heading_deg, now_ns)
 
     def _heading(self, heading_deg: float) -> None:
-        """Use a compass heading, unless one is typed."""
         now_ns = self._clock_ns()
         if self._settings.heading_deg is not None:
             self.counters["compass_passed_over"] += 1
@@ -184,14 +182,14 @@ class OwnPose:
             self.counters["headings_too_often"] += 1
         else:
             self.counters["headings"] += 1
-            self._look(heading_deg, now_ns)
+            self._use_heading(heading_deg, now_ns)
 
-    def _look(self, heading_deg: float, now_ns: int) -> None:
+    def _use_heading(self, heading_deg: float, now_ns: int) -> None:
         self._heading_ns = now_ns
         attitude = from_euler_deg(wrap_degrees_360(heading_deg), 0.0, 0.0)
         self._give_attitude(AttitudeSample(time_ns=now_ns, quaternion_wxyz=attitude))
 
-    async def _stand(self) -> None:
+    async def _report_fixed_place(self) -> None:
         latitude_deg, longitude_deg = self._settings.latitude_deg, self._settings.longitude_deg
         assert latitude_deg is not None
         assert longitude_deg is not None
@@ -207,13 +205,14 @@ class OwnPose:
     ) -> None:
         await keep_open(address, take, parser, opened=self._opened, failed=self._failed)
 
-    async def _ask(self) -> None:
-        """Request reports from gpsd while none come."""
+    async def _request_reports(self) -> None:
         while True:
             last_ns = max(self._place_ns or 0, self._heading_ns or 0)
-            if self._link is not None and self._clock_ns() - last_ns > ns_from_s(ASK_AGAIN_S):
+            if self._link is not None and self._clock_ns() - last_ns > ns_from_s(
+                WATCH_PERIOD_S
+            ):
                 self._link.send(WATCH)
-            await asyncio.sleep(ASK_AGAIN_S if self._link else 0.1)
+            await asyncio.sleep(WATCH_PERIOD_S if self._link else 0.1)
 
     def _opened(self, link: Link | None) -> None:
         self._link = link

@@ -1,7 +1,8 @@
-"""Parameters of the drone side, as ground stations list and set them.
+"""Parameters of the drone, as ground stations list and set them.
 
-Joins the wire (`uavrt.mavlink.parameters`) to the table (`uavrt.config.parameters`) and to the
-supervisor, which alone changes a setting. Belongs to the connection process.
+Connects MAVLink parameters (`uavrt.mavlink.parameters`) to the table of settings
+(`uavrt.config.parameters`) and the supervisor, which alone changes them. Part of the connection
+process.
 """
 
 from collections import OrderedDict
@@ -30,11 +31,11 @@ PENDING = 64
 
 
 class ParameterDesk:
-    """Answers requests and passes changes to the supervisor.
+    """Answers requests for parameters and passes changes to the supervisor.
 
-    `bytewise`: whether whole numbers travel as bytes. `send`: sends a value to one station, or
-    to all (None). `ask`: gives a command to the supervisor. `notify`: sends a text to the
-    operator. `running`: whether detection runs already.
+    `bytewise`: returns True if integers are encoded as bytes. `send`: sends a value to one
+    station, or to all if None. `ask`: sends a command to the supervisor. `notify`: sends a text
+    to the operator. `running`: True while detecting.
     """
 
     def __init__(
@@ -72,10 +73,10 @@ class ParameterDesk:
         *,
         sealed: bool = False,
     ) -> None:
-        """Handle a request.
+        """Handle a request to read or set parameters.
 
-        `refusal`: why this station may not change anything. `request_id`: number for the
-        command, if it becomes one. `sealed`: it came with a seal of the drone's key.
+        `refusal`: why this station may not set any. `request_id`: number for a resulting
+        command. `sealed`: the request was authenticated by the drone's key.
         """
         answer = self._server.receive(message)
         if isinstance(answer, list):
@@ -101,10 +102,10 @@ class ParameterDesk:
     def receive_sealed(
         self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
     ) -> None:
-        """Handle a sealed request; the rest is as for `receive`.
+        """Handle an authenticated request; other parameters as for `receive`.
 
-        It sets the named parameter, or reports it for NaN; without a name it reports the one
-        with that index, or all for NaN.
+        With a name and a value it sets the parameter; with NaN it reads it. Without a name, the
+        value is the index to read, and NaN reads all.
         """
         try:
             name, value = read_parameter(inside)
@@ -122,9 +123,9 @@ class ParameterDesk:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer: report the value in force, and why it was refused.
+        """Handle the supervisor's answer: send the value in force, and the reason if refused.
 
-        Changed settings come before the reply, so the value is the new one.
+        Changed settings arrive before the reply, so the value is the new one.
         """
         name, peer = self._pending.pop(reply.request_id, (None, None))
         if name is None or peer is None:
@@ -135,7 +136,7 @@ class ParameterDesk:
             self._refuse(name, reply.message, peer)
 
     def changed(self, settings: Settings) -> None:
-        """Apply changed settings, and report what another station has set."""
+        """Apply changed settings, and report values that another station has set."""
         before, now = parameter_values(self._settings), parameter_values(settings)
         self._settings = settings
         for name, value in now.items():
@@ -143,13 +144,12 @@ class ParameterDesk:
                 self._send(self._server.value(name), None)
 
     def running(self, running: bool) -> None:
-        """Set whether detection runs, before the reply to the command that has changed it."""
+        """Set whether detection runs, before the reply to the causing command."""
         changed, self._running = self._running is not running, running
         if changed and not self._is_pending(RUN.name):
             self._send(self._server.value(RUN.name), None)
 
     def _is_pending(self, name: str) -> bool:
-        """Whether an answer for this parameter is due anyhow."""
         return any(name == wanted for wanted, _ in self._pending.values())
 
     def _refuse(self, name: str, reason: str, peer: Peer) -> None:

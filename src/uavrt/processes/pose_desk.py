@@ -1,6 +1,6 @@
-"""Keeps the vehicle's poses, records them, and gives each pulse the antenna's pose.
+"""Collects the vehicle's poses, records them, and gives each pulse the antenna's pose.
 
-The samples come from the autopilot over the link, or from the station itself (`own_pose`).
+The samples come from the autopilot, or from the station itself (`own_pose`).
 """
 
 from collections.abc import Callable, Mapping
@@ -29,22 +29,22 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 log = get_logger()
 
 POSE_PERIOD_NS = 50_000_000
-"""Time between recorded poses [ns]. Interpolation over 50 ms errs by less than 0.1° when a turn
-of 60°/s begins."""
+"""Time between recorded poses [ns]. Interpolation over 50 ms errs by less than 0.1° at the
+start of a turn of 60°/s."""
 OWN_POSE_PERIOD_NS = 250_000_000
-"""Time between recorded poses without an autopilot, where turns are slower [ns]."""
+"""Time between recorded poses without autopilot, where turns are slower [ns]."""
 REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
-"""Time between two reports of such a station's place [ns]."""
+"""Time between two reports of the position of a station without autopilot [ns]."""
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
-"""Time that the poses of one record cover [ns]."""
+"""Time covered by the poses of one record [ns]."""
 POSES_KEPT_NS = 200 * POSE_PERIOD_NS
-"""Pause after which recording restarts with the newest pose [ns]."""
+"""Gap after which recording restarts with the newest pose [ns]."""
 SAME_CLOCK_NS = 1_000_000
-"""Clock change below which known poses are kept [ns]; 0.03° at 30°/s."""
+"""Change of the clock below which known poses are kept [ns]; 0.03° at 30°/s."""
 
 _POSE_KNOWN = StatusText(severity=6, text="Place and heading known")
 _STALE_CLOCK = StatusText(
-    severity=4, text="Autopilot's clock: no answer for 10 s, times are carried on"
+    severity=4, text="Autopilot's clock: no answer for 10 s, times are extrapolated"
 )
 
 
@@ -54,11 +54,11 @@ def _missing_text(missing: str) -> StatusText:
 
 
 class PoseDesk:
-    """Takes samples of attitude and position; gives poses of pulses.
+    """Collects attitude and position samples; computes the poses of pulses.
 
-    `settings`: antenna, and source of the pose. `clock`: our clock; a flight's differs by
-    `shift_ns`. `record`: receives poses to record. `say`: receives texts on a station's own
-    pose. Raises `ConfigError`: see `uavrt.processes.own_pose.pose_address`.
+    `settings`: antenna, and source of the pose. `clock`: clock of this process; the flight's
+    differs by `shift_ns`. `record`: gets poses to record. `say`: gets texts for the operator.
+    Raises `ConfigError`: see `uavrt.processes.own_pose.pose_address`.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class PoseDesk:
     ) -> None:
         self._clock, self._record, self._say = clock, record, say
         self.shift_ns = 0
-        """The flight's clock less ours."""
+        """Clock of the flight minus the clock of this process [ns]."""
         self._clock_is_stale = False
         """True while the autopilot's clock is extrapolated; poses are then marked."""
         self._ring = PoseRing(settings.antenna)
@@ -93,7 +93,7 @@ class PoseDesk:
 
     @property
     def is_own(self) -> bool:
-        """Whether the station has its pose without an autopilot."""
+        """True if the pose comes from settings or a GPS receiver, not from an autopilot."""
         return self._own is not None
 
     async def run(self) -> None:
@@ -102,33 +102,33 @@ class PoseDesk:
             await self._own.run()
 
     def use(self, settings: PoseSettings) -> None:
-        """Set the typed heading while it runs."""
+        """Apply changed settings, such as a newly typed heading."""
         if self._own is not None:
             self._own.use(settings)
 
     def use_clock(self, offset_ns: int) -> None:
-        """Set the clock of the flight that begins."""
+        """Set the clock of a new flight."""
         before_ns, self.shift_ns = self.shift_ns, offset_ns - self._clock.offset_ns
         if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
             self._ring.clear()
 
     def watch_clock(self, stale: bool, counters: Callable[[], Mapping[str, float]]) -> None:
-        """Report when the autopilot stops and resumes reporting its clock."""
+        """Report when the autopilot's clock stops or resumes being known."""
         if stale == self._clock_is_stale:
             return
         self._clock_is_stale = stale
         if stale:
-            log.warning("autopilot's clock is carried on", **counters())
+            log.warning("autopilot's clock is extrapolated", **counters())
             self._say(_STALE_CLOCK)
         else:
             log.info("autopilot's clock known", **counters())
 
     def attitude(self, sample: AttitudeSample) -> None:
-        """Add an attitude, timed by our clock."""
+        """Add an attitude, timed by the clock of this process."""
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
 
     def position(self, sample: PositionSample) -> None:
-        """Add a position, timed by our clock; record the poses that are known now."""
+        """Add a position, timed by the clock of this process; record the poses now known."""
         self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
@@ -146,7 +146,7 @@ class PoseDesk:
 
     @property
     def pulses_waiting(self) -> int:
-        """Pulses waiting for their pose."""
+        """Number of pulses that wait for their pose."""
         return len(self._attacher)
 
     def add(self, pulse: Pulse) -> None:
@@ -154,11 +154,11 @@ class PoseDesk:
         self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
 
     def ready(self) -> list[PulsePose]:
-        """Get the pulses whose pose is known, or will not come."""
+        """Return the pulses whose pose is known, or will never be."""
         return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
 
     def flush(self) -> list[PulsePose]:
-        """Get all waiting pulses, with the poses known."""
+        """Return all waiting pulses, with a pose where it is known."""
         return self._marked(self._attacher.flush())
 
     def _marked(self, pulse_poses: list[PulsePose]) -> list[PulsePose]:
@@ -168,14 +168,14 @@ class PoseDesk:
         ]
 
     def _by_the_clock(self, pose: Pose) -> Pose:
-        """Mark a pose if its time is extrapolated."""
+        """Mark a pose as extrapolated if the autopilot's clock is."""
         if not self._clock_is_stale or pose.extrapolated:
             return pose
         self._on_stale_clock += 1
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Get what is missing for the station's own pose; report changes."""
+        """Text on what is missing for the station's own pose; changes are reported."""
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:
@@ -190,7 +190,7 @@ class PoseDesk:
         return faults if self._missing is None else [*faults, _missing_text(self._missing)]
 
     def due(self, now_ns: int) -> Pose | None:
-        """Get this station's place, once a second; an autopilot reports its own."""
+        """The station's own position, when due for a report; None with an autopilot."""
         if self._own is None or now_ns < self._next_report_ns:
             return None
         self._next_report_ns = now_ns + REPORT_PERIOD_NS
@@ -202,7 +202,7 @@ class PoseDesk:
         return None
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of poses and waiting pulses, for the health report."""
         return {
             "pulses_waiting_for_pose": len(self._attacher),
             "poses_attached": self._attacher.attached,

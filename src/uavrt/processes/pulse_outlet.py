@@ -1,8 +1,8 @@
-"""Pulses on their way to the ground: queued, stored, delivered.
+"""Delivers pulses to the ground: queues, sends, and reads unsent ones from the disk.
 
-Joins the sender (`uavrt.tunnel.reliable`) to the spool (`uavrt.recording.spool`). Belongs to
-the connection process. `Disk` reads the database, so that a slow disk does not delay queued
-pulses.
+Connects the sender (`uavrt.tunnel.reliable`) to the flight's database
+(`uavrt.recording.spool`). Part of the connection process. `Disk` reads the database, so that a
+slow disk does not delay queued pulses.
 """
 
 from collections import OrderedDict, deque
@@ -26,18 +26,18 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Flights whose pulses may still be on their way; as many as the recorder notes."""
+"""Number of flights whose pulses may still be undelivered; the recorder notes as many."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Deliveries that the recorder may not have noted yet: their number, and their age [ns]. It
+"""Number and age [ns] of remembered deliveries, which the recorder may not have stored yet. It
 commits every three seconds; after a longer delay some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """All pulses still to be sent.
+    """All pulses that are still to be sent to the ground.
 
-    `encode`: payload of a pulse in the ground's generation. `note`: receives deliveries, for
+    `encode`: payload of a pulse in the ground's protocol version. `note`: gets deliveries, for
     the recorder. `disk`: runs disk work; inline by default. `first_refill_ns`: time before
     which nothing is read from disk.
     """
@@ -63,9 +63,9 @@ class PulseOutlet:
         self.receipts = 0
 
     def flight(self, directory: str, *, resumed: bool = False) -> None:
-        """Begin a flight, or continue it after a restart of this process.
+        """Begin a flight, or resume it after a restart of this process.
 
-        A new flight is not read yet: the recorder is creating its database.
+        A new flight is not read yet, because the recorder is creating its database.
         """
         if directory not in self._flights:
             self._flights.append(directory)
@@ -73,11 +73,11 @@ class PulseOutlet:
             self.sender.stores.disk_has_news()
 
     def disk_has_news(self) -> None:
-        """Note that the disk has a pulse that is missing here, which must be read from it."""
+        """Note that the database has a pulse that this process has not received."""
         self.sender.stores.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:
-        """Add a pulse with its pose."""
+        """Add a pulse with its pose, to be sent."""
         self.sender.pulses.add(pulse_pose.pulse.key, pulse_pose)
 
     def receipt(
@@ -85,8 +85,8 @@ class PulseOutlet:
     ) -> tuple[bool, float | None]:
         """Handle a ground station's receipt.
 
-        Returns (listens, round_trip_s): whether the station has ever acknowledged a pulse, and
-        the round trip measured, if any.
+        Returns (acknowledged, round_trip_s): True if the station has ever acknowledged a pulse,
+        and the measured round trip, if any.
         """
         try:
             receipt = Receipt.decode(payload)
@@ -100,7 +100,7 @@ class PulseOutlet:
         return receipt.store in self.sender.stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
-        """Note what was sent to stations without receipts; read from disk as room permits."""
+        """Note deliveries to stations without receipts; read pulses from disk if needed."""
         self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
         for number, key in self.sender.settled():
             self._delivered(number, [key], now_ns)
@@ -111,7 +111,7 @@ class PulseOutlet:
             self._refill(store)
 
     def counters(self) -> dict[str, float]:
-        """Counts with names for a health record."""
+        """Counts of pulses and receipts, for the health report."""
         sender = self.sender
         return {
             "pulses_to_send": sender.pulses.waiting,
@@ -139,7 +139,6 @@ class PulseOutlet:
         return next(iter(self._recent.values()))
 
     def _refill(self, store: int) -> None:
-        """Read pulses from the newest flight that has any."""
         sender, pulses = self.sender, self.sender.pulses
         without = pulses.keys(store) | {k for number, k in self._recent if number == store}
         room = min(REFILL, pulses.room(store))
@@ -163,7 +162,7 @@ class PulseOutlet:
 def _read(
     flights: Sequence[str], store: int, room: int, without: Collection[ItemKey]
 ) -> tuple[list[PulsePose], bool]:
-    """Get up to `room` pulses that a store lacks, and whether there are more."""
+    """Get up to `room` unsent pulses that are not in `without`; True if there are more."""
     found: list[PulsePose] = []
     more = False
     for directory in flights:

@@ -1,7 +1,7 @@
-"""The receiver process: radio samples to the channels of the tags.
+"""The receiver process: converts radio samples to the channels of the tags.
 
-It decimates, channelizes and sends each channel in use to the detectors of its tags. It keeps
-the channels' samples and, on request, records the decimated band.
+It decimates and channelizes, and sends each used channel to the detectors of its tags. It
+records the channels' samples and, on request, the decimated band.
 """
 
 import socket
@@ -28,7 +28,7 @@ from uavrt.processes.beep_listener import BeepListener
 from uavrt.processes.capture import Capture
 from uavrt.processes.kept_channels import KeptChannels
 from uavrt.radio.channel_output import ChannelOutput
-from uavrt.radio.devices import unchosen
+from uavrt.radio.devices import ambiguous_radios
 from uavrt.radio.opening import open_radio
 from uavrt.radio.sanity import SampleCheck
 from uavrt.radio.source import SampleSource
@@ -40,9 +40,10 @@ log = get_logger()
 
 READ_TIMEOUT_S = 0.5
 LOSS_REPORT_S = 0.1
-"""Sample loss above which the ground is informed [s]."""
+"""Duration of lost samples above which the ground is informed [s]."""
 RETRY_WINDOW_S = 10.0
-"""A radio that fails twice within this time is reopened every `RadioSettings.retry_s` [s]."""
+"""Time between two failures within which the radio counts as failing [s]. It is then reopened
+every `RadioSettings.retry_s`."""
 
 
 CLIPPED_S = 0.1
@@ -50,7 +51,7 @@ CLIPPED_S = 0.1
 
 
 class ChannelSink(Protocol):
-    """Destination of channels: a socket to a detector, or a detector in this process."""
+    """Destination of channel samples: a socket to a detector, or a detector in this process."""
 
     samples_dropped: int
 
@@ -58,21 +59,20 @@ class ChannelSink(Protocol):
         """Process the next block of a channel."""
 
     def flush(self) -> None:
-        """End a radio block; retry unsent blocks."""
+        """End a radio block; send the blocks again that could not be sent."""
 
 
 _RECORDED_AGAIN_S = 10.0
-"""Recording time after which a new disk fault is reported [s]."""
 
 
 class Receiver:
-    """Everything between the radio and the detectors.
+    """Processes radio samples up to the detectors.
 
-    `sinks` has one for each worker; sockets of the assignment unless given.
+    `sinks`: one for each detector process; by default the sockets of the assignment.
     """
 
     makes_channels = True
-    """Whether it makes channels, which it then also keeps."""
+    """True if it makes channels; their samples are then recorded, too."""
 
     def __init__(
         self,
@@ -124,13 +124,12 @@ class Receiver:
         self.samples = 0
         self.samples_lost = 0
         self.samples_unsure = 0
-        """Samples missing by their arrival times, unless the radio's clock is far off."""
+        """Number of samples missing by arrival times, if the radio's clock is accurate."""
         self._next_loss_report_s = LOSS_REPORT_S
         self.first_sample_ns = 0
         self.last_sample_ns = 0
 
     def _open_recorder(self, frame: ProcessFrame, flight: FlightInfo) -> IQRecorder | None:
-        """Open the recording if requested; detection continues if that fails."""
         recording = frame.assignment.settings.recording
         if not recording.iq:
             return None
@@ -147,7 +146,6 @@ class Receiver:
             return None
 
     def _open_output(self, frame: ProcessFrame, flight: FlightInfo) -> ChannelOutput | None:
-        """Open the original's ports if requested; detection continues if that fails."""
         settings = frame.assignment.settings.udp_channels
         if not settings.enabled:
             return None
@@ -201,8 +199,7 @@ class Receiver:
         self._report_beeps()
 
     def _report_beeps(self) -> None:
-        """Report beeping senders that are not listed."""
-        for beep in self._beeps.take_news():
+        for beep in self._beeps.take_found():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
                 log.info("beeps", what=str(beep))
@@ -213,14 +210,12 @@ class Receiver:
             self._notify(4, "Unlisted tags no longer searched: internal fault")
 
     def _missed(self, block: IQBlock) -> int:
-        """Count the samples missed while the radio was reopened."""
         if not self.last_sample_ns:
             return 0
         missed_ns = block.time_ns - self.last_sample_ns
         return max(0, round(missed_ns * 1e-9 * self._sample_rate_hz) - block.lost_before)
 
     def _report_clipping(self) -> None:
-        """Report clipping once, with what the operator can do."""
         if self._clipping.clipped_s > CLIPPED_S and not self._clipping_reported:
             self._clipping_reported = True
             self._notify(4, "Radio clipped: SNR too low. Reduce gain")
@@ -238,7 +233,7 @@ class Receiver:
                 self._sinks[worker].send(channel)
 
     def report_losses(self, frame: ProcessFrame) -> None:
-        """Report lost samples to the ground: the first 0.1 s, then each doubling."""
+        """Report lost samples to the ground: from 0.1 s on, then at each doubling."""
         lost_s = self.samples_lost / self._sample_rate_hz
         if lost_s < self._next_loss_report_s:
             return
@@ -250,8 +245,8 @@ class Receiver:
             "in them are missed. Check its USB cable and this computer's load",
         )
 
-    def forget(self, *, failed: bool = True) -> None:
-        """Restart the filters, because the next samples do not continue the last."""
+    def restart_filters(self, *, failed: bool = True) -> None:
+        """Restart the filters, because the next samples do not follow the last ones."""
         self.failures += failed
         self._reopened = True
         self._front_end.reset()
@@ -263,12 +258,12 @@ class Receiver:
             self._beeping.clear()
 
     def flush(self) -> None:
-        """End a radio block; retry what the detectors have not taken yet."""
+        """End a radio block; send the blocks again that could not be sent."""
         for sink in self._sinks:
             sink.flush()
 
     def close(self) -> None:
-        """Finish the recordings and the searches."""
+        """Close the recordings and end the searches."""
         self._beeps.close()
         self._report_beeps()
         self._kept.close()
@@ -278,7 +273,7 @@ class Receiver:
             self._output.close()
 
     def counters(self) -> Mapping[str, float]:
-        """Counts of samples received, lost and recorded."""
+        """Counts of samples received, lost and recorded, for the health report."""
         counters: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
@@ -303,7 +298,7 @@ class Receiver:
 
 
 def new_recording_name(directory: Path) -> Path:
-    """Get an unused name (without ending) for a restarted receiver's recording."""
+    """Get an unused file name (without ending) for a restarted receiver's recording."""
     number = 1
     while (directory / f"band_{number}.sigmf-data").exists():
         number += 1
@@ -316,14 +311,14 @@ def main() -> None:
 
 
 def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
-    """Run a receiver of this kind; a radio that fails is reopened until it works."""
+    """Run a receiver made by `kind`; a failing radio is reopened until it works."""
     with ProcessFrame.start() as frame:
         flight = frame.assignment.flight
         if flight is None:
             raise UavrtError("the receiver was started without a flight")
         receiver: Receiver | Capture
         receiver = kind(frame, flight) if flight.capture_s is None else Capture(frame, flight)
-        if (several := unchosen(receiver.radio)) is not None:
+        if (several := ambiguous_radios(receiver.radio)) is not None:
             frame.notify(4, f"{several[0]}. {several[1]}")
         last_failure_s, last_reason = -RETRY_WINDOW_S, ""
         try:
@@ -335,7 +330,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
                     again = monotonic_s() - last_failure_s < RETRY_WINDOW_S
                     delay_s = receiver.radio.retry_s if again else 0.0
                     last_failure_s = monotonic_s()
-                    receiver.forget()
+                    receiver.restart_filters()
                     reason = str(error) or "the stream ended"
                     if reason != last_reason or delay_s == 0.0:
                         log.warning("radio absent", reason=reason)
@@ -350,9 +345,9 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
 def receive(
     frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo, last_reason: str
 ) -> None:
-    """Pass on samples until the radio fails, its settings change or the process stops.
+    """Process samples until the radio fails, its settings change or the process stops.
 
-    `last_reason` is why it failed before; it counts until samples arrive again.
+    `last_reason`: why the radio failed before; reported until samples arrive again.
     """
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
@@ -380,11 +375,10 @@ def receive(
         source.close()
     if frame.running:
         log.info("radio reopened", gain=receiver.radio.gain, bias_tee=receiver.radio.bias_tee)
-        receiver.forget(failed=False)
+        receiver.restart_filters(failed=False)
 
 
 def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason: str) -> None:
-    """Report the state of the radio; the reason is empty where all is well."""
     if isinstance(receiver, Capture) and (over := receiver.status) is not None:
         frame.report(over, counters=receiver.counters, reason=receiver.said())
     else:
@@ -392,10 +386,10 @@ def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason
 
 
 def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
-    """Apply changed settings: gain, bias-tee and frequency correction of the radio.
+    """Apply changed settings: gain, bias tee and frequency correction of the radio.
 
-    The radio is reopened, because its programs take settings on their command line only. The
-    frequency stays, since the filters are made for it.
+    The radio is reopened, because its programs take settings only on their command line. The
+    frequency stays, because the filters are made for it.
     """
     for _, record in records:
         if isinstance(record, Settings):
@@ -406,7 +400,7 @@ def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Ca
 def wait(
     frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float, reason: str
 ) -> None:
-    """Stay alive until the next attempt."""
+    """Wait until the next attempt, reporting that the radio is absent."""
     end_s = monotonic_s() + delay_s
     frame.report("radio absent", ok=False, counters=receiver.counters, reason=reason)
     while frame.running and monotonic_s() < end_s:

@@ -1,8 +1,8 @@
-"""The recorder process: pulses, poses and health into the flight directory.
+"""The recorder process: writes pulses, poses and health reports to the flight's directory.
 
-It commits rarely to spare the disk, and reports a pulse as *recorded* once it is on disk.
-Uncommitted records are sent again to its successor, so a kill loses nothing. A pulse whose pose
-never comes gets one from the recorded poses, or none.
+It commits rarely to spare the disk, and reports a pulse as *recorded* once it is on disk. After
+a kill, uncommitted records are sent again to its successor, so nothing is lost. A pulse whose
+pose never arrives gets one from recorded poses, or none.
 """
 
 from collections import deque
@@ -34,8 +34,8 @@ from uavrt.messages import (
     Taken,
 )
 from uavrt.processes.commit_times import CommitTimes
-from uavrt.processes.missing_poses import REACH_NS, AwaitedPoses, made_up
-from uavrt.processes.told_health import HealthFilter
+from uavrt.processes.health_filter import HealthFilter
+from uavrt.processes.missing_poses import REACH_NS, AwaitedPoses, pose_from_records
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.spool import note_deliveries
 from uavrt.recording.writer_lock import WriterLock
@@ -45,25 +45,24 @@ log = get_logger()
 TURN_S = 0.25
 AFTER_ALL_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
-"""Earlier flights whose last pulses may still be on their way."""
+"""Number of earlier flights whose last pulses may still be undelivered."""
 POSE_PATIENCE_S = 7.0
 """Wait for a pulse's pose beyond `AntennaSettings.pose_wait_s` [s]. A connection that hangs is
-replaced after 5 s and is back within two more."""
-MOST_LOOKED_UP = 1_000
-"""Pulses without a pose that are read from the database at once."""
-MOST_UNSAID = 100_000
-"""Written pulses that may wait to be reported as recorded while the disk fails."""
+killed after 5 s, and restarted within two more."""
+MOST_READ_AT_ONCE = 1_000
+"""Largest number of pulses without pose that are read from the database at once."""
+MOST_TO_REPORT = 100_000
+"""Largest number of written pulses not yet reported as recorded, while the disk fails."""
 MOST_COMMANDS = 64
-"""Commands waiting for their reply."""
 LOCK_WAIT_S = 3.0
-LOOK_S = 2.0
-"""Time between two checks of the disk, which find a fault before the next commit [s]."""
+DISK_CHECK_S = 2.0
+"""Time between two checks of the disk [s]; they find a fault before the next commit."""
 REPORT_PERIOD_S = 30.0
 """Time between two texts to the operator about lost poses [s]."""
 
 
 class Recorder:
-    """Writes each record where it belongs; between flights it writes nothing."""
+    """Writes records to the present flight; between flights it writes nothing."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
@@ -73,19 +72,19 @@ class Recorder:
         self._times = CommitTimes()
         self._health = HealthFilter()
         self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_PATIENCE_S)
-        self._look_again = False
-        self._unsaid: deque[PulseKey] = deque(maxlen=MOST_UNSAID)
-        """Written, but not yet reported as recorded."""
+        self._more_missing = False
+        self._to_report: deque[PulseKey] = deque(maxlen=MOST_TO_REPORT)
+        """Pulses that are written but not yet reported as recorded."""
         self._commands: dict[int, Command] = {}
         self._fault = ""
-        self._said_lines = 0
+        self._reported_lines = 0
         self._start_ns = AFTER_ALL_NS
         last = map(Path, frame.assignment.last_flights)
         self._ended: deque[Path] = deque(last, maxlen=ENDED_FLIGHTS)
         self._unchecked: deque[Path] = deque(self._ended)
         self._newest_ns = 0
         self._poses_made_up = self._without_pose = self._unreported = 0
-        self._report_at_s = self._look_at_s = 0.0
+        self._report_at_s = self._disk_check_s = 0.0
 
     def open(self, info: FlightInfo) -> None:
         """Open a flight, new or begun before a restart."""
@@ -97,30 +96,30 @@ class Recorder:
         back = info.start_time_ns < self._newest_ns
         self._start_ns = AFTER_ALL_NS if back else info.start_time_ns
         if not self._lock.take(root, LOCK_WAIT_S):
-            log.warning("flight not locked", flight=str(root))
+            log.warning("cannot lock the flight", flight=str(root))
         try:
             self._flight = FlightRecorder.open(
                 info, self._frame.assignment.settings, durable=True
             )
         except RecordingError as error:
-            self._complain(error)
-        self._look_at_s = 0.0
-        self._look_for_missing_poses()
+            self._report_fault(error)
+        self._disk_check_s = 0.0
+        self._find_missing_poses()
 
     def close(self) -> None:
-        """Close the flight; pulses that wait for a pose get none."""
+        """Close the flight, with reconstructed poses for pulses that still wait."""
         flight = self._flight
         if flight is None:
             return
-        self._make_up(self._awaited.all())
+        self._reconstruct(self._awaited.all())
         flight.write(*self._health.last())
         try:
             flight.close()
         except RecordingError as error:
-            self._complain(error)
+            self._report_fault(error)
         else:
-            self._say_recorded()
-        self._unsaid.clear()
+            self._report_recorded()
+        self._to_report.clear()
         self._times.committed(monotonic_s())
         self._ended.append(flight.layout.root)
         self._newest_ns = max(self._newest_ns, self._frame.clock.now_ns())
@@ -129,7 +128,7 @@ class Recorder:
         self._start_ns = AFTER_ALL_NS
 
     def _check_an_ended_flight(self) -> None:
-        """Fill in the poses of a flight that was cut off and has ended."""
+        """Reconstruct missing poses in one ended flight that was cut off."""
         if not self._unchecked:
             return
         root = self._unchecked.popleft()
@@ -140,18 +139,18 @@ class Recorder:
             return
         try:
             flight = FlightRecorder.reopen(root)
-            while pulses := flight.database.without_pose(MOST_LOOKED_UP):
+            while pulses := flight.database.without_pose(MOST_READ_AT_ONCE):
                 flight.write_pulses(found := self._posed(flight, pulses))
                 flight.commit()
                 self._pass_on(found)
             flight.close()
         except RecordingError as error:
-            log.warning("ended flight not completed", reason=str(error))
+            log.warning("cannot complete an ended flight", reason=str(error))
         finally:
             lock.release()
 
     def turn(self, records: list[tuple[str, object]]) -> None:
-        """Write records; commit when due."""
+        """Write the records received; commit when due."""
         for topic, record in records:
             match record:
                 case Delivered():
@@ -165,28 +164,27 @@ class Recorder:
                 case _:
                     self._write(record)
         now_s = monotonic_s()
-        self._make_up(self._awaited.overdue(now_s))
+        self._reconstruct(self._awaited.overdue(now_s))
         if self._flight is None:
-            self._say_taken()
+            self._report_taken()
             if not records:
                 self._check_an_ended_flight()
         elif self._times.all_due(now_s):
             if self._commit():
-                self._say_taken()
+                self._report_taken()
         elif self._times.pulses_due(now_s):
             self._commit(pulses_only=True)
-        elif now_s >= self._look_at_s:
-            self._look_at_s = now_s + LOOK_S
+        elif now_s >= self._disk_check_s:
+            self._disk_check_s = now_s + DISK_CHECK_S
             if self._flight.is_suspect():
                 self._commit()
         elif not records:
-            if self._look_again and not self._awaited:
-                self._look_for_missing_poses()
+            if self._more_missing and not self._awaited:
+                self._find_missing_poses()
             self._check_an_ended_flight()
         self._report_lost_poses(now_s)
 
     def _delivered(self, record: Delivered) -> None:
-        """Note what reached the ground, also for flights that have ended."""
         if self._flight is not None:
             self._flight.write_delivered(record)
             # Committed with the next pulses or other records, never alone.
@@ -196,7 +194,7 @@ class Recorder:
             try:
                 note_deliveries(directory, replace(record, pulses=earlier))
             except RecordingError as error:
-                log.warning("delivery not noted", reason=str(error))
+                log.warning("cannot store a delivery", reason=str(error))
 
     def _write(self, record: object) -> None:
         if isinstance(record, Command):
@@ -214,7 +212,7 @@ class Recorder:
                 self._times.pulses_wait(now_s)
                 return
             case PulsePose():
-                self._make_up(self._awaited.came(record.pulse))
+                self._reconstruct(self._awaited.came(record.pulse))
                 self._take_pulse_poses([record])
                 return
             case Poses():
@@ -239,20 +237,18 @@ class Recorder:
     def _take_pulse_poses(self, pulse_poses: list[PulsePose]) -> None:
         if self._flight is not None:
             self._flight.write_pulses(pulse_poses)
-            self._unsaid.extend(one.pulse.key for one in pulse_poses)
+            self._to_report.extend(one.pulse.key for one in pulse_poses)
             self._times.pulses_wait(monotonic_s())
 
-    def _look_for_missing_poses(self) -> None:
-        """Find recorded pulses whose pose is still open."""
+    def _find_missing_poses(self) -> None:
         if self._flight is None:
             return
-        found = self._flight.database.without_pose(MOST_LOOKED_UP)
-        self._look_again = len(found) == MOST_LOOKED_UP
+        found = self._flight.database.without_pose(MOST_READ_AT_ONCE)
+        self._more_missing = len(found) == MOST_READ_AT_ONCE
         for pulse in found:
             self._awaited.add(pulse, monotonic_s())
 
-    def _make_up(self, pulses: list[Pulse]) -> None:
-        """Give pulses a pose from recorded ones, or none; record and publish them."""
+    def _reconstruct(self, pulses: list[Pulse]) -> None:
         flight = self._flight
         if flight is None or not pulses:
             return
@@ -263,7 +259,7 @@ class Recorder:
 
     def _posed(self, flight: FlightRecorder, pulses: list[Pulse]) -> list[PulsePose]:
         found = [
-            made_up(
+            pose_from_records(
                 pulse,
                 flight.database.poses_around(
                     (pulse.start_time_ns + pulse.end_time_ns) // 2, REACH_NS
@@ -283,7 +279,6 @@ class Recorder:
             self._frame.send("pulse_pose", pulse_pose)
 
     def _report_lost_poses(self, now_s: float) -> None:
-        """Report occasionally that poses never came."""
         if not self._unreported or now_s < self._report_at_s:
             return
         self._report_at_s = now_s + REPORT_PERIOD_S
@@ -295,7 +290,6 @@ class Recorder:
         )
 
     def _commit(self, *, pulses_only: bool = False) -> bool:
-        """Commit what was written; a full disk is reported, never fatal."""
         if self._flight is None:
             return True
         now_s = monotonic_s()
@@ -303,49 +297,48 @@ class Recorder:
             self._flight.commit(pulses_only=pulses_only)
         except RecordingError as error:
             self._times.failed(now_s)
-            self._complain(error)
+            self._report_fault(error)
             return False
         self._fault = ""
         if self._flight.mended:
             self._frame.notify(3, f"Recorder: {self._flight.mended}")
             self._flight.mended = ""
         self._times.committed(now_s, pulses_only=pulses_only)
-        self._say_recorded()
+        self._report_recorded()
         return True
 
-    def _say_recorded(self) -> None:
-        if self._unsaid:
-            self._frame.send("recorded", Recorded(pulses=tuple(self._unsaid)))
-            self._unsaid.clear()
+    def _report_recorded(self) -> None:
+        if self._to_report:
+            self._frame.send("recorded", Recorded(pulses=tuple(self._to_report)))
+            self._to_report.clear()
 
-    def _say_taken(self) -> None:
-        """Report what is committed, so that it is not sent again.
+    def _report_taken(self) -> None:
+        """Report which records are committed, so that they are not sent again.
 
-        Only when everything received is committed, never in the middle of a turn.
+        Call it only when everything received is committed.
         """
         lines = self._frame.link.lines
-        if lines != self._said_lines:
-            self._said_lines = lines
+        if lines != self._reported_lines:
+            self._reported_lines = lines
             self._frame.link.send("taken", Taken(records=lines))
 
-    def _complain(self, error: RecordingError) -> None:
-        """Report a fault once until it is fixed."""
+    def _report_fault(self, error: RecordingError) -> None:
         if not self._fault:
-            log.error("not recorded", reason=str(error))
+            log.error("cannot write the flight", reason=str(error))
         self._fault = str(error)
 
     def end(self) -> None:
-        """Write what has been sent so far, and close."""
+        """Write the records sent so far, and close the flight."""
         with suppress(SupervisorGone):
             while records := self._frame.receive():
                 self.turn(records)
         self._commit()
         with suppress(SupervisorGone):
             self.close()
-            self._say_taken()
+            self._report_taken()
 
     def report(self) -> None:
-        """Send the health."""
+        """Send a health report."""
         status = "idle" if self._flight is None else "recording"
         self._frame.report(
             "cannot write the flight" if self._fault else status,

@@ -1,4 +1,4 @@
-"""The autopilot's link, type, battery and wind, the latter as its messages report them."""
+"""The autopilot's type, battery and wind, as its messages report them, and its link."""
 
 from collections.abc import Callable
 from math import inf
@@ -17,21 +17,21 @@ TCP_IS_LATE = (
     "seconds late. Use a serial port or UDP for mavlink.address"
 )
 SIMULATOR_NUMBER = 0x75617672
-"""AUTOPILOT_VERSION's uid of `uavrt.simulation.fake_autopilot`: ``uavr``."""
+"""Hardware id (``uavr``) by which `uavrt.simulation.fake_autopilot` identifies itself."""
 
 
 class ReportedAutopilot:
-    """The autopilot found last, which is reached by `link`."""
+    """The present autopilot's reported state; `link` is the address of its link."""
 
     def __init__(self, link: Address | None) -> None:
         self._on_loopback = link is not None and link.is_loopback
         late = link is not None and link.kind == "tcp" and not link.is_loopback
         self.link_fault = TCP_IS_LATE if late else None
-        """Why no order can be flown over this link."""
-        self.forget()
+        """Reason why no order can be flown over this link; None if possible."""
+        self.reset()
 
-    def forget(self) -> None:
-        """Start over: it is another autopilot, or the first."""
+    def reset(self) -> None:
+        """Clear everything, because the autopilot is new or another one."""
         self.kind: AutopilotName | None = None
         self._simulated: bool | None = None
         self._identity_asked_s = -inf
@@ -40,7 +40,7 @@ class ReportedAutopilot:
         self._battery_s = self._wind_s = -inf
 
     def receive(self, message: Message, arrived_s: float) -> None:
-        """Handle a message of the autopilot."""
+        """Handle a message from the autopilot."""
         match message:
             case dialect.Heartbeat():
                 self.kind = kind_of(message)
@@ -55,13 +55,13 @@ class ReportedAutopilot:
 
     @property
     def takes_unsealed(self) -> bool:
-        """Whether it is the simulator, on this computer: others could only claim to be it."""
+        """True if unauthenticated orders are accepted: by the simulator on this computer."""
         return bool(self._simulated) and self._on_loopback
 
     def ask_identity(
         self, send: Callable[[Message], None], system_id: int, now_s: float
     ) -> None:
-        """Request AUTOPILOT_VERSION when due, until a real autopilot has answered."""
+        """Request the autopilot's identity when due, until a real autopilot has answered."""
         asks = self.kind is not None and self._simulated is not False
         if asks and now_s - self._identity_asked_s > IDENTITY_S:
             self._identity_asked_s = now_s
@@ -75,9 +75,9 @@ class ReportedAutopilot:
             )
 
     def battery_percent(self, now_s: float) -> float | None:
-        """Charge of the battery; None if it was not reported for `BATTERY_AGE_S`."""
+        """Charge of the battery [%]; None if not reported for `BATTERY_AGE_S`."""
         return self._battery_percent if now_s - self._battery_s <= BATTERY_AGE_S else None
 
     def wind_m_s(self, now_s: float) -> tuple[float, float] | None:
-        """Wind to north and east; None if it was not reported for `WIND_AGE_S`."""
+        """Wind velocity to east and north [m/s]; None if older than `WIND_AGE_S`."""
         return self._wind_m_s if now_s - self._wind_s <= WIND_AGE_S else None

@@ -1,6 +1,6 @@
-"""The gateway process: the drone side as ROS 2 nodes and topics.
+"""The gateway process: publishes the drone's data as ROS 2 topics and accepts commands.
 
-Detection goes on whatever happens to it or its network: it has a limited backlog, a low
+Its faults and those of the network do not affect detection: it has a limited queue and a low
 priority, and is restarted like any other process.
 """
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 log = get_logger()
 
 TICK_S = 0.05
-"""Longest additional delay of a pulse to ROS 2 [s]."""
+"""Longest delay of a pulse to ROS 2 caused by the gateway [s]."""
 NICENESS = 10
-"""Low priority, so that network floods take no time from the detectors."""
+"""Scheduling priority below that of the detectors (Unix niceness)."""
 RETRY_S = 10.0
 
 
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def join(frame: ProcessFrame) -> "Participant | None":
-    """Join the ROS 2 network; while that fails, stay alive and report why."""
+    """Join the ROS 2 network; while that fails, report why and try again."""
     reason_sent = ""
     while frame.running:
         try:
@@ -61,7 +61,7 @@ def join(frame: ProcessFrame) -> "Participant | None":
 
 
 def wait(frame: ProcessFrame, reason: str, seconds: float) -> None:
-    """Take in records and give signs of life for a while."""
+    """Receive records and send health reports for a while."""
     end_s = monotonic_s() + seconds
     while frame.running and monotonic_s() < end_s:
         frame.receive(timeout_s=0.5)
@@ -69,7 +69,7 @@ def wait(frame: ProcessFrame, reason: str, seconds: float) -> None:
 
 
 def serve(frame: ProcessFrame, participant: "Participant") -> None:
-    """Pass records to ROS 2 and commands from there."""
+    """Pass records to ROS 2, and commands from ROS 2 to the supervisor."""
     assignment = frame.assignment
     gateway = Gateway(
         participant,

@@ -1,8 +1,8 @@
-"""Newest times of signed frames, kept in a file, so that replays fail after a restart.
+"""Stores the newest times of signed frames in a file, to reject replays after a restart.
 
-The file is written every 2 s, unsynced: it survives the process at once, a power cut after up
-to half a minute. So times count as 3 s later after a restart of the process, as 40 s later
-after one of the computer; a genuine sender has soon passed that.
+The file is written every 2 s, unsynced. It survives the end of the process, but a power cut may
+lose half a minute. So after a restart the times are increased by 3 s, after a reboot by 40 s; a
+genuine sender has soon passed that.
 """
 
 from pathlib import Path
@@ -19,14 +19,14 @@ BEHIND_S, BEHIND_AFTER_BOOT_S = 3.0, 40.0
 
 
 class SigningKept(msgspec.Struct):
-    """Contents of the file."""
+    """Contents of the file: the boot in which it was written, and the times."""
 
     boot_id: str
     times: SigningTimes
 
 
 class SigningMemory:
-    """Keeps the times of one `Signing` in a file of a directory."""
+    """Stores the times of one `Signing` in a file of a directory."""
 
     def __init__(self, signing: Signing, directory: Path) -> None:
         self._signing = signing
@@ -37,7 +37,7 @@ class SigningMemory:
         self._load()
 
     def due(self, now_ns: int) -> SigningKept | None:
-        """Get what `write` is to write, if it is time and something changed."""
+        """Get the data to be written by `write`; None if not due or unchanged."""
         if now_ns < self._next_ns:
             return None
         self._next_ns = now_ns + PERIOD_NS

@@ -1,20 +1,18 @@
-"""Detection of pauses of this process, after which received messages may be old. Pure."""
+"""Detects pauses of this process, after which received messages may be old."""
 
 from uavrt.guidance.safety import SAFETY
 
 LATE_S = 0.2
-"""Longest time between two turns of the process, which come every 50 ms, before it is late [s].
+"""Longest time between two turns of the main loop (normally 50 ms) without a pause [s].
 
-The autopilot's messages of a longer pause are read before a command is sent, and before
-the autopilot counts as silent.
-"""
+After a longer one, waiting messages of the autopilot are read before a command is sent, and
+before the autopilot counts as silent."""
 LATE_TURNS = 2
-"""Turns after which those messages are read: in one turn the hub and the link are served in
-any order."""
+"""Number of turns after a pause until all waiting messages are certainly read."""
 
 
 class StallWatch:
-    """Time since the process was last awake; it begins awake at `now_s`."""
+    """Measures the pauses of a process, which begins awake at `now_s`."""
 
     def __init__(self, now_s: float) -> None:
         self._awake_s = now_s
@@ -23,11 +21,11 @@ class StallWatch:
 
     @property
     def late(self) -> bool:
-        """Whether messages that arrived during a pause may still be unread."""
+        """True if messages that arrived during a pause may still be unread."""
         return self._late_turns > 0
 
     def wake(self, now_s: float, *, turn: bool = False) -> float:
-        """Note that the process is awake, in a new `turn` or within one; get its pause [s]."""
+        """Register that the process runs, in a new `turn` or in one; return the pause [s]."""
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
             if not self.late:
@@ -38,5 +36,5 @@ class StallWatch:
         return pause_s
 
     def silence_counts(self, now_s: float) -> bool:
-        """Whether the autopilot itself is silent: not for `SAFETY.stall_s` after late turns."""
+        """True if silence of the autopilot counts; not for `SAFETY.stall_s` after a pause."""
         return not self.late or now_s >= self._silence_counts_from_s

@@ -1,8 +1,8 @@
-"""Messages that radio programs print when they end, with cause and remedy.
+"""Error messages of radio programs, with cause and remedy.
 
 Collected from the programs of Debian 12 (airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0, hackrf
-2022.09.1) and SoapySDR 0.8.1. The libraries report "not found" also of a radio that another
-program uses, or that may not be opened; the list of USB devices distinguishes them.
+2022.09.1) and SoapySDR 0.8.1. The libraries also report "not found" for a radio that another
+program uses or that may not be opened; the list of USB devices distinguishes these cases.
 """
 
 import os
@@ -16,10 +16,10 @@ from uavrt.radio.devices import SYSFS_USB, UsbRadio, usb_radios
 
 
 class Cause(Enum):
-    """Why a radio gives no samples."""
+    """Reasons why a radio delivers no samples."""
 
     ABSENT = auto()
-    """Absent, busy or forbidden: the program does not distinguish them."""
+    """Absent, busy or forbidden; the program does not distinguish these."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()
@@ -67,7 +67,7 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Program, part of what it prints, and the cause; the first match counts."""
+"""Program, part of its output, and the cause; the first matching row counts."""
 
 
 _NOT_LISTED = (
@@ -77,7 +77,7 @@ _NOT_LISTED = (
 
 
 def cause_of(row: RadioRow, words: str) -> Cause | None:
-    """Find the cause in a radio program's output; None if it is not in the table."""
+    """Find the cause in a radio program's output; None if the table has no match."""
     program = row.receive or row.title
     means = (one for name, text, one in ANSWERS if name == program and text in words)
     return next(means, None)
@@ -92,13 +92,12 @@ def exit_error(
     own_rates: Callable[[], str] = str,
     seen: bool = True,
 ) -> RadioError:
-    """Make the error for a radio program that ended, with cause and remedy.
+    """Create the error for a radio program that has ended, with cause and remedy.
 
-    `code`: exit status; negative for a signal. `said`: the status in words. `words`: its first
-    lines on stderr, which hold the cause, and the last ones. `own_rates`: lists the rates of
-    the present device; empty: those of its kind count. `seen`: it was in the list of USB
-    devices when it was opened, so it is unplugged if missing now; else it may be of an unknown
-    make.
+    `code`: exit status; negative for a signal. `said`: the status as text. `words`: its first
+    and last lines on stderr; the first ones contain the cause. `own_rates`: lists the sample
+    rates of the present device; if empty, those of its kind are used. `seen`: the device was in
+    the list of USB devices when opened; if missing now, it was unplugged.
     """
     row = RADIOS[settings.kind]
     cause = cause_of(row, words)
@@ -135,7 +134,7 @@ def exit_error(
 
 
 def stalled(title: str) -> RadioStalled:
-    """Make the error for a radio that was opened and sends nothing."""
+    """Create the error for a radio that was opened and sends no samples."""
     return RadioStalled(
         f"{title}: no samples arrive",
         remedy="Unplug the radio and plug it in again; try another cable or port",
@@ -143,7 +142,7 @@ def stalled(title: str) -> RadioStalled:
 
 
 def serial_error(settings: RadioSettings, serials: Iterable[str]) -> RadioMissing:
-    """Make the error for a serial number that none of the devices has."""
+    """Create the error for a serial number that no device has."""
     why, remedy = _other_serial(settings, serials)
     return RadioMissing(f"{RADIOS[settings.kind].title}: {why}", remedy=remedy)
 
@@ -159,7 +158,7 @@ def _other_serial(settings: RadioSettings, serials: Iterable[str]) -> tuple[str,
 def _missing(
     settings: RadioSettings, row: RadioRow, there: list[UsbRadio], cause: Cause
 ) -> tuple[str, str]:
-    """Find why no radio could be opened, and the remedy."""
+    """Find out why no radio could be opened; return the cause and the remedy."""
     # Programs take hexadecimal digits of either case, hackrf_transfer also the last ones alone.
     wanted = (settings.serial or "").casefold().removeprefix("0x")
     chosen = [one for one in there if one.serial.casefold().endswith(wanted)]

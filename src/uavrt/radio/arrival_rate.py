@@ -1,7 +1,7 @@
-"""Compares the rate at which samples arrive with the one requested. Pure.
+"""Compares the rate at which samples arrive with the requested rate.
 
-A radio that streams at another rate seems to work and finds nothing. The least delay in each
-0.5 s shows the rate, because a stall does not delay all arrivals, and a loss is a single step.
+A radio that streams at another rate seems to work, but no tag is found. The smallest delay in
+each 0.5 s shows the rate: a stall does not delay all arrivals, and a loss is a single step.
 """
 
 import math
@@ -9,39 +9,40 @@ from collections import deque
 from itertools import pairwise
 from typing import Final
 
-_STRETCH_S: Final = 0.5
-"""Time over which the least delay is taken [s]."""
-_STRETCHES: Final = 5
-"""Number of least delays that show a wrong rate, after 2.5 s."""
-_MOST_OFF: Final = 0.02
-"""Largest difference that is not reported, as a share of the requested rate."""
+_PERIOD_S: Final = 0.5
+"""Period over which the smallest delay is taken [s]."""
+_PERIODS: Final = 5
+"""Number of such periods that are needed to detect a wrong rate, 2.5 s in all."""
+_TOLERANCE: Final = 0.02
+"""Largest rate error that is not reported, as a fraction of the requested rate."""
 _SETTLED: Final = 0.01
-"""Difference at which the rate is right again, as a share of the requested rate."""
-_CATCHES_UP_S: Final = 0.03
-"""Difference to the delay before a pause at which a sender has caught up [s]. It is below the
-change over `_STRETCHES` that is reported."""
-_OTHER: Final = 0.1
-"""Share by which a wrong rate must change to be reported again."""
+"""Rate error below which the rate counts as correct again, as a fraction of the rate."""
+_CAUGHT_UP_S: Final = 0.03
+"""Delay above that before a pause at which a sender has caught up [s]. Smaller than the change
+over `_PERIODS` that is reported."""
+_CHANGE_SHARE: Final = 0.1
+"""Relative change of a wrong rate above which it is reported again."""
 
 
 class ArrivalRate:
-    """Monitors one stream of samples of a requested rate."""
+    """Measures the rate of one stream of samples."""
 
     def __init__(self, rate_hz: float) -> None:
         self.wrong_hz: float | None = None
-        """The measured rate while it differs by more than 2 %, else None."""
+        """The measured sample rate while it is wrong by more than 2 % [Hz], otherwise None."""
         self._rate_hz = rate_hz
-        self._least_s: deque[float] = deque(maxlen=_STRETCHES)
-        self._stretch = 0
+        self._least_s: deque[float] = deque(maxlen=_PERIODS)
+        self._period = 0
         self._now_s = 0.0
         self._first_ns: int | None = None
-        self._owed_s = math.inf
-        """Delay before the last pause [s]; until it is reached again, a sender catches up."""
+        self._catch_up_to_s = math.inf
+        """Delay before the last pause [s]; the sender is catching up until it is reached again.
+        """
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add the number of samples that had arrived at a time.
+        """Add the number of samples received up to a time.
 
-        `full`: the sender waits for us, so that its pace does not show its rate.
+        `full`: the buffer is full and the sender waits, so its rate cannot be measured.
         """
         if full:
             return
@@ -50,34 +51,36 @@ class ArrivalRate:
             return
         age_s = (now_ns - self._first_ns) * 1e-9
         delay_s = age_s - received / self._rate_hz
-        stretch = int(age_s / _STRETCH_S)
-        if stretch <= self._stretch:
+        stretch = int(age_s / _PERIOD_S)
+        if stretch <= self._period:
             self._now_s = min(self._now_s, delay_s)
             return
-        if stretch > self._stretch + 1:
+        if stretch > self._period + 1:
             # A pause; another one before it has caught up leaves the delay to be reached.
-            self._owed_s = min(self._owed_s, self._now_s, *self._least_s)
+            self._catch_up_to_s = min(self._catch_up_to_s, self._now_s, *self._least_s)
             self._least_s.clear()
         else:
             self._least_s.append(self._now_s)
             self._judge()
-        self._stretch, self._now_s = stretch, delay_s
+        self._period, self._now_s = stretch, delay_s
 
     def _judge(self) -> None:
         least_s = list(self._least_s)
-        caught_up = least_s[-1] <= self._owed_s + _CATCHES_UP_S
-        if self._owed_s < math.inf and caught_up:
-            self._owed_s = math.inf
+        caught_up = least_s[-1] <= self._catch_up_to_s + _CAUGHT_UP_S
+        if self._catch_up_to_s < math.inf and caught_up:
+            self._catch_up_to_s = math.inf
             self._least_s.clear()
             return
-        if len(least_s) < _STRETCHES or (self._owed_s < math.inf and least_s[-1] < least_s[0]):
+        if len(least_s) < _PERIODS or (
+            self._catch_up_to_s < math.inf and least_s[-1] < least_s[0]
+        ):
             return
         steps_s = [b - a for a, b in pairwise(least_s)]
         mean_s = sum(steps_s) / len(steps_s)
-        if abs(mean_s) < _SETTLED * _STRETCH_S:
+        if abs(mean_s) < _SETTLED * _PERIOD_S:
             self.wrong_hz = None
-        elif abs(mean_s) > _MOST_OFF * _STRETCH_S and min(s / mean_s for s in steps_s) > 0.5:
-            wrong_hz = self._rate_hz * (1.0 - mean_s / _STRETCH_S)
+        elif abs(mean_s) > _TOLERANCE * _PERIOD_S and min(s / mean_s for s in steps_s) > 0.5:
+            wrong_hz = self._rate_hz * (1.0 - mean_s / _PERIOD_S)
             # Reported once for as long as it lasts.
-            if self.wrong_hz is None or abs(wrong_hz / self.wrong_hz - 1.0) > _OTHER:
+            if self.wrong_hz is None or abs(wrong_hz / self.wrong_hz - 1.0) > _CHANGE_SHARE:
                 self.wrong_hz = wrong_hz

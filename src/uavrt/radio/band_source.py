@@ -1,13 +1,13 @@
-"""Samples of a band that a program sends as UDP datagrams, cut anywhere.
+"""Samples of a frequency band received as UDP datagrams of any size.
 
 The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
-sends what it happens to read, so the datagrams are pieces of one stream of bytes, of any size,
-that often end within a sample. The original reads fixed 2039 samples of each and drops the
-rest; here bytes are joined until a sample is complete.
+sends what it happens to read, so datagrams are pieces of one stream of bytes and often end
+within a sample. The original reads a fixed 2039 samples of each and drops the rest; here bytes
+are joined to complete samples.
 
-Datagrams that the system dropped, as counted by SO_RXQ_OVFL, become gaps of the last datagram's
-size, which also keeps the alignment of samples. Without the count, a step in the arrival times
-shows a loss, and the exponents of the floats show the alignment.
+Datagrams dropped by the system, as counted by SO_RXQ_OVFL, become gaps of the last datagram's
+size, which keeps the alignment of samples. Without the count, a step in the arrival times shows
+a loss, and the exponents of the floats show the alignment.
 """
 
 import socket
@@ -25,17 +25,17 @@ from uavrt.radio.stream import BLOCK_S
 SAMPLE_BYTES: Final = 8
 _LARGEST: Final = 65_536
 _SO_RXQ_OVFL: Final = 40
-"""Linux, asm-generic/socket.h; missing in Python."""
+"""Socket option that counts dropped datagrams (Linux, asm-generic/socket.h); not in Python."""
 _COUNT_SPACE: Final = socket.CMSG_SPACE(4)
 
 log = get_logger()
 
 
 class BandDatagramSource(DatagramSource):
-    """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
+    """Complex64 samples from a UDP port, in datagrams of any size; a `SampleSource`.
 
     `address`: ``udp://localhost:10000``. `start_time_ns`: time of the first sample [ns, UTC];
-    then times follow from the nominal rate alone. Raises `RadioError` if the port is taken,
+    times then follow from the nominal rate. Raises `RadioError` if the port is in use,
     `ConfigError` or `FormatError` for an invalid address or rate.
     """
 
@@ -50,7 +50,7 @@ class BandDatagramSource(DatagramSource):
         # Bursts of datagrams are normal here; a new start would make a step of the times.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
         self.realigned = 0
-        """How often the alignment of samples was corrected."""
+        """Number of corrections of the sample alignment."""
         self._clock = Clock.start()
         self._want = SAMPLE_BYTES * max(64, round(BLOCK_S * sample_rate_hz))
         self._joiner = ByteJoiner()
@@ -101,7 +101,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins bytes to complex64 samples; `take` gives those before a gap, then those after."""
+    """Joins bytes to complex64 samples, and keeps the place of one gap."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -112,17 +112,17 @@ class ByteJoiner:
         self._cut = 0
         self._realigned = 0
         self.filled = 0
-        """Bytes before the next gap."""
+        """Number of bytes before the next gap."""
 
     @property
     def has_gap(self) -> bool:
-        """Whether a gap follows; then take the samples before it before the next `put`."""
+        """True if a gap follows; call `take` before the next `put`."""
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:
-        """Add a piece after `lost` ones; raises `ValueError` until the last gap was taken."""
+        """Add bytes after `lost` missing ones; raises `ValueError` while a gap is open."""
         if self.has_gap:
-            raise ValueError("read what comes before the gap first")
+            raise ValueError("the samples before the gap must be read first")
         if lost:
             self._after = payload
             self._lost_bytes = lost * (self._last_size or len(payload))
@@ -131,10 +131,11 @@ class ByteJoiner:
         self._last_size = len(payload)
 
     def take(self) -> tuple[NDArray[np.complex64], int, int]:
-        """Get the complete samples.
+        """Get the complete samples before the next gap.
 
         Returns (samples, lost_before, realigned): a copy, shape (n,), with zeros for non-finite
-        values; samples lost before the first; how often the alignment was corrected so far.
+        values; number of samples lost before the first; number of corrections of the alignment
+        so far.
         """
         data = b"".join(self._parts)
         skip = misalignment(data)
@@ -166,7 +167,6 @@ class ByteJoiner:
         return samples, lost_before, self._realigned
 
     def _append(self, payload: bytes) -> None:
-        """Add a piece, without the end of a sample that a gap has cut."""
         kept = payload[self._cut :]
         self._cut = max(0, self._cut - len(payload))
         self._parts.append(kept)
@@ -174,11 +174,11 @@ class ByteJoiner:
 
 
 def misalignment(data: bytes) -> int:
-    """Bytes to skip until floats begin, 0 to 3; 0 if the bytes do not show it.
+    """Number of bytes to skip to the next float, 0 to 3; 0 if the bytes do not show it.
 
-    The fourth byte of a little-endian float32 holds sign and most of the exponent: 0x30 to 0x46
-    for samples of a radio, 1e-9 to 1e4 in size, or zero. Shifted by one to three bytes, most
-    values fall outside.
+    The fourth byte of a little-endian float32 holds the sign and most of the exponent: 0x30 to
+    0x46 for radio samples of 1e-9 to 1e4, or zero. At any other alignment most values fall
+    outside.
     """
     # 4096 floats are enough; fewer than 64 are too few.
     count = min(len(data) // 4 - 1, 4096)

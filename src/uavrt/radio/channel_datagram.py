@@ -40,7 +40,7 @@ StampStyle = Literal["seconds", "milliseconds"]
 PortScheme = Literal["current", "thesis"]
 
 SAMPLES: Final = 1024
-"""Samples in a datagram of the channelizer."""
+"""Number of samples in a datagram of the original channelizer."""
 BYTES: Final = 8 * (1 + SAMPLES)
 FIRST_PORT: Final = 20_000
 
@@ -56,10 +56,10 @@ _HIGH_RANGE: Final = (100_000.0, 300_000.0)
 def encode_channel_datagram(
     samples: NDArray[np.complex64], time_ns: int, style: StampStyle = "seconds"
 ) -> bytes:
-    """Write a frame; raises `ValueError` for a time that the stamp cannot hold.
+    """Encode a frame; raises `ValueError` for a time that the stamp cannot represent.
 
     `samples` (n,): 1024 of them for the original detectors. `time_ns`: time of the first sample
-    [ns, UTC]. `style`: milliseconds are rounded down, as the original does.
+    [ns, UTC]. `style`: format of the stamp; milliseconds are rounded down, as in the original.
     """
     try:
         if style == "seconds":
@@ -74,10 +74,10 @@ def encode_channel_datagram(
 def decode_channel_datagram(
     payload: bytes, style: StampStyle | None = None
 ) -> tuple[int, NDArray[np.complex64]]:
-    """Read a frame: time of the first sample [ns, UTC], and a copy of the samples, (n,).
+    """Decode a frame: time of the first sample [ns, UTC], and a copy of the samples, (n,).
 
-    `style`: of its stamp; None: recognised. Raises `FormatError` without a valid stamp and a
-    sample.
+    `style`: format of the stamp; None: detect it. Raises `FormatError` without a valid stamp
+    and at least one sample.
     """
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
@@ -103,10 +103,10 @@ def decode_channel_datagram(
 
 
 def stamp_style(payload: bytes) -> StampStyle:
-    """Recognise the style of a frame's stamp.
+    """Detect the format of a frame's time stamp.
 
-    Milliseconds of at least 1 are floats whose bits exceed 10⁹, which no nanoseconds do; at 0
-    the other half decides, which is wrong only at a full second in 2007 to 2009.
+    Milliseconds of at least 1 are floats whose bits exceed 10⁹, which no nanoseconds do. At 0
+    ms the other half decides; this is wrong only at a full second in 2007 to 2009.
     """
     _, nanoseconds = _SECONDS.unpack_from(payload)
     high, _ = _MILLISECONDS.unpack_from(payload)
@@ -119,9 +119,9 @@ def stamp_style(payload: bytes) -> StampStyle:
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
     """UDP port of a channel.
 
-    `channel`: number from 0 (= the radio's centre), the original's less one. `scheme`: port
-    plan. `second`: the port for the second detector of a tag with two rates. Raises
-    `ValueError` if the plan has no such port.
+    `channel`: number from 0 (= the radio's centre), one less than in the original. `scheme`:
+    port numbering. `second`: port for the second detector of a tag with two rates. Raises
+    `ValueError` if the scheme has no such port.
     """
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")

@@ -1,8 +1,8 @@
-"""The tags' channels for the original's detectors, in addition to ours.
+"""Sends the tags' channels also to the detectors of the original system.
 
-Our channels are twice oversampled; the original's detectors need its own 3750 samples a second
-and its channel numbers. So the decimated band is split again in the compatible mode: 0.2 % of a
-core for one channel, 0.3 % for ten, 1.3 % for all hundred (measured here).
+Our channels are twice oversampled; the original's detectors need 3750 samples a second and its
+channel numbers. So the decimated band is channelized again in compatible mode: 0.2 % of a core
+for one channel, 0.3 % for ten, 1.3 % for all hundred (measured here).
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,11 +15,11 @@ from uavrt.radio.channel_sender import ChannelDatagramSender
 
 
 class ChannelOutput:
-    """Sends the channels of tags to the original's ports.
+    """Channelizes a band for the original's detectors and sends the tags' channels to them.
 
-    `settings`: destination and format. `tags`: whose channels; those beyond the original's band
-    are left out. `band_rate_hz`, `center_frequency_hz`: of the decimated band. Raises
-    `UavrtError` if no tag lies in the band, or it cannot be split.
+    `settings`: destination and format. `tags`: choose the channels; tags outside the original's
+    band are left out. `band_rate_hz`, `center_frequency_hz`: of the decimated band. Raises
+    `UavrtError` if no tag lies in the band, or the band cannot be channelized.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class ChannelOutput:
         ]
         self._front_end = front_end([tag.frequency_hz for tag in inside])
         self.left_out = len(tags) - len(inside)
-        """Tags beyond the original's band."""
+        """Number of tags outside the original's band."""
         ports: dict[int, list[int]] = {}
         for tag in inside:
             channel = self._front_end.channel_of(tag.frequency_hz)
@@ -53,7 +53,7 @@ class ChannelOutput:
                 second = channel_port(channel, settings.ports, second=True)
                 places += [second] * (second not in places)
         self.ports: Mapping[int, Sequence[int]] = ports
-        """Ports of each channel, numbered from 0."""
+        """UDP ports of each channel; channels are numbered from 0."""
         self._sender = ChannelDatagramSender(
             ports if inside else {}, host=settings.host, style=settings.stamps
         )
@@ -69,12 +69,12 @@ class ChannelOutput:
         self._front_end.reset()
 
     def counters(self) -> dict[str, float]:
-        """Counters of the sender."""
+        """Numbers of datagrams sent, refused and dropped, for the health report."""
         return {
             "udp_channel_datagrams": self._sender.datagrams,
             "udp_channel_datagrams_dropped": self._sender.dropped,
         }
 
     def close(self) -> None:
-        """Close the sockets."""
+        """Close the sending sockets."""
         self._sender.close()

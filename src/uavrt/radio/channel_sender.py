@@ -1,4 +1,4 @@
-"""Channels to UDP ports, as the original channelizer sends them."""
+"""Sends channels to UDP ports in the format of the original channelizer."""
 
 import socket
 from collections.abc import Mapping, Sequence
@@ -15,8 +15,6 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 @dataclass(slots=True)
 class _Frame:
-    """The frame of a channel that is being filled."""
-
     samples: NDArray[np.complex64] = field(
         default_factory=lambda: np.zeros(SAMPLES, np.complex64)
     )
@@ -27,10 +25,10 @@ class _Frame:
 class ChannelDatagramSender:
     """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
 
-    It never waits: frames are dropped and counted if the system has no room.
+    It never waits; frames are dropped and counted if the system's buffer is full.
 
-    `ports`: ports of each channel; blocks of others are ignored. `style`: how stamps are
-    written.
+    `ports`: ports of each channel; blocks of other channels are ignored. `style`: format of the
+    time stamp.
     """
 
     def __init__(
@@ -51,11 +49,11 @@ class ChannelDatagramSender:
                 sock = self._sockets[port] = send_socket(host)
                 sock.connect((host, port))
         self.datagrams = 0
-        """Datagrams sent, received or not."""
+        """Number of datagrams sent, whether received or not."""
         self.unheard = 0
-        """Datagrams refused because no program listens."""
+        """Number of datagrams refused because no program listens at the port."""
         self.dropped = 0
-        """Datagrams not sent for lack of room."""
+        """Number of datagrams dropped because the system's buffer was full."""
 
     def send(self, block: ChannelBlock) -> None:
         """Add the next block of a channel; send the frames that it completes.
@@ -86,7 +84,7 @@ class ChannelDatagramSender:
                 self._complete(block.channel, frame)
 
     def close(self) -> None:
-        """Close the sockets; an unfinished frame is not sent, as in the original."""
+        """Close the sockets; as in the original, an incomplete frame is not sent."""
         for sock in self._sockets.values():
             sock.close()
 

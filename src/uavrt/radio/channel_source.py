@@ -1,7 +1,7 @@
-"""Samples of one channel from the original channelizer's datagrams (or from ours).
+"""Samples of one channel, received as datagrams of the original channelizer or of ours.
 
-Frames are ordered by their stamps: an early frame waits a little for the missing one, a missing
-frame becomes a gap, and a late frame is dropped.
+Frames are ordered by their time stamps. A missing frame is waited for briefly, then becomes a
+gap; a late frame is dropped.
 """
 
 from typing import Final
@@ -18,27 +18,28 @@ from uavrt.radio.live_source import DatagramSource
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 TOLERANCE_S: Final = 0.005
-"""Difference to the expected stamp within which a frame counts as the next [s]. The thesis's
-stamps are cut to 1 ms; the original's step by 5.4 ms when it restarts its count."""
+"""Largest error of a time stamp for a frame to count as the next one [s]. The thesis's stamps
+are cut to 1 ms; the original's step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
-"""Later frames that end the wait for a missing one: 1.1 s of a channel."""
+"""Number of later frames that ends the wait for a missing one: 1.1 s of a channel."""
 SILENCE_S: Final = 1.5
-"""Silence after which held frames are given, whatever is missing [s]."""
+"""Silence after which held frames are released despite missing ones [s]."""
 RESTART_FRAMES: Final = 3
-"""Consecutive frames before their turn that mean that the sender's clock was set back."""
+"""Number of consecutive early stamps that shows that the sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Largest jump ahead that is a loss; beyond it the sender's clock has changed [s]."""
+"""Largest forward jump of the time stamp that counts as a loss [s]; a larger one is a clock
+change."""
 
 log = get_logger()
 
 
 class ChannelDatagramSource(DatagramSource):
-    """A channel's samples at a UDP port; a `SampleSource`.
+    """A channel's samples from a UDP port; a `SampleSource`.
 
-    `address`: ``udp://127.0.0.1:20000``. `sample_rate_hz`: rate of the channel; the original's
-    is 3750. Raises `RadioError` if the port is taken, `ConfigError` or `FormatError` for an
-    invalid address or rate.
+    `address`: ``udp://127.0.0.1:20000``. `sample_rate_hz`: sample rate of the channel; 3750 for
+    the original. Raises `RadioError` if the port is in use, `ConfigError` or `FormatError` for
+    an invalid address or rate.
     """
 
     def __init__(
@@ -50,9 +51,9 @@ class ChannelDatagramSource(DatagramSource):
     ) -> None:
         super().__init__(sample_rate_hz, center_frequency_hz)
         self.late = 0
-        """Datagrams dropped as late or repeated."""
+        """Number of datagrams dropped because they were late or repeated."""
         self.refused = 0
-        """Datagrams that are not frames."""
+        """Number of datagrams that are not valid frames."""
         self._style: StampStyle | None = None
         self._frames = FrameOrder(sample_rate_hz)
         self._arrived_s = monotonic_s()
@@ -74,7 +75,6 @@ class ChannelDatagramSource(DatagramSource):
             self._poll.poll(1000.0 * (SILENCE_S if left_s is None else min(left_s, SILENCE_S)))
 
     def _receive(self) -> None:
-        """Read as many waiting datagrams as can be ordered at once."""
         for sock in self._sockets:
             while self._frames.waiting <= HELD_FRAMES:
                 try:
@@ -114,7 +114,7 @@ class ChannelDatagramSource(DatagramSource):
 
 
 class FrameOrder:
-    """Puts stamped frames of a sample rate in order; pure."""
+    """Puts frames with time stamps in order."""
 
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate_hz = sample_rate_hz
@@ -123,11 +123,11 @@ class FrameOrder:
         self._early: list[tuple[int, NDArray[np.complex64]]] = []
         self._expected_ns: int | None = None
         self.late = 0
-        """Frames dropped as late or repeated."""
+        """Number of frames dropped because they were late or repeated."""
 
     @property
     def waiting(self) -> int:
-        """Number of frames not taken yet."""
+        """Number of frames added and not yet taken."""
         return len(self._held)
 
     def put(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
@@ -143,9 +143,9 @@ class FrameOrder:
         self._held.sort(key=lambda frame: frame[0])
 
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
-        """Get the next frame: its time [ns], its samples, and the samples lost before it.
+        """Get the next frame: time [ns], samples, and the number of samples lost before it.
 
-        `wait`: False: no more will come, give what is here.
+        `wait`: False if no more frames will be added; then missing ones are not waited for.
         """
         if not self._held:
             return None
@@ -160,7 +160,7 @@ class FrameOrder:
         return time_ns, samples, lost
 
     def _put_early(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
-        """Add a frame before its turn; several in a row mean that the sender has restarted."""
+        """Add a frame older than expected; several mean that the sender has restarted."""
         self.late += 1
         if self._early:
             last_ns, last = self._early[-1]

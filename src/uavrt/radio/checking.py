@@ -1,4 +1,4 @@
-"""Check that the radio works as set, by opening it as for a flight."""
+"""Checks that the radio works as configured, by opening it as for a flight."""
 
 from contextlib import closing
 from typing import Final
@@ -8,26 +8,27 @@ from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioAmbiguous, RadioStopped
 from uavrt.radio.answers import stalled
-from uavrt.radio.devices import unchosen
+from uavrt.radio.devices import ambiguous_radios
 from uavrt.radio.opening import open_radio
 from uavrt.radio.sanity import SampleCheck
 
 _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
-"""Largest share of lost samples that is not reported; as for a wrong rate."""
-_LASTS_S: Final = 2.8
+"""Largest fraction of lost samples that is not reported."""
+_DURATION_S: Final = 2.8
 """Duration of the check [s]; enough to measure the sample rate (`uavrt.radio.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
-"""Frequency where the settings leave it to the tags [Hz]."""
+"""Frequency of the check if the settings leave it to the tags [Hz]."""
 
 
 def check_device(settings: RadioSettings) -> str:
-    """Receive samples for three seconds; get a sentence on a radio that works.
+    """Receive samples for three seconds; return a sentence about a working radio.
 
-    Raises `RadioError` if it is missing, cannot be opened, or sends no samples at its rate;
-    `RadioAmbiguous` if the settings choose none of several; `ConfigError` for invalid settings.
+    Raises `RadioError` if the radio is missing, cannot be opened, or does not deliver samples
+    at its rate; `RadioAmbiguous` if several radios match the settings; `ConfigError` for
+    invalid settings.
     """
-    if (several := unchosen(settings)) is not None:
+    if (several := ambiguous_radios(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)
     title = settings.kind if row is None else row.title
@@ -46,7 +47,7 @@ def check_device(settings: RadioSettings) -> str:
                 check.look(block)
                 received += len(block.samples)
                 lost += block.lost_before - block.unsure_before
-                end_s = min(end_s, monotonic_s() + _LASTS_S)
+                end_s = min(end_s, monotonic_s() + _DURATION_S)
             elif monotonic_s() > begun_s + _PATIENCE_S:
                 raise stalled(title)
         if (fault := getattr(source, "rate_fault", None)) is not None:

@@ -1,7 +1,7 @@
-"""The radios that are plugged in, as the kernel lists them (sysfs-bus-usb).
+"""The radios that are plugged in, as listed by the kernel (sysfs-bus-usb).
 
-With two radios of one kind a program opens the first it finds, perhaps one without an antenna.
-So two are reported, and `[radio] serial` chooses.
+With two radios of one kind, a program opens the first it finds, perhaps one without antenna. So
+two are reported as an error, and `[radio] serial` chooses one.
 """
 
 from collections.abc import Iterator
@@ -18,21 +18,21 @@ NODES = Path("/dev/bus/usb")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsbRadio:
-    """A radio on the USB."""
+    """A radio on the USB bus."""
 
     kind: str
     serial: str
-    """Serial number as in `[radio] serial`; empty without one."""
+    """Serial number, as in `[radio] serial`; empty if the device has none."""
     node: Path
 
 
 def usb_radios() -> list[UsbRadio]:
-    """List the radios of all kinds in the order of their ports."""
+    """List plugged-in radios of all kinds, in the order of their USB ports."""
     return list(_found())
 
 
-def unchosen(settings: RadioSettings) -> tuple[str, str] | None:
-    """Describe the choice, with the remedy, if the settings fit several radios; else None."""
+def ambiguous_radios(settings: RadioSettings) -> tuple[str, str] | None:
+    """Text and remedy if several radios match the settings; otherwise None."""
     if settings.program or settings.serial or settings.kind not in RADIOS:
         return None
     row = RADIOS[settings.kind]

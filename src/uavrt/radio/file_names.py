@@ -1,8 +1,8 @@
-"""Read frequency, rate and start time from a recording's file name.
+"""Reads frequency, sample rate and start time from a recording's file name.
 
-Names as the programs write them by default: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``,
-HDSDR ``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc``
-in UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` in local time. airspy_rx and
+Default names of programs: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``, HDSDR
+``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc`` in
+UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` in local time. airspy_rx and
 hackrf_transfer (``-w``) use local time with a Z, too. rtl_433's ``g001_433.92M_250k`` has no
 time.
 """
@@ -23,17 +23,16 @@ _STAMPED: Final = rf"_{_DATE}_{_TIME}(?P<zulu>Z?)_(?P<frequency>{_NUMBER})(?P<un
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NameFacts:
-    """Values read from a name; None where it has none."""
+    """Values read from a file name; None for values it does not contain."""
 
     program: str
-    """Program that uses such names."""
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
-    """Step to which the name rounds the frequency, if coarser than 1 Hz [Hz]."""
+    """Step to which the name rounds the frequency [Hz]; None for 1 Hz or less."""
     sample_rate_hz: float | None = None
     start_time_ns: int | None = None
     local_time: bool = False
-    """Whether the time is local; our time zone is assumed."""
+    """True if the time is local time; this computer's time zone is assumed."""
     format_name: str | None = None
 
 
@@ -78,7 +77,7 @@ _FACTORS: Final = {"": 1.0, "k": 1e3, "M": 1e6}
 
 
 def read_name(path: PurePath | str) -> NameFacts | None:
-    """Read a recording's name, without its directory; None if no known program gives it."""
+    """Read a file name without directory; None if it is not in a known program's style."""
     name = PurePath(path).name
     for form in _FORMS:
         if found := form.pattern.match(name):
@@ -116,7 +115,6 @@ def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
 
 
 def _start_ns(parts: dict[str, str | None], *, utc: bool) -> int | None:
-    """Time in a name [ns, UTC]; None if it is not in the calendar."""
     try:
         fields = [
             int(parts[name] or 0)

@@ -1,11 +1,11 @@
-"""How complex samples are stored, and their conversion to complex64 without new arrays.
+"""Formats of complex samples, and their conversion to complex64 without new arrays.
 
 Full scale is 1.0 in every format, so cs16 and cf32 recordings of one radio give the same pulses
 and noise density.
 
 Cost on the reference machine at 3 MS/s in 87 ms blocks: cf32 nothing (read in place), cs16 0.07
-%, cu8 and ci8 0.11 % of a core; ``copyto`` then an in-place ``multiply`` is 20 % cheaper than
-one mixed-type ``multiply``, and twice as cheap as a look-up table.
+%, cu8 and ci8 0.11 % of a core. ``copyto`` followed by an in-place ``multiply`` is 20 % cheaper
+than one mixed-type ``multiply``, and twice as fast as a look-up table.
 """
 
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from numpy.typing import NDArray
 from uavrt.errors import FormatError
 
 _ABSURD_POWER = 1e20
-"""Mean square above which floats are of another format: 32-bit integers give 5e18."""
+"""Mean square above which data are not floats; 32-bit integers read as floats give 5e18 and
+more."""
 _INVALID_SHARE = 0.01
-"""Share of non-finite values above which the data are of another format."""
+"""Fraction of non-finite values above which data are in another format."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleFormat:
-    """One way to store interleaved I and Q."""
+    """A format of interleaved I and Q values."""
 
     name: str
     """``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
     dtype: np.dtype[Any]
-    """Type of one component."""
     zero: float
-    """Stored value that means 0."""
+    """Stored value that represents 0."""
     full_scale: float
-    """Stored distance from `zero` that means 1."""
+    """Difference between the stored value of 1 and that of 0."""
 
     @property
     def bytes_per_sample(self) -> int:
@@ -42,11 +42,11 @@ class SampleFormat:
 
     @property
     def in_place(self) -> bool:
-        """Whether the stored bytes are complex64 already."""
+        """True if the stored bytes are complex64 already."""
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
     def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
-        """Make room for samples and for their stored bytes: the same where possible."""
+        """Allocate memory for samples and for their stored bytes; one buffer where possible."""
         made = np.zeros(samples, np.complex64)
         if self.in_place:
             return made, made.view(np.uint8)
@@ -104,7 +104,7 @@ _SIGMF: dict[str, SampleFormat] = {
 
 
 def sample_format(name: str) -> SampleFormat:
-    """Find a format by its name; raises `FormatError`, which lists them, if unknown."""
+    """Find a format by name; raises `FormatError` with a list if unknown."""
     # rtl_sdr users write cs8, others sc16 or fc32; one alias each costs nothing.
     aliases = {"cs8": "ci8", "ci16": "cs16", "sc16": "cs16", "fc32": "cf32"}
     found = FORMATS.get(aliases.get(name.lower(), name.lower()))
@@ -123,7 +123,7 @@ def sigmf_format(datatype: str) -> SampleFormat:
         return found
     if datatype.startswith("r"):
         raise FormatError(
-            f"core:datatype {datatype!r} is real, and a recording must hold complex samples",
+            f"core:datatype {datatype!r} is real, but complex samples are needed",
             remedy="Convert it to I/Q first (mix to 0 Hz and low-pass)",
         )
     raise FormatError(
@@ -132,10 +132,10 @@ def sigmf_format(datatype: str) -> SampleFormat:
 
 
 def look_like_floats(data: bytes) -> bool:
-    """Whether bytes that are declared as integers are float32 samples.
+    """True if bytes declared as integers are in fact float32 samples.
 
     The last byte of a little-endian float32 is its sign and most of the exponent: 0x30 to 0x46
-    for 1e-9 to 1e4 in size, with the sign 0xb0 to 0xc6. Integers of both signs take values
+    for 1e-9 to 1e4, or with the sign 0xb0 to 0xc6. Integers of both signs also take values
     between these ranges.
     """
     high = np.frombuffer(data, np.uint8)[3::4]
@@ -147,11 +147,11 @@ def look_like_floats(data: bytes) -> bool:
 
 
 def clean(samples: NDArray[np.complex64], what: str) -> int:
-    """Replace non-finite values by zero, in place; return how many.
+    """Replace non-finite values by zero, in place; return their number.
 
-    A single NaN would spoil a detector's noise level for good. One dot product detects them:
-    for 87 ms at 3 MS/s 0.03 ms in a warm cache, 0.2 ms in a cold one.
-    Raises `FormatError` if there are too many, or values too large for samples.
+    A single NaN would spoil a detector's noise level permanently. One dot product detects them:
+    for 87 ms at 3 MS/s 0.03 ms in a warm cache, 0.2 ms in a cold one. Raises `FormatError` if
+    there are too many, or values are too large for samples.
     """
     values = samples.view(np.float32)
     limit = _ABSURD_POWER * max(values.size, 1)
@@ -164,7 +164,7 @@ def clean(samples: NDArray[np.complex64], what: str) -> int:
         # Of random bytes one value in 256 is no number, and as many are beyond 1e36.
         if count > _INVALID_SHARE * values.size or not np.dot(values, values) < limit:
             raise FormatError(
-                f"{what} does not hold float samples: values are not numbers, or absurdly big",
-                remedy="Name the right --format (cs16, cu8, ci8 …)",
+                f"{what} does not hold float samples: values are not numbers, or far too large",
+                remedy="Give the correct --format (cs16, cu8, ci8 …)",
             )
     return count

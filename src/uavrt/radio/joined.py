@@ -1,4 +1,4 @@
-"""Several recordings of one channel as one: the pieces of a ring, in the order of time."""
+"""Several recordings of one channel read as one, in the order of time."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,20 +11,20 @@ from uavrt.radio.sigmf import sigmf_layout
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _NO_GAP_S = 0.001
-"""Longest time between pieces that is not a gap [s]: times are rounded, and rates nominal."""
+"""Longest time between two recordings that is not a gap [s]; their times are rounded."""
 
 
 class JoinedRecording:
     """Samples of several SigMF recordings, with the gaps between them.
 
-    `paths`: in any order. Raises `FormatError` if none holds samples, or they are of several
-    channels.
+    `paths`: in any order. Raises `FormatError` if there are no samples, or rates or frequencies
+    differ.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
         layouts: list[Layout] = []
         self.left_out: list[str] = []
-        """Recordings that cannot be read, and why."""
+        """Unreadable recordings, with the reasons."""
         for path in paths:
             try:
                 layout = sigmf_layout(path)
@@ -35,14 +35,14 @@ class JoinedRecording:
                 layouts.append(layout)
         if not layouts:
             why = f": {self.left_out[0]}" if self.left_out else ""
-            raise FormatError(f"there are no samples{why}", remedy="Name other recordings")
+            raise FormatError(f"there are no samples{why}", remedy="Choose other recordings")
         self._layouts = sorted(layouts, key=_start_ns)
         first = self._layouts[0]
         alien = next((one for one in layouts if _kind(one) != _kind(first)), None)
         if alien is not None:
             raise FormatError(
-                f"{alien.path} and {first.path} are not of one channel",
-                remedy="Name recordings with one rate and frequency",
+                f"{alien.path} and {first.path} differ in sample rate or frequency",
+                remedy="Choose recordings of one channel",
             )
         self.name = str(first.path.parent)
         self.sample_rate_hz = first.sample_rate_hz
@@ -50,15 +50,14 @@ class JoinedRecording:
         self.start_time_ns = _start_ns(first)
         self.invalid_values = self.samples_lost = 0
         self._next = 0
-        """Index of the next recording to open."""
         self._source: RecordingSource | None = None
         self._index = 0
-        """Index of the next sample, lost ones counted."""
+        """Index of the next sample, including lost ones."""
         self._end_ns: int | None = None
 
     @property
     def total_samples(self) -> int | None:
-        """Samples in all of them."""
+        """Total number of samples in all recordings."""
         return sum(segment.count for one in self._layouts for segment in one.segments)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
@@ -99,7 +98,6 @@ class JoinedRecording:
             raise EOFError(f"{self.name} has ended")
 
     def _placed(self, block: IQBlock) -> IQBlock:
-        """The block, indexed over all recordings."""
         lost = block.lost_before
         if self._end_ns is not None:
             gap_s = (block.time_ns - self._end_ns) / NANOSECONDS_PER_SECOND

@@ -1,4 +1,4 @@
-"""Base of all live sources: rate, frequency, and the numbering of samples."""
+"""Base class of live sources: rate, frequency, and numbering of samples."""
 
 import select
 from typing import ClassVar
@@ -8,12 +8,12 @@ from uavrt.radio.placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Frequencies below this are not in hertz, but surely in megahertz."""
+"""Range of frequencies that are certainly given in megahertz instead of hertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
     "that the radio takes"
 )
-"""Remedy for a wrong rate, and for a cable or computer that steadily loses samples."""
+"""Remedy for a wrong rate or for steady losses, in cable or computer."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -25,8 +25,7 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
         )
     if _MEGAHERTZ[0] <= center_frequency_hz < _MEGAHERTZ[1]:
         raise FormatError(
-            f"center frequency {center_frequency_hz:g} Hz is that of sound, and looks like "
-            "megahertz",
+            f"center frequency {center_frequency_hz:g} Hz looks like a value in megahertz",
             remedy=f"Give --center-frequency {center_frequency_hz:g}e6",
         )
     if not 0.0 <= center_frequency_hz < 1e12:
@@ -37,17 +36,17 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
 
 
 class LiveSource:
-    """Base of sources without a known length.
+    """Base class of sources without a known length.
 
-    `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
-    alone. `start_moves`: date the start again if the first arrivals were held up. Raises
-    `FormatError`: an impossible rate.
+    `start_time_ns`: time of the first sample [ns, UTC]; times then follow from the nominal
+    rate. `start_moves`: correct the start time if the first arrivals were delayed. Raises
+    `FormatError` for an impossible rate.
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False
-    """Whether the writer may be slower than real time; a shortfall is no loss then."""
+    """True if the sender may be slower than real time; missing samples are then not a loss."""
     RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
-    """Remedy for samples that arrive at another rate."""
+    """Remedy in the error text when samples arrive at a wrong rate."""
 
     def __init__(
         self,
@@ -70,27 +69,27 @@ class LiveSource:
 
     @property
     def samples_lost(self) -> int:
-        """Samples that never came, by the radio's report or by the arrivals."""
+        """Number of samples lost, by the radio's report or by arrival times."""
         return self._placer.lost
 
     @property
     def lost_withdrawn(self) -> int:
-        """Samples counted as lost in blocks before the source turned out to be slow."""
+        """Number of samples counted as lost before the source turned out to be slow."""
         return self._placer.withdrawn
 
     @property
     def samples_unsure(self) -> int:
-        """Lost samples that a crystal far off its rate would explain as well."""
+        """Number of lost samples that a wrong clock rate would explain as well."""
         return self._placer.unsure
 
     @property
     def unseen_losses(self) -> str | None:
-        """Why arrival times show no losses, and times count from the first sample; or None."""
+        """Reason why arrival times are not used for times and losses; None if they are."""
         return self._placer.unseen
 
     @property
     def rate_fault(self) -> str | None:
-        """The measured sample rate, with the remedy, if it is not the one requested."""
+        """Text with the measured sample rate and a remedy, if the rate is wrong."""
         return self._placer.rate_fault
 
     @property
@@ -105,15 +104,14 @@ class LiveSource:
 
     @property
     def total_samples(self) -> int | None:
-        """None: the length of a live stream is unknown."""
+        """Always None, because the length of a live stream is unknown."""
         return None
 
 
 class DatagramSource(LiveSource):
-    """Base of sources at a UDP port, ``udp://HOST:PORT``."""
+    """Base class of sources at a UDP port, ``udp://HOST:PORT``."""
 
     def _listen(self, address: str) -> None:
-        """Open the port; raises `ConfigError` or `RadioError`."""
         self.name = address
         self._sockets = listen(*parse_udp_address(address))
         self._poll = select.poll()
@@ -121,7 +119,7 @@ class DatagramSource(LiveSource):
             self._poll.register(sock, select.POLLIN)
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the UDP port."""
         for sock in self._sockets:
             sock.close()
         self._sockets = []

@@ -1,22 +1,22 @@
-"""Detect samples that a radio lost silently, from the arrival times of the others.
+"""Detects silently lost samples from the arrival times of the other samples.
 
-A loss makes everything after it late, for good and by one amount. A machine that is held up
-makes a few arrivals late, and catches up: what it held comes at once. Jitter makes single ones
-late. What follows distinguishes the three::
+A loss makes everything after it late, permanently and by the same amount. A computer that is
+briefly busy makes a few arrivals late; then the buffered samples arrive at once. Jitter delays
+single arrivals. The pattern of later arrivals distinguishes the three::
 
     late |            : :  :.: : :    a loss: late by one amount, at the pace of the samples
          |        :
          |     :    :                 a stall: then all at once, each less late than the last
          |__:_.__:_._:_:___________
 
-Arrivals are gathered in cells of 20 ms, of which the least late counts. A stretch of cells that
-are all late, come at the pace of the samples and lie level, is a loss once it is too long for
-the jitter as it has been so far: with exponential jitter of mean u, n cells are all later than
-c with probability exp(-n c / u). While losses happen, half of that evidence is enough.
+Arrivals are grouped in cells of 20 ms, each with its smallest lateness. Consecutive cells that
+are all late, at the pace of the samples and level, count as a loss once there are too many for
+the present jitter. With exponential jitter of mean u, n cells are all later than c with
+probability exp(-n c / u). After a loss, half of that evidence is enough.
 
-A lateness that rises evenly, faster than by any crystal, means a source slower than real
-time: a slow disk, network or computer before the pipe. Nothing is lost then, and arrival times
-are not used. Until that is known, only a clear step counts as a loss in a pipe.
+A lateness that rises evenly, faster than any clock error, means a source slower than real
+time: a slow disk, network or computer before the pipe. Then nothing is lost, and arrival times
+are not used. Until this is certain, only a clear step counts as a loss in a pipe.
 """
 
 import math
@@ -27,79 +27,81 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Shortest stretch of which one lateness is kept [s]; USB transfers are 5 to 65 ms."""
+"""Shortest period for which one lateness is stored [s]; USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
-"""Largest rate error of crystals; beyond it there are small losses."""
+"""Largest relative rate error of a radio's clock; a greater drift means small losses."""
 _UNSEEN_S: Final = 0.010
 HALVED_S: Final = 0.036
-"""Length up to which a loss near a transfer is placed half before it and half after [s]. So no
-sample is off by more than half of it."""
+"""Longest loss at a transfer's edge that is placed half before and half after it [s]. So no
+sample's time is wrong by more than half of it."""
 _CELLS: Final = 100
-"""Number of cells kept: two seconds."""
+"""Number of stored cells (lateness values): two seconds."""
 _WINDOW_S: Final = 1.0
-"""Longest stretch that is judged [s], or this many cells where writes are long. rtl_sdr's own
-writes are half a second at 250 kS/s."""
+"""Longest period of late arrivals that is judged [s]; `_WINDOW_CELLS` cells where writes are
+long. rtl_sdr writes half a second at once at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
-"""Least number of late cells of a loss; two stalls in a row make fewer."""
+"""Smallest number of late cells that counts as a loss; two consecutive stalls make fewer."""
 _NEWEST: Final = 4
-"""Number of newest cells that show the present level."""
+"""Number of newest cells from which the present lateness is taken."""
 _QUIET_S: Final = 1.0
-"""Time after a loss in which arrivals may still be late by its remainder [s]."""
+"""Time after a loss during which arrivals may still show the rest of it [s]."""
 _EVIDENCE: Final = 14.0
-"""Logarithm of the odds against jitter: 1 in 10⁶ of 40 mostly dependent stretches a second."""
+"""Log-odds needed to rule out jitter: 1 in 10⁶, with 40 mostly dependent tests a second."""
 _EVIDENCE_KNOWN: Final = 7.0
-"""Logarithm of the odds against jitter within `_KNOWN_S` of a loss."""
+"""Log-odds needed to rule out jitter within `_KNOWN_S` of a loss."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
-"""Smallest lateness above the jitter that counts as a loss [s]; the crystal drifts by less."""
+"""Smallest lateness above the jitter that counts as a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Slope above which the lateness is a program falling behind, not a loss."""
+"""Slope of the lateness above which a program is falling behind, instead of a loss."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
-_QUESTION_S: Final = 0.008
+_SUSPECT_S: Final = 0.008
 """Lateness above which a cell may be the first after a loss [s]."""
-_QUESTION_ENDS_S: Final = 0.35
+_SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Share of the lateness that came within `_BEFORE_S`: a step, which no crystal makes."""
+"""Fraction of the lateness that must arise within `_BEFORE_S` for a loss to be a step, not a
+drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
-"""Share of `_SHARE_S` lost that no crystal explains: none is 800 ppm slow."""
+"""Fraction of samples lost in `_SHARE_S` that no clock error explains (800 ppm)."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Stretch of which the least delay is kept to measure the source's pace [s]."""
+"""Period for which the smallest delay is stored to measure the source's speed [s]."""
 _UNSETTLED_BINS: Final = 2
-"""Newest bins left out: a stall there may not have been made up yet."""
+"""Number of newest periods that are ignored, because a stall there may still be made up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
-"""Spans over which the pace is measured [s], and the scatter below which it is even. At 0.9 to
-0.995 times real time it is 0.1 to 0.5 and 0.1 to 0.9, also on a loaded computer. Losses of 1 to
-15 % of the samples scatter by at least 0.54 and 0.93, those of 5 ms by twice that."""
+"""Periods over which the speed is measured [s], and scatter below which the delays rise evenly.
+At 0.9 to 0.995 times real time the scatter is 0.1 to 0.5 and 0.1 to 0.9, also on a busy
+computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93, losses of 5 ms twice
+that."""
 _UNEVEN: Final = 3.0
-"""Scatter over its limit from which the delays rise by steps."""
+"""Ratio of scatter to its limit above which the delays rise in steps."""
 _SLOW_RATE: Final = 0.003
-"""Least rise of the delay of a slow source, as a share of the time."""
+"""Smallest rise of the delay, per unit of time, that marks a slow source."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
-"""Unit of the scatter: seconds plus a share of the rise."""
+"""Unit of the scatter: `_SCATTER_S` plus this fraction of the rise."""
 _STEP: Final = 2.0
-"""Least height of a step over the rise of the delays before and after it."""
+"""Smallest step of the delays, as a multiple of their rise before and after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """A stretch of lost samples."""
+    """A gap of lost samples, as inferred from arrival times."""
 
     duration_s: float
     since_s: float
     """Start of the late arrivals [nominal seconds]."""
     sharp: bool
-    """Whether it came within half a second: a step, not a drift."""
+    """True if the delay rose within half a second, as a step; False for a drift."""
     inside_s: float
-    """Length of the first late arrival if the loss must lie within it; 0: before it."""
+    """Length of the late transfer that contains the loss [s]; 0 if the loss lies before it."""
     sure: bool
-    """False for a slow drift that a crystal far off its rate would show as well."""
+    """False for a slow drift that a wrong clock rate would explain as well."""
 
 
 @dataclass(slots=True)
@@ -108,9 +110,9 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """True if it arrived in real time; False while the sender was sending a backlog."""
+    """True if it arrived in real time; False while the sender was catching up."""
     single: bool
-    """Whether it arrived at once."""
+    """True if all its samples arrived at once."""
 
     @property
     def length_s(self) -> float:
@@ -118,20 +120,22 @@ class _Cell:
 
 
 class SourcePace:
-    """Judges whether a source is slower than real time, from the delays of its samples."""
+    """Decides from the delays of samples whether a source is slower than real time."""
 
     def __init__(self) -> None:
         self._delays: deque[tuple[float, float]] = deque()
-        """Place and size of the least delay of each bin [s], not corrected for losses."""
+        """Position and smallest delay of each period [s], not corrected for losses."""
         self.slow = False
-        """Whether the delays have risen evenly: the source is slower than real time."""
+        """True once the delays have risen evenly, so the source is slower than real time."""
         self.stepped = self.still = False
-        """Whether the delays have risen by steps; or do not rise now."""
+        """`stepped`: the delays have risen in steps. `still`: they are not rising at present.
+        """
 
     def measure(self, received_s: float, arrived_s: float) -> None:
-        """Take a delay; judge whenever a bin is full.
+        """Add a delay; decide again whenever a period is complete.
 
-        `received_s`: seconds of samples that have arrived.
+        `received_s`: duration of the samples received so far [s]. `arrived_s`: their arrival
+        time [s].
         """
         delay_s, delays = arrived_s - received_s, self._delays
         if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
@@ -150,9 +154,10 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Rise of the delays for each second, and their scatter about a line, relative.
+        """Fit a line to the delays: rise per second, and relative scatter about the line.
 
-        A delay that is made up later is a stall. Of the rest, the line takes the earliest 70 %.
+        A delay that is made up later is a stall and does not count. Of the other delays, the
+        fit uses the smallest 70 %.
         """
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
@@ -171,24 +176,24 @@ class SourcePace:
 
 
 class LossFinder:
-    """Judges the lateness of arrivals; pure.
+    """Finds losses from the lateness of arrivals.
 
-    Lateness is measured from the lower envelope of all arrivals, in seconds of the nominal
-    rate. The caller adds losses found to the nominal seconds of what follows.
+    Lateness is the delay above the lower envelope of all arrivals, in nominal seconds (samples
+    divided by the nominal rate). The caller adds losses to later nominal seconds.
 
-    `may_be_slow`: the writer may be slower than real time; a radio never is.
+    `may_be_slow`: the sender may be slower than real time; a radio never is.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
         self.pace = SourcePace() if may_be_slow else None
-        """Pace of a source that may be slower than real time."""
+        """Speed of a source that may be slower than real time; None for a radio."""
         self.jitter_s = 0.005
-        """Mean lateness of the cells from jitter [s]."""
-        self.question_s: float | None = None
-        """Nominal seconds at which arrivals began to be so late that there may be a loss."""
+        """Mean lateness of cells caused by jitter [s]."""
+        self.suspect_s: float | None = None
+        """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
         self._falls = 0
         self._usual_s = 0.001
-        """Usual least lateness of four cells [s]; the envelope is that of many more."""
+        """Typical smallest lateness of four cells [s]; the envelope is that of many more."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf
@@ -202,14 +207,14 @@ class LossFinder:
         self._began_s: float | None = None
 
     def expect(self, at_s: float) -> None:
-        """Note the radio's own report that it is losing samples."""
+        """Note that the radio reports losses, so less evidence is needed for a while."""
         self._known_until_s = at_s + _KNOWN_S
 
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
-        """Add an arrival; get the loss that it proves.
+        """Add an arrival; return the loss that is now certain, or None.
 
-        `at_s`: nominal seconds up to which the samples are here, lost ones counted.
-        `arrived_s`: when that was, on a clock [s]. `late_s`: lateness.
+        `at_s`: nominal seconds of all samples received, lost ones included. `arrived_s`:
+        arrival time on any clock [s]. `late_s`: lateness.
         """
         since_s, self._newest_at_s = self._newest_at_s, at_s
         if self._from is None:
@@ -238,7 +243,7 @@ class LossFinder:
         self._cells.append(cell)
         self._from = (at_s, arrived_s)
         self._lowest_s = math.inf
-        self._ask(cell)
+        self._suspect(cell)
         self._learn_usual()
         loss = self._judge()
         if loss is None or not self._is_credible(loss):
@@ -247,7 +252,7 @@ class LossFinder:
         return loss
 
     def early_s(self) -> float:
-        """Time by which two arrivals in a second were earlier than the envelope [s]; or 0."""
+        """Negative lateness of the second-earliest recent arrival [s]; 0 if only jitter."""
         if len(self._cells) < 2:
             return 0.0
         newest = [
@@ -259,22 +264,22 @@ class LossFinder:
         return second_s
 
     def shift(self, seconds: float) -> None:
-        """Note that the envelope has moved, so that lateness falls by this."""
+        """Reduce all lateness by `seconds`, because the envelope has moved."""
         for cell in self._cells:
             cell.late_s -= seconds
 
     def skip(self, seconds: float) -> None:
-        """Note that nominal seconds have been left out."""
+        """Move pending times by `seconds` of skipped samples."""
         if self._from is not None:
             self._from = (self._from[0] + seconds, self._from[1])
         self._newest_at_s += seconds
         if self._late_from_s is not None:
             self._late_from_s += seconds
-        if self.question_s is not None:
-            self.question_s += seconds
+        if self.suspect_s is not None:
+            self.suspect_s += seconds
 
     def _is_credible(self, loss: Loss) -> bool:
-        """Whether the source has lost samples, and is not just slow: the delay made a step."""
+        """True if the delay made a step: samples are lost, not just delayed."""
         pace = self.pace
         if pace is None or pace.slow or pace.stepped or (pace.still and not loss.sharp):
             return pace is None or not pace.slow
@@ -290,10 +295,9 @@ class LossFinder:
         return min(after_s) - min(before_s, default=0.0) >= _STEP * rises_s
 
     def _learn_jitter(self, cell: _Cell) -> None:
-        """Track the mean fall from cell to cell: losses make none, jitter its mean."""
         if not cell.fresh or not self._cells or not self._cells[-1].fresh:
             return
-        if self.question_s is not None:
+        if self.suspect_s is not None:
             return  # what falls now may be a program that catches up
         fall_s = self._cells[-1].late_s - cell.late_s
         if fall_s <= 0.0:
@@ -307,37 +311,34 @@ class LossFinder:
         return min(self._cells[at].late_s for at in range(-count, 0))
 
     def _learn_usual(self) -> None:
-        """Track the least lateness of a few cells while nothing is lost."""
         quiet = self._cells[-1].end_s > self._loss_at_s + _QUIET_S
-        if quiet and self.question_s is None and len(self._cells) >= _NEWEST:
+        if quiet and self.suspect_s is None and len(self._cells) >= _NEWEST:
             self._usual_s += 0.02 * (self._newest_s(_NEWEST) - self._usual_s)
         self._usual_s = min(max(self._usual_s, 0.0), self.jitter_s)
 
-    def _ask(self, cell: _Cell) -> None:
-        """Open or close the question whether a loss lies before the late cells."""
+    def _suspect(self, cell: _Cell) -> None:
+        """Note whether the newest cells are so late that a loss may precede them."""
         if not self._is_late(cell.late_s):
-            self.question_s = None
-        elif self.question_s is None:
-            self.question_s = cell.begin_s if self._late_from_s is None else self._late_from_s
-        elif cell.end_s - self.question_s > _QUESTION_ENDS_S:
-            self.question_s = math.inf
+            self.suspect_s = None
+        elif self.suspect_s is None:
+            self.suspect_s = cell.begin_s if self._late_from_s is None else self._late_from_s
+        elif cell.end_s - self.suspect_s > _SUSPECT_MAX_S:
+            self.suspect_s = math.inf
 
     def _is_late(self, late_s: float) -> bool:
-        """Whether this lateness may be the first after a loss."""
-        return late_s > max(_QUESTION_S, 5.0 * self.jitter_s)
+        return late_s > max(_SUSPECT_S, 5.0 * self.jitter_s)
 
     @property
-    def asking(self) -> bool:
-        """Whether the next few arrivals will show if there was a loss."""
-        return self.question_s is not None and self.question_s < math.inf
+    def undecided(self) -> bool:
+        """True if the next few arrivals will show whether samples were lost."""
+        return self.suspect_s is not None and self.suspect_s < math.inf
 
     @property
-    def may_ask(self) -> bool:
-        """Whether the next arrivals of an unfinished cell may open such a question."""
-        return self.question_s is None and self._late_from_s is not None
+    def may_suspect(self) -> bool:
+        """True if the next arrivals of an incomplete cell may start such a decision."""
+        return self.suspect_s is None and self._late_from_s is not None
 
     def _judge(self) -> Loss | None:
-        """Judge all stretches of cells up to the newest."""
         cells, jitter_s = self._cells, self.jitter_s
         end_s = cells[-1].end_s
         needed = _EVIDENCE_KNOWN if end_s < self._known_until_s else _EVIDENCE
@@ -357,15 +358,12 @@ class LossFinder:
             span_s = end_s - cell.begin_s
             if (known or span_s >= _least_span_s(lowest_s)) and self._level(count):
                 best, best_score = count, score
-        if not best or not self._has_turned(best):
+        if not best or not self._has_settled(best):
             return None
         return self._loss(best)
 
-    def _has_turned(self, count: int) -> bool:
-        """Whether the lateness has been level for long enough after a long climb.
-
-        A program that falls behind and catches up is level for a moment, at the top.
-        """
+    def _has_settled(self, count: int) -> bool:
+        """True if lateness is level for long enough after a rise; a stall peaks briefly."""
         cells = list(self._cells)
         lowest_s = min(cell.late_s for cell in cells[-count:])
         first = len(cells) - count
@@ -380,7 +378,7 @@ class LossFinder:
         return climb_s <= _CLIMB_S or level_s >= min(0.5 * climb_s, _LEVEL_AFTER_CLIMB_S)
 
     def _level(self, count: int) -> bool:
-        """Whether the newest cells agree, and neither fall nor climb."""
+        """True if the newest cells agree, and lateness neither falls nor rises."""
         cells = [self._cells[at] for at in range(-count, 0)]
         if len(self._agreeing(count)) < _LEAST_CELLS:
             return False
@@ -391,14 +389,13 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """The newest cells at the pace of the samples and near the least late one."""
+        """Those of the newest `count` cells that came in real time, near the least lateness."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)
         return [c for c in cells if c.fresh and c.late_s <= near_s]
 
     def _loss(self, count: int) -> Loss:
-        """Measure the loss that the newest cells show."""
         cells = self._cells
         lowest_s = min(cells[at].late_s for at in range(-count, 0))
         # The present level: more may have been lost since the stretch began.
@@ -419,14 +416,14 @@ class LossFinder:
             since_s=first.begin_s,
             sharp=sharp,
             inside_s=self._inside_s(first, duration_s) if sharp else 0.0,
-            sure=sharp or self._is_much(duration_s),
+            sure=sharp or self._exceeds_clock_error(duration_s),
         )
 
     def _inside_s(self, first: _Cell, duration_s: float) -> float:
-        """Length of the transfer that contains the loss; 0 if whole transfers were dropped.
+        """Length of the transfer that contains the loss [s]; 0 if whole transfers were dropped.
 
-        Whole ones make the loss a multiple of their length. A loss inside may be anywhere; its
-        end is taken, which keeps the samples before the loss at their true time.
+        Losses of whole transfers are multiples of their length. A loss inside one is placed at
+        its end, which keeps the times of samples before it correct.
         """
         length_s = first.end_s - first.begin_s
         if not first.single or length_s <= 0.0:
@@ -435,8 +432,8 @@ class LossFinder:
         whole = duration_s > HALVED_S and abs(rest) <= max(0.001, 1.5 * self.jitter_s)
         return 0.0 if whole else length_s
 
-    def _is_much(self, duration_s: float) -> bool:
-        """True if the samples lost in the last 30 s exceed what a clock-rate error explains."""
+    def _exceeds_clock_error(self, duration_s: float) -> bool:
+        """True if the losses of the last 30 s are more than a clock error explains."""
         now_s = self._cells[-1].end_s
         while self._slow and self._slow[0][0] < now_s - _SHARE_S:
             self._slow.popleft()
@@ -445,28 +442,27 @@ class LossFinder:
         return lost_s > _SURE_SHARE * min(_SHARE_S, max(now_s - began_s, 5.0))
 
     def _take(self, loss: Loss) -> None:
-        """Continue after a loss: its cells no longer count as late."""
         now_s = self._cells[-1].end_s
         self._found_s += loss.duration_s
         self._slow.append((now_s, loss.duration_s))
         for cell in self._cells:
             if cell.begin_s >= loss.since_s:
                 cell.late_s -= loss.duration_s
-        self.question_s = self._late_from_s = None
+        self.suspect_s = self._late_from_s = None
         self._loss_at_s = now_s
         self.expect(now_s)
 
 
 def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
-    """Upper bound of losses beyond those that are sure.
+    """Upper bound of lost samples beyond those certainly lost.
 
-    `unsure`: samples lost unless the crystal is far off its rate. `samples`: length of the
-    stream: a small share of it looks like any crystal. `sample_rate_hz`: of the stream; the
-    losses since the last gap are not seen yet.
+    `unsure`: samples lost unless the clock rate is wrong. `samples`: length of the stream, a
+    small part of which may look like a clock error. `sample_rate_hz`: of the stream; losses
+    since the last gap are not detected yet.
     """
     return unsure + round(SLOWEST_RATE * samples + _UNSEEN_S * sample_rate_hz)
 
 
 def _least_span_s(lowest_s: float) -> float:
-    """Least duration of a first lateness that is a loss; neighbours have similar jitter."""
+    """Shortest late period that counts as a loss [s]; shorter ones may be jitter."""
     return 0.5 * min(max(0.0, (0.015 - lowest_s) / 0.010), 1.0)

@@ -1,4 +1,4 @@
-"""Open whatever holds samples: a radio, a pipe or a recording."""
+"""Opens any source of samples: a radio, a pipe or a recording."""
 
 from collections.abc import Callable
 from pathlib import Path, PurePath
@@ -60,7 +60,7 @@ _SUFFIXES: dict[str, str] = {
 def open_radio(
     settings: RadioSettings, center_frequency_hz: float, *, clock: Clock | None = None
 ) -> SampleSource:
-    """Start the radio of the settings, tuned to a frequency [Hz].
+    """Start the configured radio, tuned to a frequency [Hz].
 
     Raises `RadioMissing` if its program or driver is not installed, `ConfigError` for an
     unsupported setting.
@@ -104,11 +104,11 @@ def open_stream(
 def open_channel(
     address: str, *, sample_rate_hz: float | None, center_frequency_hz: float | None
 ) -> ChannelDatagramSource:
-    """Receive one channel of the original channelizer, or of ours.
+    """Receive one channel from the original channelizer, or from ours.
 
     `address`: ``udp://127.0.0.1:20090``. `sample_rate_hz`: rate of the channel; None: the
-    original's, 3750 Hz. `center_frequency_hz`: of the channel. Raises `FormatError` without a
-    frequency, `ConfigError` or `RadioError` for an invalid or taken address.
+    original's 3750 Hz. `center_frequency_hz`: of the channel. Raises `FormatError` without a
+    frequency, `ConfigError` or `RadioError` for an address that is invalid or in use.
     """
     return ChannelDatagramSource(
         address,
@@ -127,11 +127,12 @@ def open_recording(
 ) -> RecordingSource:
     """Open a recording; options are needed only for what the file does not contain.
 
-    `path`: the file; of a SigMF recording either file or their common name. `format_name`:
-    ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the name's ending.
+    `path`: the file; for SigMF either file or their common name. `format_name`: ``cf32``,
+    ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the file name's extension.
     `sample_rate_hz`, `center_frequency_hz`: for raw files whose name does not contain them. A
-    rate that contradicts the file is refused; a frequency replaces it. `start_time_ns`: time of
-    the first sample [ns, UTC]. Raises `FormatError` if it is unreadable or of another format.
+    rate that contradicts the file is refused; a frequency replaces the file's. `start_time_ns`:
+    time of the first sample [ns, UTC]. Raises `FormatError` if the file is unreadable or of
+    another format.
     """
     layout = _layout(
         path,
@@ -144,7 +145,7 @@ def open_recording(
         raise FormatError(
             f"{path} says {layout.sample_rate_hz:.0f} samples a second, and --sample-rate "
             f"says {sample_rate_hz:.0f}",
-            remedy="Leave --sample-rate out",
+            remedy="Omit --sample-rate",
         )
     return RecordingSource(layout)
 
@@ -198,7 +199,7 @@ def _layout(
 
 
 def reveals_format(path: PurePath) -> bool:
-    """Whether the name of a file says which format its samples have."""
+    """True if a file's name shows the format of its samples."""
     named = read_name(path)
     return path.suffix.lower() in _SUFFIXES or (
         named is not None and named.format_name is not None
@@ -214,5 +215,5 @@ def _guess(path: Path) -> str | None:
 
 def _required(value: float | None, option: str, what: str) -> float:
     if value is None:
-        raise FormatError(f"{what} does not say its {option}", remedy=f"Give --{option}")
+        raise FormatError(f"{what} does not state its {option}", remedy=f"Give --{option}")
     return value

@@ -1,8 +1,8 @@
 """Index and time of a live stream's samples, and the gaps between them.
 
-A source collects samples to blocks and reports every arrival. If one is so late that samples
-may be lost, the block ends before it: the next few arrivals show whether there is a gap or the
-machine was held up, before later samples are passed on.
+A source collects samples into blocks and reports every arrival. If an arrival is so late that
+samples may be lost, the block ends before it. The next few arrivals then show whether there is
+a gap or only a delay, before later samples are passed on.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from uavrt.radio.losses import HALVED_S
 from uavrt.radio.times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Longest wait for that answer beyond a block's length [s]: two transfers of a slow radio."""
+"""Longest wait for that decision beyond a block's length [s]: two transfers of a slow radio."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """Time within which bytes belong to one write of the radio's program [ns]."""
 _LONG_WRITE_S: Final = 0.040
-"""Length of a write above which a loss in it is put into its middle [s]. A loss in a shorter
-one is put after it, so that no sample before the loss is wrong."""
+"""Length of a write above which a loss is placed in its middle [s]. In a shorter write it is
+placed at the end, so that no sample before the loss has a wrong time."""
 _LEAST_S: Final = 0.001
-"""Least time before a late arrival that makes a block of its own [s]."""
+"""Shortest duration of samples before a late arrival that become a block of their own [s]."""
 
 log = get_logger()
 
@@ -38,13 +38,13 @@ class _Arrival:
 
 
 class Placer:
-    """Numbers and times the samples of a live stream.
+    """Gives the samples of a live stream their index and time.
 
-    `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
-    alone, and only losses that the sender reports are known. `start_moves`: date the start
-    again if the first arrivals were held up; False where times must not step. `may_be_slow`:
-    the writer may be slower than real time; a radio never is. `rate_remedy`: for samples that
-    arrive at another rate.
+    `start_time_ns`: time of the first sample [ns, UTC]; times then follow from the nominal
+    rate, and only losses reported by the sender are known. `start_moves`: correct the start
+    time if the first arrivals were delayed; False where times must not jump. `may_be_slow`: the
+    sender may be slower than real time; a radio never is. `rate_remedy`: remedy for a wrong
+    sample rate.
     """
 
     def __init__(
@@ -58,10 +58,10 @@ class Placer:
     ) -> None:
         self._start_moves = start_moves
         self.index = 0
-        """Index of the next sample to be given, lost ones counted."""
+        """Index of the next sample to be passed on, including lost ones."""
         self.lost = 0
         self.unsure = 0
-        """Samples of `lost` that a crystal far off its rate would explain as well."""
+        """Number of lost samples that a wrong clock rate would explain as well."""
         self._inferred = 0
         self._rate_hz = sample_rate_hz
         self._arrival_rate = ArrivalRate(sample_rate_hz)
@@ -72,39 +72,39 @@ class Placer:
             None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
         )
         self.paced = True
-        """Whether arrivals show a rate; those of a file on standard input do not."""
+        """True if arrivals show a rate; False for a file on standard input."""
         self._before = 0
-        """Samples lost before those that are held."""
+        """Number of samples lost before those that are held back."""
         self._cut = 0
-        """Number of held samples before a late arrival, which are given first."""
+        """Number of held samples before a late arrival; they are passed on first."""
         self._after_cut = 0
         self._burst: _Arrival | None = None
         self._last: tuple[int, int] | None = None
-        self._question_cut = False
-        self._unsaid = 0
-        self._say_again = 0
+        self._suspect_cut = False
+        self._unlogged = 0
+        self._next_log_index = 0
 
     @property
     def sample_rate_hz(self) -> float:
-        """Rate against UTC as measured so far."""
+        """Sample rate measured against UTC so far [Hz]."""
         times = self._nominal or self._keeper
         return times.sample_rate_hz
 
     @property
     def unseen(self) -> str | None:
-        """Why arrivals are not used for times and losses; None: they are used."""
+        """Reason why arrivals are not used for times and losses; None if they are."""
         return self._keeper.unseen if self._nominal is None else "--start-time was given"
 
     @property
     def withdrawn(self) -> int:
-        """Samples of `lost` inferred from arrivals before these turned out to show nothing."""
+        """Number of losses inferred from arrivals that turned out to be unusable."""
         return 0 if self._keeper.unseen is None else self._inferred
 
     @property
     def rate_fault(self) -> str | None:
-        """The measured sample rate, with the remedy, if it is not the one requested.
+        """Text with the measured sample rate and a remedy; None if the rate is as requested.
 
-        A recording that is piped faster than three times real time is no fault.
+        A recording piped at more than three times real time is no fault.
         """
         wrong_hz = self._arrival_rate.wrong_hz
         if (
@@ -119,14 +119,14 @@ class Placer:
         )
 
     def begin(self, now_ns: int) -> None:
-        """Note when the wait for samples began."""
+        """Set the time at which the wait for samples began [ns, UTC]."""
         if self._last is None:
             self._last = (0, now_ns)
 
     def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
-        """Note how many samples are here or can be read at a time [ns, UTC].
+        """Register that `held` samples have arrived by a time [ns, UTC].
 
-        `full`: the sender is waiting for us, so that its pace does not show the radio's.
+        `full`: the buffer is full and the sender waits, so its rate cannot be measured.
         """
         self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
@@ -142,19 +142,19 @@ class Placer:
             self._burst = None
 
     def settle(self) -> bool:
-        """Whether the held samples can be given now: no late arrival is in question."""
-        if self._keeper.asking and self._burst is not None:
+        """True if held samples can be passed on, because no loss is possible before them."""
+        if self._keeper.undecided and self._burst is not None:
             burst, self._burst = self._burst, None
             self._learn(burst, False)
-        return not (self._keeper.asking or self._keeper.may_ask)
+        return not (self._keeper.undecided or self._keeper.may_suspect)
 
     @property
-    def to_give_first(self) -> int:
-        """Number of held samples that end a block early; 0 for none."""
+    def samples_before_cut(self) -> int:
+        """Number of held samples that must end a block early; 0 if none."""
         return self._cut
 
     def add_lost(self, samples: int, held: int = 0) -> None:
-        """Add lost samples that the radio reports; `held` of those here came before."""
+        """Add lost samples that the radio reports; `held` samples arrived before the loss."""
         left = self._keeper.skip(samples)
         if left <= 0:
             return
@@ -166,11 +166,11 @@ class Placer:
             self._before += left
 
     def expect_losses(self) -> None:
-        """Note that the radio reports losses, without their number."""
+        """Note that the radio reports losses without their number."""
         self._keeper.expect_losses()
 
     def place(self, samples: NDArray[np.complex64]) -> IQBlock:
-        """Make a block of the oldest samples held, and continue after it."""
+        """Make a block of samples, with their index, time and the number lost before them."""
         lost, unsure = self._before, self._keeper.unsure_samples - self.unsure
         self._before, self._after_cut, self._cut = self._after_cut, 0, 0
         self.index += lost
@@ -199,25 +199,23 @@ class Placer:
         return block
 
     def _log(self, lost: int) -> None:
-        """Log the first loss at once, later ones summed over ten seconds of the stream."""
-        self._unsaid += lost
-        if self.index >= self._say_again:
+        self._unlogged += lost
+        if self.index >= self._next_log_index:
             log.info(
                 "samples lost",
-                count=self._unsaid,
-                seconds=round(self._unsaid / self._rate_hz, 3),
+                count=self._unlogged,
+                seconds=round(self._unlogged / self._rate_hz, 3),
                 total=self.lost,
                 before_sample=self.index,
                 **({"perhaps_clock_error": self.unsure} if self.unsure else {}),
             )
-            self._unsaid = 0
-            self._say_again = self.index + round(_LOG_S * self._rate_hz)
+            self._unlogged = 0
+            self._next_log_index = self.index + round(_LOG_S * self._rate_hz)
 
     def _place(self, held: int) -> int:
         return self.index + self._before + self._after_cut + held
 
     def _learn(self, arrival: _Arrival, full: bool) -> None:
-        """Pass an arrival to the time keeper, and take the losses that it has found."""
         end = self._place(arrival.held)
         last_end, last_ns = self._last or (0, arrival.time_ns)
         took_s = (arrival.time_ns - last_ns) * 1e-9
@@ -231,7 +229,7 @@ class Placer:
         )
         lost = keeper.lost_samples()
         self._inferred += lost
-        if lost and self._question_cut and not self._cut and keeper.inside < arrival.held:
+        if lost and self._suspect_cut and not self._cut and keeper.inside < arrival.held:
             self._cut = keeper.inside
             if self._cut and lost < HALVED_S * self._rate_hz:
                 self._before += lost // 2
@@ -244,10 +242,10 @@ class Placer:
             self._before += lost
         if lost:
             self._last = (end + lost, arrival.time_ns)
-        if not keeper.asking:
-            self._question_cut = False
-        elif not self._question_cut:
-            self._question_cut = True
-            before = keeper.question_index - self.index - self._before
+        if not keeper.undecided:
+            self._suspect_cut = False
+        elif not self._suspect_cut:
+            self._suspect_cut = True
+            before = keeper.suspect_index - self.index - self._before
             if before > _LEAST_S * self._rate_hz and not self._cut:
                 self._cut = min(before, arrival.held)

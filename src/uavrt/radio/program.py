@@ -26,36 +26,36 @@ from uavrt.radio.programs import PROGRAMS, commands_before, receive_command
 from uavrt.radio.stream import StreamSource
 
 _STARTUP_S: Final = 10.0
-"""Longest start [s]: opening a device and loading its firmware."""
+"""Longest start of a radio's program, with opening the device and loading firmware [s]."""
 _STALL_S: Final = 1.0
-"""Silence that is a stall [s]; radios give a buffer every few milliseconds."""
+"""Silence that counts as a stall [s]; radios deliver a buffer every few milliseconds."""
 _TERMINATE_S: Final = 2.0
 """Time from SIGTERM to SIGKILL [s]; airspy_rx stops in 0.1 s if its USB transfers end."""
 _FIRST_LINES: Final = 4
-"""Number of first lines of stderr that are kept; a long usage text may follow."""
+"""Number of first lines of stderr that are stored; a long usage text may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Progress lines, which some programs write every second; ignored."""
+"""Parts of progress lines, which some programs print every second; they are ignored."""
 
-_LOST: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
-"""Message of a program that knows its losses; for others the arrivals show them."""
+_LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
+"""Message of a program that counts lost samples; for others arrival times show losses."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
-"""hackrf_transfer -B: number of buffer overruns since the start, without their length."""
+"""Message of hackrf_transfer -B: number of buffer overruns, without their length."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
-"""A sample rate as airspy_info and airspyhf_info list it."""
+"""Sample rate as printed by airspy_info and airspyhf_info."""
 
 log = get_logger()
 
 
 class ProgramSource(StreamSource):
-    """Samples of a radio whose program runs as our child, in its own process group.
+    """Samples from a radio whose program runs as our child, in its own process group.
 
-    `startup_s`, `stall_s`: normal silence at the start, and later [s]. Raises `RadioMissing` if
-    the program is not installed, `ConfigError` for an unsupported setting.
+    `startup_s`, `stall_s`: longest normal silence at the start, and later [s]. Raises
+    `RadioMissing` if the program is not installed, `ConfigError` for an unsupported setting.
     """
 
     MAY_BE_SLOW = False
-    """False: a radio keeps its rate, so an even shortfall is lost samples."""
+    """Always False: a radio keeps its rate, so missing samples are lost."""
     RATE_REMEDY = RADIO_RATE_REMEDY
 
     def __init__(
@@ -68,19 +68,19 @@ class ProgramSource(StreamSource):
         stall_s: float = _STALL_S,
     ) -> None:
         self._settings = settings
-        self._answers_until_s = monotonic_s() + _ANSWERS_S
+        self._answers_until_s = monotonic_s() + _INFORMATION_S
         settings = _by_place(settings, self._answers_until_s)
         command = receive_command(settings, center_frequency_hz)
         self._program = PROGRAMS[settings.kind]
-        command += _talkative(self._program, settings, self._answers_until_s)
+        command += _overrun_arguments(self._program, settings, self._answers_until_s)
         self._seen = any(one.kind == settings.kind for one in usb_radios())
-        """Whether a known USB device was there at the start."""
+        """True if a known USB device was plugged in at the start."""
         self._startup_s, self._stall_s = startup_s, stall_s
         self._first: list[str] = []
         self._lines: deque[str] = deque(maxlen=_LINES)
         self._line = b""
-        self._said = ""
-        """The last line logged, so that an endless repetition does not fill the disk."""
+        self._last_logged = ""
+        """The last logged line; repetitions are not logged, so they cannot fill the disk."""
         self._lost = 0
         self.overruns = 0
         """Number of overruns of the radio's own buffer, if its program reports it."""
@@ -111,14 +111,14 @@ class ProgramSource(StreamSource):
 
     @property
     def last_lines(self) -> tuple[str, ...]:
-        """First and last lines that the program wrote to stderr, without progress lines."""
+        """First and last lines the program wrote to stderr, without progress lines."""
         return (*self._first, *self._lines)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`.
 
-        Raises `RadioMissing` if the device is missing or forbidden, `RadioStopped` with its
-        last words if the program has ended, `RadioStalled` if it sends no samples.
+        Raises `RadioMissing` if the device is missing or access is denied, `RadioStopped` with
+        the last messages if the program has ended, `RadioStalled` if it sends no samples.
         """
         if self._closed:
             raise EOFError(f"{self.name} was closed")
@@ -149,7 +149,6 @@ class ProgramSource(StreamSource):
             return
 
     def _wait(self, timeout_s: float | None) -> bool:
-        """Wait for samples; meanwhile read stderr and watch for a stall."""
         allowed_s = self._startup_s if self._placer.index + self._filled == 0 else self._stall_s
         until_stall_s = self._last_byte_s + allowed_s - monotonic_s()
         if until_stall_s < 0.0:
@@ -158,15 +157,14 @@ class ProgramSource(StreamSource):
         ready = False
         for descriptor, _ in self._poll.poll(patience_s * 1000.0 + 1.0):
             if descriptor == self._words:
-                self._listen()
+                self._read_messages()
             else:
                 ready = True
         if ready:
             self._last_byte_s = monotonic_s()
         return ready
 
-    def _listen(self) -> None:
-        """Read the program's stderr."""
+    def _read_messages(self) -> None:
         try:
             said = os.read(self._words, 65536)
         except BlockingIOError:
@@ -181,15 +179,18 @@ class ProgramSource(StreamSource):
         for raw in lines:
             line = raw.decode("utf-8", "replace").strip()
             self._note_overruns(line)
-            if line and line != self._said and not any(words in line for words in _PROGRESS):
-                self._said = line
-                self._say(line)
-                if found := _LOST.search(line):
+            if (
+                line
+                and line != self._last_logged
+                and not any(words in line for words in _PROGRESS)
+            ):
+                self._last_logged = line
+                self._store_line(line)
+                if found := _LOST_SAMPLES.search(line):
                     self._lost += int(found[1])
                 log.info("radio says", program=self.name, line=line)
 
     def _note_overruns(self, line: str) -> None:
-        """Handle the radio's count of overruns, which shows losses without their size."""
         found = _OVERRUNS.search(line)
         if not found or int(found[1]) <= self.overruns:
             return
@@ -204,9 +205,8 @@ class ProgramSource(StreamSource):
         return lost
 
     def _check_end(self) -> None:
-        """Raise why the program ended, once its last complete samples are given."""
         enough = self._placer.index > 0 and self._filled >= self._format.bytes_per_sample
-        self._answers_until_s = monotonic_s() + _ANSWERS_S
+        self._answers_until_s = monotonic_s() + _INFORMATION_S
         try:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
@@ -217,9 +217,9 @@ class ProgramSource(StreamSource):
             return
         # hackrf_transfer prints its usage to stdout when it fails.
         self._filled = 0
-        self._listen()
+        self._read_messages()
         if self._line:
-            self._say(self._line.decode("utf-8", "replace").strip())
+            self._store_line(self._line.decode("utf-8", "replace").strip())
         said = (
             f"was killed by {_signal_name(-code)}" if code < 0 else f"ended with status {code}"
         )
@@ -231,7 +231,6 @@ class ProgramSource(StreamSource):
         )
 
     def _own_rates(self) -> str:
-        """List the rates that the information program prints for the device."""
         program, said = self._program, ""
         if not program.inform or self._settings.program:
             return ""
@@ -240,8 +239,8 @@ class ProgramSource(StreamSource):
         rates = (float(n) * (1e6 if u == "MSPS" else 1e3) for n, u in _RATE.findall(said))
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
-    def _say(self, line: str) -> None:
-        """Keep a line: the first ones, those that name a cause, and the last ones."""
+    def _store_line(self, line: str) -> None:
+        """Store a line of stderr, if among the first or last, or if it names a cause."""
         most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
         (self._first if len(self._first) < most else self._lines).append(line)
 
@@ -252,8 +251,8 @@ class ProgramSource(StreamSource):
             raise self._error(finished.returncode, f"{command[0]} failed", said)
 
 
-_ANSWERS_S: Final = 4.0
-"""Time limit of information programs [s]; a receiver silent for 5 s is killed."""
+_INFORMATION_S: Final = 4.0
+"""Time limit for programs that list a radio's serial numbers and rates [s]."""
 
 
 def _run(
@@ -262,7 +261,7 @@ def _run(
     _find(command[0], package)
     try:
         return subprocess.run(
-            [*_die_with_us(), *command],
+            [*_end_with_parent(), *command],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
@@ -276,16 +275,16 @@ def _run(
         ) from error
 
 
-_LISTED = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
-"""A line of librtlsdr's list: ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
+_DEVICE_LINE = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
+"""A device in librtlsdr's list, such as ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
 _MOST_PLACES = 16
 
 
 def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
-    """Replace a numeric serial by the device's place in its program's list.
+    """Replace a numeric serial number by the device's index in the list of its program.
 
-    rtl_sdr and rtl_biast would take 00000001 for the second device, and put the bias voltage on
-    it.
+    rtl_sdr and rtl_biast would take 00000001 for the second device, and switch on its bias
+    voltage.
     """
     wanted, program = settings.serial, PROGRAMS.get(settings.kind)
     if program is None or settings.program or not program.lists:
@@ -293,7 +292,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
     if wanted is None or not wanted.isdigit():
         return settings
     finished = _run(program.lists, program.package, until_s)
-    listed = _LISTED.findall(finished.stderr)
+    listed = _DEVICE_LINE.findall(finished.stderr)
     if len(alike := [place for place, serial in listed if serial == wanted]) > 1:
         raise RadioAmbiguous(
             f"{len(alike)} radios {program.title} have the serial number {wanted}",
@@ -308,8 +307,8 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
     return settings
 
 
-def _talkative(program: RadioRow, settings: RadioSettings, until_s: float) -> list[str]:
-    """Arguments that make this version of the program report its overruns, if any."""
+def _overrun_arguments(program: RadioRow, settings: RadioSettings, until_s: float) -> list[str]:
+    """Arguments that make this version of the program report its overruns, if any do."""
     if settings.program or not program.overruns_option:
         return []
     finished = _run((program.receive, "-h"), program.package, until_s)
@@ -326,7 +325,7 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
         f"Install it again: sudo apt install --reinstall {package}",
     ):
         return subprocess.Popen(
-            [*_die_with_us(), *command],
+            [*_end_with_parent(), *command],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -335,10 +334,10 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
         )
 
 
-def _die_with_us() -> list[str]:
-    """Prefix of a command that makes the kernel end it when we end, even by SIGKILL.
+def _end_with_parent() -> list[str]:
+    """Command prefix that makes the kernel kill the program when this process ends.
 
-    A radio program that writes ends when its pipe closes; one that hangs would keep the radio.
+    A radio program that writes ends when its pipe closes; one that hangs would block the radio.
     ``setpriv`` is part of util-linux, which every Debian has.
     """
     setpriv = shutil.which("setpriv")

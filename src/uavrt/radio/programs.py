@@ -1,6 +1,6 @@
-"""The radios' own programs and their arguments; the radios' table is in `uavrt.config.radios`.
+"""Command lines of radio programs; the table of radios is in `uavrt.config.radios`.
 
-The programs are run as they are; none is linked.
+The programs are run as separate processes; none is linked.
 """
 
 from collections.abc import Callable
@@ -11,11 +11,11 @@ from uavrt.config.settings import RadioSettings
 from uavrt.errors import ConfigError
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}
-"""The radios that have a program."""
+"""Radios that are read by a program of their own, by kind."""
 
 
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:
-    """Arguments of the radio's program for samples to stdout; raises `ConfigError`."""
+    """Command that writes the radio's samples to stdout; raises `ConfigError`."""
     program = PROGRAMS[_known(settings.kind)]
     gain = (program.default_gain or 0) if settings.gain is None else settings.gain
     lowest, highest = program.gains
@@ -36,7 +36,7 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
 
 
 def commands_before(settings: RadioSettings) -> list[list[str]]:
-    """Commands to run before the radio's program: rtl_sdr cannot switch its bias-tee."""
+    """Commands to run before the radio's program; rtl_sdr cannot switch its bias tee itself."""
     if settings.program or settings.kind != "rtlsdr":
         return []
     # Set in any case: it stays on from an earlier flight.
@@ -86,7 +86,7 @@ def _rtlsdr(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str
 
 
 def _hackrf(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str]:
-    """Arguments of hackrf_transfer; the gain is shared between LNA and VGA."""
+    """Arguments of hackrf_transfer; the gain is divided between its two amplifiers."""
     lna = min(40, 8 * round(gain / 16))
     vga = min(62, 2 * ((gain - lna) // 2))
     return [
@@ -106,7 +106,7 @@ ARGUMENTS: dict[str, Callable[[RadioSettings, float, int], list[str]]] = {
 
 
 def _corrected(settings: RadioSettings, frequency_hz: float) -> float:
-    """Rate or frequency reduced for a fast crystal; most programs have no such option.
+    """Rate or frequency corrected for a fast clock; most programs have no option for it.
 
     (hackrf_transfer has ``-C``, but reads it as an unsigned number.)
     """
@@ -122,7 +122,6 @@ def _rate(settings: RadioSettings) -> str:
 
 
 def _serial(option: str, settings: RadioSettings) -> tuple[str, ...]:
-    """Arguments that choose a device; Airspy's programs need a prefix before its number."""
     if not settings.serial:
         return ()
     prefix = RADIOS[settings.kind].serial_prefix

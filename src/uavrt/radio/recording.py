@@ -24,26 +24,25 @@ SAID: Final = "what you said"
 HEADER: Final = "the file's header"
 FILE_DATE: Final = "the date of the file, which copying may change: give --start-time"
 _MAX_BLOCK: Final = 262_144
-"""Samples in a block of a file (2 MiB); a recording of one channel is read 1 s at a time."""
+"""Largest block read from a file [samples] (2 MiB); single channels are read 1 s at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
-    """Consecutive samples of a file."""
+    """Consecutive samples in a file."""
 
     first: int
-    """Place in the file [samples]."""
+    """Position in the file [samples]."""
     count: int
     sample_index: int
-    """Index since the start of the recording, lost samples counted."""
+    """Index since the start of the recording, including lost samples."""
     time_ns: int
-    """Time of the first sample [ns, UTC]."""
     lost_before: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Location of a recording's samples, and their description."""
+    """Position of a recording's samples in its file, with rate, frequency and times."""
 
     path: Path
     sample_format: SampleFormat
@@ -51,28 +50,24 @@ class Layout:
     center_frequency_hz: float
     segments: tuple[Segment, ...]
     frequency_from: str = SAID
-    """Origin of the radio frequency, in words."""
     rate_from: str = SAID
     start_from: str = SAID
-    """Origin of the start time, in words."""
     first_byte: int = 0
     fault_at_end: str | None = None
-    """Why the recording is incomplete; raised after all its complete samples."""
+    """Reason why the recording is incomplete; raised after its last complete sample."""
 
 
 class SampleBytes(Protocol):
-    """A file that can be read at any place."""
+    """A file that can be read at any position."""
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill memory from a place on; return the number of bytes, 0 at the end."""
+        """Fill memory from a position on; return the number of bytes, 0 at the end."""
 
     def close(self) -> None:
         """Close the file."""
 
 
 class _FileBytes:
-    """A file of this machine."""
-
     def __init__(self, path: Path) -> None:
         self._path = path
         with reading(path):
@@ -124,7 +119,7 @@ class RecordingSource:
 
     @property
     def total_samples(self) -> int | None:
-        """Samples in the file."""
+        """Number of samples in the file."""
         return self._total
 
     @property
@@ -134,16 +129,16 @@ class RecordingSource:
 
     @property
     def layout(self) -> Layout:
-        """Location of its samples, and their description."""
+        """The recording's layout: position of its samples, rate, frequency and times."""
         return self._layout
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """Location of its samples."""
+        """Parts of the file that contain samples."""
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Continue at another sample, counted over all segments; at the end nothing is left."""
+        """Continue at a sample, counted over all segments; nothing follows the last."""
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:
@@ -156,12 +151,12 @@ class RecordingSource:
 
     @property
     def dated_by_file(self) -> bool:
-        """Whether the start is known from the file's date only."""
+        """True if the start time is known only from the file's date."""
         return self._layout.start_from == FILE_DATE
 
     @property
     def origin(self) -> str:
-        """Origin of rate, frequency and start; empty if all were given."""
+        """Text on how rate, frequency and start are known; empty if all were given."""
         layout = self._layout
         origins = (
             (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),
@@ -228,7 +223,7 @@ class RecordingSource:
 
 
 def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Describe what a file's name contains, its resolution, and its clock."""
+    """Text on the values a file's name contains, their resolution and time zone."""
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -240,7 +235,7 @@ def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Context that reads a file; raises `FormatError` where the system cannot."""
+    """Context for reading a file; converts `OSError` to `FormatError`."""
     try:
         yield
     except OSError as error:
@@ -259,7 +254,7 @@ def file_size(path: Path) -> int:
 
 
 def file_start_ns(path: Path, samples: int, sample_rate_hz: float) -> int:
-    """Estimate a recording's start by the file's last change, less its duration [ns, UTC]."""
+    """Estimated start of a recording: its file's last change minus its duration [ns, UTC]."""
     return path.stat().st_mtime_ns - NominalTimes(0, sample_rate_hz).time_ns(samples)
 
 
@@ -274,11 +269,12 @@ def raw_layout(
     rate_from: str = SAID,
     start_from: str = SAID,
 ) -> Layout:
-    """Describe a file that holds nothing but samples.
+    """Describe a file that contains only samples.
 
-    `start_time_ns`: time of the first sample; None: the file's last change less its duration.
-    `frequency_from`, `rate_from`, `start_from`: their origins, in words. Raises `FormatError`
-    if it is unreadable, holds floats instead of integers, or the rate is impossible.
+    `start_time_ns`: time of the first sample; None: the file's last change minus its duration.
+    `frequency_from`, `rate_from`, `start_from`: texts on how these are known. Raises
+    `FormatError` if the file is unreadable, holds floats instead of integers, or the rate is
+    impossible.
     """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)

@@ -1,4 +1,4 @@
-"""Detects data that cannot be a radio's samples, as when a program hangs or stutters."""
+"""Detects data that cannot be radio samples, as when a program hangs or stutters."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ from uavrt.errors import RadioGarbled, RadioStalled
 from uavrt.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
-"""Mean power of a block above which it is no signal. Full scale is 1 in I and in Q, so 2 is a
-square wave at both stops; random bytes read as floats give 10⁷⁶."""
+"""Mean power of a block above which it cannot be a signal. Full scale is 1 in I and in Q, so a
+full-scale square wave has 2; random bytes read as floats have 10⁷⁶."""
 DEAD_S = 1.0
-"""Duration of exact zeros that means a dead radio [s]; noise is at least one converter step."""
+"""Duration of exact zeros that shows a dead radio [s]; noise is at least one converter step."""
 
 
 class SampleCheck:
-    """Checks every block of the decimated band: one dot product, 20 µs for 87 ms.
+    """Checks every block of the decimated band by its power: 20 µs for 87 ms of samples.
 
-    `name` of the source, for errors.
+    `name`: of the source, for errors.
     """
 
     def __init__(self, name: str) -> None:

@@ -37,13 +37,13 @@ def sigmf_layout(
 
     `path`: the ``.sigmf-meta`` file, the ``.sigmf-data`` file, or their common name.
     `center_frequency_hz`, `start_time_ns` [ns, UTC]: replace those of the recording. Raises
-    `FormatError`, with the reason, if it is not SigMF or of an unusable kind.
+    `FormatError` with the reason if it is not SigMF or cannot be used.
     """
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
     if about.get("core:metadata_only") is True or "core:dataset" in about:
-        raise _fault(meta_path, "describes samples that lie elsewhere", "Use a plain recording")
+        raise _fault(meta_path, "describes samples in another file", "Use a plain recording")
     if about.get("core:num_channels", 1) != 1:
         raise _fault(meta_path, "holds several channels", "Split it, one receiver in each")
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))
@@ -92,7 +92,7 @@ def sigmf_layout(
 
 
 def sigmf_global(path: Path, key: str) -> object:
-    """One entry of a recording's global part, or None; raises `FormatError`."""
+    """Value of a key in a recording's global part, or None; raises `FormatError`."""
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)
 
@@ -115,7 +115,6 @@ class _Capture:
 def _segments(
     captures: list[_Capture], total: int, rate_hz: float, start_time_ns: int | None
 ) -> list[Segment]:
-    """Place the captures on one time line, with gaps between them."""
     segments: list[Segment] = []
     base_ns = start_time_ns if start_time_ns is not None else captures[0].time_ns or 0
     moved_ns = base_ns - (captures[0].time_ns if captures[0].time_ns is not None else base_ns)
@@ -147,7 +146,7 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Samples missing between two captures: by their global indices, else by their times.
+    """Number of samples missing between two captures, by global indices or else by times.
 
     A smaller index than before means that the radio was opened again.
     """
@@ -204,7 +203,6 @@ def _captures(
 
 
 def _ns_text(text: object) -> str:
-    """Cut a fraction of a second to the microseconds that Python reads."""
     if not isinstance(text, str):
         raise TypeError("not a text")
     head, dot, tail = text.partition(".")

@@ -1,7 +1,7 @@
-"""Any radio with a SoapySDR driver, where SoapySDR's Python module is installed.
+"""Any radio with a SoapySDR driver, if SoapySDR's Python module is installed.
 
-The module comes from the system (Debian ``python3-soapysdr``) or from the maker of the driver,
-not from PyPI, so it is imported on demand.
+The module comes from the system (Debian ``python3-soapysdr``) or from the driver's maker, not
+from PyPI, so it is imported on demand.
 """
 
 import importlib
@@ -27,20 +27,19 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Rounding of drivers' times, which is no gap [s]."""
+"""Rounding error of drivers' time stamps, below which there is no gap [s]."""
 _SAME: Final = 1e-4
-"""Share by which a device's divider may change the requested sample rate."""
 _SAME_HZ: Final = 1000.0
-"""Rounding of frequencies by a device [Hz]."""
+"""Largest difference between requested and actual frequency [Hz]."""
 
 log = get_logger()
 
 
 class SoapySource(LiveSource):
-    """Samples by SoapySDR.
+    """Samples from a SoapySDR driver.
 
-    `settings`: `serial` may be a whole SoapySDR device string (``driver=lime``) or a serial
-    number. Raises `RadioMissing` without a SoapySDR module or the device, `RadioStopped` if the
+    `settings`: `serial` may be a SoapySDR device string (``driver=lime``) or a serial number.
+    Raises `RadioMissing` without the SoapySDR module or the device, `RadioStopped` if the
     device refuses the sample rate or frequency.
     """
 
@@ -66,7 +65,7 @@ class SoapySource(LiveSource):
         self.overflows = 0
         self._clock = Clock.start() if clock is None else clock
         self._device_ns: int | None = None
-        """Expected time of the next sample by the radio's own clock [ns]."""
+        """Expected time of the next sample by the radio's own clock [ns]; None if unknown."""
         self._stall_s = stall_s
         self._samples = np.zeros(block_length(self._rate_hz), np.complex64)
         self._filled = self._given = 0
@@ -82,7 +81,7 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Set the device, and check the values it chose: drivers take the nearest."""
+        """Set up the device, and check the values chosen, because drivers take the nearest."""
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:
@@ -103,7 +102,6 @@ class SoapySource(LiveSource):
         return exit_error(self._settings, 0, "failed", words, own_rates=self._own_rates)
 
     def _own_rates(self) -> str:
-        """List the rates that the device supports."""
         ranges = self._device.getSampleRateRange(_RX, 0)
         return " or ".join(
             f"{one.minimum():.0f}"
@@ -117,7 +115,7 @@ class SoapySource(LiveSource):
         self._samples[: self._filled - self._given] = self._samples[self._given : self._filled]
         self._filled -= self._given
         self._given = 0
-        while self._filled < len(self._samples) and not self._placer.to_give_first:
+        while self._filled < len(self._samples) and not self._placer.samples_before_cut:
             now_s = monotonic_s()
             if deadline_s is not None and now_s > deadline_s:
                 return None
@@ -128,7 +126,7 @@ class SoapySource(LiveSource):
         return self._block()
 
     def close(self) -> None:
-        """Stop the stream and give the device back."""
+        """Stop the stream and release the device."""
         if self._stream is not None:
             self._device.deactivateStream(self._stream)
             self._device.closeStream(self._stream)
@@ -140,7 +138,7 @@ class SoapySource(LiveSource):
             self._stream, [rest], len(rest), timeoutUs=int(timeout_s * 1e6)
         )
         if result.ret > 0:
-            self._look_for_gap(result)
+            self._find_gap(result)
             self._filled += result.ret
             self._last_s = monotonic_s()
             self._placer.arrived(self._filled, self._clock.now_ns())
@@ -152,8 +150,7 @@ class SoapySource(LiveSource):
         elif result.ret not in (0, _TIMEOUT):
             raise self._error(f"the stream failed with error {result.ret}")
 
-    def _look_for_gap(self, result: Any) -> None:
-        """Compare the radio's own time of these samples with that expected, if it has one."""
+    def _find_gap(self, result: Any) -> None:
         time_ns = int(getattr(result, "timeNs", 0))
         if not int(getattr(result, "flags", 0)) & _HAS_TIME:
             self._device_ns = None
@@ -166,7 +163,7 @@ class SoapySource(LiveSource):
 
     def _block(self) -> IQBlock:
         self._placer.settle()
-        first = self._placer.to_give_first
+        first = self._placer.samples_before_cut
         self._given = first if 0 < first < self._filled else self._filled
         return self._placer.place(self._samples[: self._given])
 

@@ -1,6 +1,6 @@
 """The interface of every source of samples: real, replayed or simulated.
 
-Downstream code does not depend on which it is.
+The code that processes samples does not depend on which it is.
 """
 
 from typing import Protocol

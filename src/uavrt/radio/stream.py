@@ -1,9 +1,8 @@
-"""Samples from a pipe, as a radio's program writes them.
+"""Samples from a pipe, as written by a radio's program.
 
 Measured on the reference machine: ``readv`` into a preallocated block of 87 ms from a pipe of 1
 MiB costs 0.5 % of a core at 24 MB/s; Python bytes, threads or asyncio cost up to three times
-that. A pipe of 1 MiB gives 44 ms of slack instead of 2.7 ms before the radio's program has to
-wait.
+that. A pipe of 1 MiB gives 44 ms instead of 2.7 ms before the radio's program has to wait.
 """
 
 import errno
@@ -22,29 +21,29 @@ from uavrt.radio.live_source import LiveSource
 from uavrt.radio.placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
-"""Approximate block length [s]; longer adds latency, shorter adds wake-ups."""
+"""Approximate block length [s]; longer ones add latency, shorter ones wake-ups."""
 _WRITE: Final = 16384
-"""Radio programs write multiples of this many samples (airspy_rx 65 536). A block that is a
-multiple, too, needs no extra write: 262 144 at 3 MS/s."""
+"""Radio programs write multiples of this many samples (airspy_rx 65 536). A block that is also
+a multiple needs no extra read: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
-"""Largest pipe that Linux gives without privilege (/proc/sys/fs/pipe-max-size)."""
+"""Largest pipe that Linux allows without privilege (/proc/sys/fs/pipe-max-size) [bytes]."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 
 log = get_logger()
 
 
 def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
-    """Samples in a block of about `block_s`."""
+    """Number of samples in a block of about `block_s`."""
     step = _WRITE if block_s * sample_rate_hz >= 2 * _WRITE else 8
     return max(64, round(block_s * sample_rate_hz / step) * step)
 
 
 class StreamSource(LiveSource):
-    """Samples from a file descriptor, live: stdin, a pipe, a socket.
+    """Live samples from a file descriptor: stdin, a pipe or a socket.
 
     `descriptor`: not closed by `close`. `start_time_ns`: time of the first sample [ns, UTC];
-    then times follow from the nominal rate alone. `block_s`: length of a block [s]. `name`: for
-    errors. Raises `FormatError`: an impossible rate.
+    times then follow from the nominal rate. `block_s`: length of a block [s]. `name`: for
+    errors. Raises `FormatError` for an impossible rate.
     """
 
     MAY_BE_SLOW = True
@@ -65,9 +64,9 @@ class StreamSource(LiveSource):
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns)
         self.name = name
         self.invalid_values = 0
-        """Non-finite values that were replaced by zero."""
+        """Number of non-finite values that were replaced by zero."""
         self.trailing_bytes = 0
-        """Bytes of an incomplete sample at the end of the stream."""
+        """Number of bytes of an incomplete sample at the end of the stream."""
         self._descriptor = descriptor
         self._format = sample_format
         self._clock = Clock.start() if clock is None else clock
@@ -84,13 +83,13 @@ class StreamSource(LiveSource):
         self._poll.register(descriptor, select.POLLIN)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block, cut where a gap may lie before a late arrival."""
+        """Get the next block, cut before a late arrival that may follow a loss."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
-        self._forget_given()
+        self._compact()
         if not self._waiting_since_ns:
             self._waiting_since_ns = self._clock.now_ns()
             self._placer.begin(self._waiting_since_ns)
-        while not self._ended and not self._placer.to_give_first and self._wants_more():
+        while not self._ended and not self._placer.samples_before_cut and self._wants_more():
             left_s = None if deadline_s is None else deadline_s - monotonic_s()
             if left_s is not None and left_s < 0.0:
                 return None
@@ -104,28 +103,26 @@ class StreamSource(LiveSource):
                 raise RadioError(f"cannot read {self.name}: {error.strerror}") from error
             self._ended = count == 0
             if count:
-                self._take_in(count)
+                self._register(count)
         if self._ended:
             self._check_end()
         return self._block()
 
     def _make_room(self, samples: int) -> None:
-        """Make room for this many samples, discarding those held."""
         self._samples, self._raw = self._format.buffers(samples)
         self._bytes = self._raw.data
 
-    def _forget_given(self) -> None:
-        """Move the remaining samples to the front."""
+    def _compact(self) -> None:
         if self._given:
             self._raw[: self._filled - self._given] = self._raw[self._given : self._filled]
             self._filled -= self._given
             self._given = 0
 
     def _wants_more(self) -> bool:
-        """Whether to read on: the block is not full, or its place is in question."""
+        """True if the block is not full, or a possible loss is not decided."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
-        if self._placer.settle() or self._placer.to_give_first:
+        if self._placer.settle() or self._placer.samples_before_cut:
             return False
         if len(self._bytes) == self._wanted:
             held = self._raw[: self._filled].copy()
@@ -135,11 +132,11 @@ class StreamSource(LiveSource):
             self._raw[: self._filled] = held
         return self._filled < len(self._bytes)
 
-    def _take_in(self, count: int) -> None:
-        """Note that bytes have arrived.
+    def _register(self, count: int) -> None:
+        """Register bytes that have arrived.
 
         Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
-        late radio. A full pipe shows nothing: the writer is waiting for us.
+        late radio. A full pipe shows nothing, because the writer is waiting.
         """
         size = self._format.bytes_per_sample
         lost = self._reported_lost()
@@ -152,23 +149,21 @@ class StreamSource(LiveSource):
         self._placer.arrived((self._filled + waiting) // size, self._clock.now_ns(), full=full)
 
     def close(self) -> None:
-        """Drop the descriptor; its opener closes it."""
+        """Release the descriptor, which its opener must close."""
         self._ended = True
         self._filled = self._given = 0
 
     def _wait(self, timeout_s: float | None) -> bool:
-        """Wait for bytes or the end; a hook for subclasses that watch more."""
         if timeout_s is None:
             # Blocking read; also waits for a non-blocking descriptor.
             return bool(self._poll.poll()) if not os.get_blocking(self._descriptor) else True
         return bool(self._poll.poll(timeout_s * 1000.0))
 
     def _reported_lost(self) -> int:
-        """Lost samples that the writer itself reports; a hook."""
+        """Number of lost samples that the writer reports: 0; subclasses override it."""
         return 0
 
     def _check_end(self) -> None:
-        """Raise the error for the end of the stream, once all samples are given."""
         whole = self._filled // self._format.bytes_per_sample
         if whole > 0:
             return
@@ -183,10 +178,9 @@ class StreamSource(LiveSource):
         raise EOFError(f"{self.name} has ended")
 
     def _block(self) -> IQBlock:
-        """Make a block of the bytes here, or of those before a gap."""
         size = self._format.bytes_per_sample
         count = self._filled // size
-        first = self._placer.to_give_first
+        first = self._placer.samples_before_cut
         if 0 < first < count:
             count = first
         samples = self._samples[:count]
@@ -201,7 +195,7 @@ class StreamSource(LiveSource):
 
 
 def _enlarge_pipe(descriptor: int) -> int:
-    """Make a pipe as large as allowed; return its size, 0 if it is none."""
+    """Make a pipe as large as allowed; return its size [bytes], 0 if it is no pipe."""
     import fcntl  # here: recordings are read where there is none
 
     with os_errors_as(RadioError, f"cannot read descriptor {descriptor}"):
@@ -218,7 +212,6 @@ def _enlarge_pipe(descriptor: int) -> int:
 
 
 def _waiting_bytes(descriptor: int) -> int:
-    """Number of bytes that can be read at once."""
     import fcntl
     import termios
 

@@ -1,10 +1,10 @@
-"""From sample index to UTC: pure arithmetic, fed with what others read from the clock.
+"""Times of samples [UTC] from their index and their arrival times, without reading a clock.
 
-A radio has its own crystal (an RTL dongle is up to 50 ppm off: 180 ms in an hour), and what
-reaches us has been delayed by USB, the radio's program, the pipe and the scheduler, by a few
-milliseconds most of the time and by hundreds now and then. But nothing arrives *before* it was
-sampled. So only the earliest arrivals count: the line through the lower envelope of
-(arrival time - index / rate) is the radio's clock.
+A radio has its own clock (an RTL dongle is up to 50 ppm off: 180 ms in an hour). Arrivals are
+delayed by USB, the radio's program, the pipe and the scheduler, mostly by a few milliseconds
+and sometimes by hundreds. But no sample arrives *before* it was taken. So only the earliest
+arrivals count: the line through the lower envelope of (arrival time - index / rate) is the
+radio's clock.
 
 ::
 
@@ -14,10 +14,9 @@ sampled. So only the earliest arrivals count: the line through the lower envelop
       |__:_._:__:_:_._:__:__:_.__:___ lower envelope: slope = rate error, height = delay
       +-------------------------------> index
 
-Samples that were lost raise the envelope by a step: `uavrt.radio.losses` finds it.
-
-What the envelope cannot show is the constant part of the delay: it stays in the times (about
-10 to 20 ms with an Airspy's USB transfers) and is the same for every tag.
+Lost samples raise the envelope by a step, which `uavrt.radio.losses` finds. The constant part
+of the delay cannot be measured: it stays in the times (about 10 to 20 ms with an Airspy's USB
+transfers) and is the same for every tag.
 """
 
 import math
@@ -28,38 +27,40 @@ from uavrt.radio.losses import SLOWEST_RATE, Loss, LossFinder
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _BIN_S = 0.5
-"""Length of stretches of which the lowest arrival is kept [s]."""
+"""Period for which the earliest arrival is stored [s]."""
 _BINS = 600
-"""Number of bins kept: 5 min, over which a crystal's rate is constant to well under 1 ppm."""
+"""Number of stored periods: 5 min, over which a clock's rate is constant to below 1 ppm."""
 _FIT_BINS = 8
-"""Least number of bins for a slope."""
+"""Smallest number of periods for fitting a slope."""
 _MEASURED_AFTER_S = 30.0
-"""Time before which the nominal rate is reported [s]: the slope is mostly jitter."""
+"""Time until which the nominal rate is reported, because the slope is mostly jitter [s]."""
 _MAX_RATE_ERROR = 500e-6
-"""Largest rate error of a crystal; more means a wrong nominal rate."""
+"""Largest relative rate error of a clock; more means a wrong nominal rate."""
 _PRIOR_RATE_ERROR = 30e-6
-"""Standard deviation of crystals in these radios (Airspy 0.5, HackRF 20, RTL 50 ppm)."""
+"""Standard deviation of the relative rate error of radios (Airspy 0.5, HackRF 20, RTL 50 ppm).
+"""
 _FAST_SLEW = 1000e-6
 _SLEW = 200e-6
-"""Fastest correction of the time, so that an interval of 1.25 s stays right to 0.25 ms."""
+"""Largest correction of times per second, so that an interval of 1.25 s is right to 0.25 ms."""
 _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
-"""Time in which a writer that had to wait for us catches up [s]; later it is a replay."""
+"""Time in which a delayed writer catches up at the start [s]; later it is a replay."""
 _NOT_LIVE_S = 0.5
 """Earliness of arrivals that shows a replayed stream [s]."""
-_CREDIT_S = 3.0
-"""Longest delay of a program's report of a loss after the arrivals have shown it [s]."""
-_UNCLEAN_S = 1.0
-"""Time after a loss in which the envelope's slope is not updated [s]."""
+_REPORT_DELAY_S = 3.0
+"""Longest delay between a loss seen in arrival times and the program's report of it [s]."""
+_SLOPE_PAUSE_S = 1.0
+"""Time after a loss in which the slope is not updated [s]."""
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Lateness of times, time to correct it, and time after a loss in which this applies [s]. Then
-the loss was none, or smaller."""
+"""Earliness of the measured line above which times are corrected faster [s], time of that
+correction [s], and time after a loss in which it applies [s]. The loss was then overestimated.
+"""
 
 
 class NominalTimes:
-    """Times of a recording: that of sample 0 [ns, UTC], and the nominal rate."""
+    """Times of samples from the time of sample 0 [ns, UTC] and the nominal rate."""
 
     def __init__(self, start_time_ns: int, sample_rate_hz: float) -> None:
         self._start_ns = start_time_ns
@@ -67,22 +68,22 @@ class NominalTimes:
 
     @property
     def sample_rate_hz(self) -> float:
-        """The nominal rate."""
+        """Nominal sample rate [Hz]."""
         return self._rate_hz
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC]; exact for any index (integers, no rounding drift)."""
+        """Time of a sample [ns, UTC]; exact for any index (integer arithmetic)."""
         return self._start_ns + _duration_ns(index, self._rate_hz)
 
 
 class TimeKeeper:
-    """The time of each sample of a live radio, by the arrival of samples.
+    """Times of a live radio's samples, estimated from their arrivals.
 
-    The first arrival dates the start (see `arrived` for early writers). Then times follow the
-    envelope by slewing, at most 0.2 ms a second (1 ms in the first 10 s): they never jump,
+    The first arrival sets the start (see `arrived` for early writers). Times are then corrected
+    towards the envelope, by at most 0.2 ms a second (1 ms in the first 10 s). They never jump,
     except over a gap by `lost_samples`.
 
-    `sample_rate_hz`: nominal rate. `may_be_slow`: the writer may be slower than real time; a
+    `sample_rate_hz`: nominal rate. `may_be_slow`: the sender may be slower than real time; a
     radio never is.
     """
 
@@ -90,19 +91,20 @@ class TimeKeeper:
         self._nominal_hz = sample_rate_hz
         self._follow = True
         self.unseen: str | None = None
-        """Why arrivals are no longer used for times and losses; None if they are."""
+        """Reason why arrivals are no longer used for times and losses; None if they are."""
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
         # Rows of nominal seconds and delay, in room taken at the beginning.
         self._finder = LossFinder(may_be_slow=may_be_slow)
         self._lost_s = 0.0
-        """Losses found, and not yet returned by `lost_samples` [s]."""
+        """Duration of losses found and not yet returned by `lost_samples` [s]."""
         self._unsure_s = 0.0
         self.unsure_samples = 0
-        """Samples returned as lost that a crystal far off its rate would explain as well."""
+        """Number of samples returned as lost that a wrong clock rate would explain as well."""
         self.inside = 0
-        """Length of the first late transfer [samples] if the last loss lies in it, else 0."""
+        """Length of the late transfer [samples] that contains the last loss; 0 if it lies
+        before."""
         self._loss_at_s = -math.inf
         self._credit_s = 0.0
         self._bins = np.zeros((_BINS, 2))
@@ -125,23 +127,23 @@ class TimeKeeper:
 
     @property
     def rate_error(self) -> float:
-        """Measured rate over nominal rate, minus one; 0 in the first seconds."""
+        """Measured rate divided by the nominal rate, minus one; 0 in the first 30 s."""
         if not self._follow or self._span_s() < _MEASURED_AFTER_S:
             return 0.0
         return -self._slope
 
     @property
     def sample_rate_hz(self) -> float:
-        """Rate against UTC as measured so far."""
+        """Sample rate measured against UTC so far [Hz]."""
         return self._nominal_hz * (1.0 + self.rate_error)
 
     def arrived(self, end_index: int, now_ns: int, *, catching_up: bool = False) -> None:
-        """Note that all samples before `end_index` had arrived at `now_ns`.
+        """Register that all samples before `end_index` had arrived at `now_ns`.
 
-        `end_index`: index after the newest sample, lost ones counted. `now_ns`: time [ns, UTC].
-        `catching_up`: they came faster than a radio samples, because the writer had been
-        waiting for us. If so in the first 2 s, the start time is computed again, once, when the
-        writer has caught up.
+        `end_index`: index after the newest sample, lost ones included. `now_ns`: time [ns,
+        UTC]. `catching_up`: samples came faster than real time, because the writer had been
+        waiting. In the first 2 s the start time is then corrected, once, when the writer has
+        caught up.
         """
         if self._start_ns is None:
             self._start_ns = now_ns - _duration_ns(end_index, self._nominal_hz)
@@ -174,7 +176,7 @@ class TimeKeeper:
             self._forget("the samples came slower than a radio takes them, as from a slow disk")
             return
         if loss is not None:
-            self._lose(loss, nominal_s)
+            self._apply_loss(loss, nominal_s)
             return
         early_s = self._finder.early_s()
         if early_s:
@@ -190,26 +192,25 @@ class TimeKeeper:
         self._fit()
 
     @property
-    def asking(self) -> bool:
-        """Whether the next few arrivals will show if samples were lost."""
-        return self._follow and self._finder.asking
+    def undecided(self) -> bool:
+        """True if the next few arrivals will show whether samples were lost."""
+        return self._follow and self._finder.undecided
 
     @property
-    def may_ask(self) -> bool:
-        """Whether the newest arrivals are late, and too few to ask yet."""
-        return self._follow and self._finder.may_ask
+    def may_suspect(self) -> bool:
+        """True if the newest arrivals are late, but too few for such a decision."""
+        return self._follow and self._finder.may_suspect
 
     @property
-    def question_index(self) -> int:
-        """Index before which a loss may lie, while `asking`."""
-        return round((self._finder.question_s or 0.0) * self._nominal_hz)
+    def suspect_index(self) -> int:
+        """Index before which a loss may lie, while `undecided`."""
+        return round((self._finder.suspect_s or 0.0) * self._nominal_hz)
 
     def expect_losses(self) -> None:
-        """Note that the radio reports losses, without their number."""
+        """Note that the radio reports losses without their number."""
         self._finder.expect(self._given_s)
 
-    def _lose(self, loss: Loss, nominal_s: float) -> None:
-        """Note a loss, and drop what was taken for the envelope since it began."""
+    def _apply_loss(self, loss: Loss, nominal_s: float) -> None:
         self._lost_s += loss.duration_s
         if not loss.sure:
             self._unsure_s += loss.duration_s
@@ -228,8 +229,7 @@ class TimeKeeper:
         self._loss_at_s = nominal_s + loss.duration_s
 
     def _keep(self, bin_: tuple[float, float]) -> None:
-        """Add a bin; drop the oldest when there is no room."""
-        if bin_[0] < self._loss_at_s + _UNCLEAN_S:
+        if bin_[0] < self._loss_at_s + _SLOPE_PAUSE_S:
             return
         if self._bin_count == _BINS:
             self._bins[:-1] = self._bins[1:]
@@ -238,9 +238,9 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Return the number of samples lost by the arrivals, and reset it.
+        """Return the number of samples lost according to arrivals, and reset it.
 
-        The caller adds the number to its index, and shows it as a gap.
+        The caller adds it to its index, as a gap.
         """
         lost = round(self._lost_s * self._nominal_hz)
         if lost:
@@ -250,9 +250,9 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples known to be lost; return how many the arrivals have not shown yet."""
+        """Skip samples known to be lost; return how many arrivals have not yet shown."""
         seconds = samples / self._nominal_hz
-        if self._given_s > self._loss_at_s + _CREDIT_S:
+        if self._given_s > self._loss_at_s + _REPORT_DELAY_S:
             self._credit_s = 0.0
         known_s = min(seconds, self._credit_s)
         self._credit_s -= known_s
@@ -263,7 +263,7 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before the first."""
+        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before arrivals."""
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True
@@ -294,14 +294,14 @@ class TimeKeeper:
         return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
     def _forget(self, why: str) -> None:
-        """Fall back to the start and the nominal rate."""
+        """Use only the start time and the nominal rate from now on."""
         self.unseen = why
         self._follow = False
 
     def _fit(self) -> None:
-        """Fit the lower envelope: least squares in which a late point loses its weight.
+        """Fit the lower envelope by least squares in which late points lose their weight.
 
-        The slope has the prior of real crystals, so the fit is usable from the second bin on.
+        The slope has a prior for real clocks, so the fit is usable from the second point on.
         """
         if self._fit_in > 0:
             self._fit_in -= 1
@@ -337,7 +337,7 @@ class TimeKeeper:
 
 
 def _duration_ns(samples: int, rate_hz: float) -> int:
-    """Duration of samples at a rate, exact where the rate is a whole number [ns]."""
+    """Duration of samples [ns], exact if the rate is an integer."""
     if rate_hz == int(rate_hz):
         rate = int(rate_hz)
         return (samples * NANOSECONDS_PER_SECOND + rate // 2) // rate

@@ -1,4 +1,4 @@
-"""UDP addresses as the user writes them, and sockets with room for bursts."""
+"""UDP addresses as typed by the user, and sockets with room for bursts."""
 
 import errno
 import socket
@@ -7,8 +7,8 @@ from typing import Any, Final
 from uavrt.errors import ConfigError, RadioError, os_errors_as
 
 BUFFER_BYTES: Final = 4 * 1024 * 1024
-"""Buffer requested for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
-system gives at most /proc/sys/net/core/rmem_max."""
+"""Buffer requested for each socket [bytes]: 1.4 s of a 375 kS/s band, minutes of one channel.
+The system limits it to /proc/sys/net/core/rmem_max."""
 
 _OTHER_PORT: Final = "End the other program that listens there, or choose another port"
 _REMEDIES: Final = {
@@ -19,7 +19,7 @@ _PREFIX: Final = "udp://"
 
 
 def is_udp_address(text: str) -> bool:
-    """Whether a text has the form ``udp://HOST:PORT``."""
+    """True if a text has the form ``udp://HOST:PORT``."""
     return text.startswith(_PREFIX)
 
 
@@ -35,13 +35,13 @@ def parse_udp_address(text: str) -> tuple[str, int]:
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Open sockets for every address of a name.
+    """Open a receiving socket for each address of a host name.
 
-    ``localhost`` may be ``::1`` first for the sender (netcat) and 127.0.0.1 for us; datagrams
-    to the other one would be lost. Raises `RadioError` if the port is taken, or the address is
-    another computer's.
+    ``localhost`` may be ``::1`` for the sender (netcat) and 127.0.0.1 here; datagrams to the
+    other address would be lost. Raises `RadioError` if the port is in use, or the address
+    belongs to another computer.
     """
-    places = set(_places(host, port))
+    places = set(_host_addresses(host, port))
     if host == "localhost":
         places |= {
             (socket.AF_INET, ("127.0.0.1", port)),
@@ -83,14 +83,13 @@ def listen(host: str, port: int) -> list[socket.socket]:
 
 def send_socket(host: str) -> socket.socket:
     """Open a non-blocking sending socket; raises `RadioError` for an unknown name."""
-    sock = socket.socket(_places(host, 0)[0][0], socket.SOCK_DGRAM)
+    sock = socket.socket(_host_addresses(host, 0)[0][0], socket.SOCK_DGRAM)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     sock.setblocking(False)
     return sock
 
 
-def _places(host: str, port: int) -> list[tuple[socket.AddressFamily, Any]]:
-    """List the families and addresses of a name; raises `RadioError` if it has none."""
+def _host_addresses(host: str, port: int) -> list[tuple[socket.AddressFamily, Any]]:
     with os_errors_as(RadioError, f"no address {host}", "Check the name, or write numbers"):
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
     return [(family, address) for family, _, _, _, address in found]

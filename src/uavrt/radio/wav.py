@@ -1,10 +1,10 @@
 """WAV recordings of I and Q as left and right channel, as SDR programs write them.
 
 Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
-4 GiB) as in EBU Tech 3306, and plain ones whose size overflowed there; the ``auxi`` chunk
-(start time, radio frequency) as SDR#, HDSDR and ``airspy_rx -w`` write it, or as SDR Console
-does, in XML. Parsed by hand: the standard ``wave`` module refuses float samples, RF64, and
-files whose writer was killed before it could fill in the size.
+4 GiB) as in EBU Tech 3306, and plain ones whose size overflowed there. The ``auxi`` chunk
+(start time, radio frequency) as written by SDR#, HDSDR and ``airspy_rx -w``, or in XML by SDR
+Console. Python's ``wave`` module refuses float samples, RF64, and files whose writer was killed
+before it could set the size.
 """
 
 import re
@@ -36,24 +36,24 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""Sizes that writers put into the data chunk when they stream or are killed."""
+"""Sizes in the data chunk of writers that stream or were killed; the real size is unknown."""
 
 _MOST_READ = 1 << 16
-"""Most bytes read of a chunk; the longest are those with XML, some thousand."""
+"""Largest part of a chunk that is read [bytes]; the longest, XML, have some thousand bytes."""
 _MOST_CHUNKS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Packed24(SampleFormat):
-    """24-bit integers, three bytes each; numpy has no such type."""
+    """24-bit integers of three bytes each; numpy has no such type."""
 
     @property
     def bytes_per_sample(self) -> int:
-        """Three bytes for I, three for Q."""
+        """Size of one complex sample: three bytes for I, three for Q."""
         return 6
 
     def convert(self, raw: NDArray[np.uint8], samples: NDArray[np.complex64]) -> None:
-        """Put the three bytes in the upper part of an int32, then scale that."""
+        """Convert stored bytes (n * 6,) into `samples` (n,), by way of int32."""
         wide = np.zeros((2 * len(samples), 4), np.uint8)
         wide[:, 1:] = raw.reshape(-1, 3)
         values: NDArray[Any] = wide.view("<i4")[:, 0]
@@ -72,8 +72,6 @@ _FORMATS: dict[tuple[int, int], SampleFormat] = {
 
 @dataclass(slots=True)
 class _Header:
-    """Values of the chunks before the samples."""
-
     kind: int = 0
     channels: int = 0
     rate_hz: int = 0
@@ -92,7 +90,7 @@ def wav_layout(
 
     `center_frequency_hz`: None: from the ``auxi`` chunk, else from the file's name.
     `start_time_ns`: time of the first sample; None: from the ``auxi`` chunk, else from the
-    file's name, else from its age. Raises `FormatError` for another format or encoding, or
+    file's name, else from its date. Raises `FormatError` for another format or encoding, or
     without a radio frequency.
     """
     size = file_size(path)
@@ -117,7 +115,7 @@ def wav_layout(
         frequency_hz, frequency_from = named.center_frequency_hz, name_says(named, "frequency")
     if frequency_hz is None:
         raise FormatError(
-            f"{path} does not say its radio frequency", remedy="Give --center-frequency"
+            f"{path} does not state its radio frequency", remedy="Give --center-frequency"
         )
     check_rates(float(header.rate_hz), frequency_hz)
     there = size - header.data_start
@@ -177,7 +175,6 @@ def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
 
 
 def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
-    """Read name and length of the chunk at a place; the name is empty if there is none."""
     file.seek(at)
     head = file.read(8)
     if len(head) < 8 or not all(0x20 <= letter < 0x7F for letter in head[:4]):
@@ -186,11 +183,11 @@ def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
 
 
 def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
-    """Size of the samples: the header's, if the file's structure confirms it.
+    """Size of the samples [bytes]: the header's, if the file's structure confirms it.
 
-    Programs without RF64 let the size overflow at 4 GiB, and some write it at the start only.
-    So after the samples the file must end, or other chunks must follow to its end; else the
-    samples reach to the end of the file.
+    Programs without RF64 let the size overflow at 4 GiB, and some write it only at the start.
+    So the samples must be followed by the end of the file or by other chunks up to its end;
+    otherwise they extend to the end of the file.
     """
     if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
         length = header.long_data_size
@@ -205,7 +202,7 @@ def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: i
 
 
 def _chunks_fill(file: BinaryIO, at: int, size: int) -> bool:
-    """Whether chunks follow each other from a place to the end of the file."""
+    """True if complete chunks follow from a position to the end of the file."""
     for _ in range(_MOST_CHUNKS):
         if size - at < 8:
             return at <= size + 1
@@ -237,7 +234,7 @@ def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:
 
 
 def _xml(body: bytes) -> str | None:
-    """Read an ``auxi`` chunk of SDR Console; None if it is the binary one, or another's."""
+    """Read an ``auxi`` chunk in XML (SDR Console); None if it is another kind."""
     body = body.removeprefix(b"\xff\xfe").removeprefix(b"\xef\xbb\xbf")
     if body[:1] != b"<":
         return None
@@ -246,13 +243,12 @@ def _xml(body: bytes) -> str | None:
 
 
 def _number(text: str, name: str, unit: int) -> int | None:
-    """Read a positive whole number from an attribute; None without one."""
     found = re.search(rf'\b{name}\s*=\s*"(\d{{1,12}})"', text)
     return int(found[1]) * unit or None if found else None
 
 
 def _system_time_ns(fields: tuple[int, ...]) -> int | None:
-    """Read a Windows SYSTEMTIME (year, month, weekday, day, hour, minute, second, ms)."""
+    """Convert a Windows SYSTEMTIME (year to ms) to [ns, UTC]; None if invalid."""
     year, month, _, day, hour, minute, second, millisecond = fields
     try:
         stamp = datetime(year, month, day, hour, minute, second, tzinfo=UTC)

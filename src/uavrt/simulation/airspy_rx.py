@@ -1,12 +1,11 @@
-"""Stand-in for ``airspy_rx``: takes its arguments and writes its output, in real time.
+"""Substitute for ``airspy_rx`` with the same arguments and output, in real time.
 
 ``python -m uavrt.simulation.airspy_rx --world SCENARIO.toml -f 148.68 -r - -a 3000000 -t 0``
 
 Arguments, ranges, texts and the exit code 1 on any fault are those of airspy_rx v1.0.5 (Debian
-airspy 1.0.10), as observed. Like the radio it samples the world as it is *now*: it starts at
-the scenario's present, and a reader that falls behind by more than eight buffers loses samples.
-With `loss_share`, `arrival_jitter_s`, `stall_share` in the scenario it also loses some
-silently, and is late.
+airspy 1.0.10), as observed. Like the radio it samples the simulated world at the present time,
+and a reader that falls behind by more than eight buffers loses samples. `loss_share`,
+`arrival_jitter_s` and `stall_share` of the scenario add silent losses and delays.
 """
 
 import getopt
@@ -31,18 +30,16 @@ from uavrt.simulation.scenario_file import load_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode
 
 SAMPLE_RATES_HZ = (3_000_000, 6_000_000, 2_500_000, 10_000_000)
-"""Rates of the Airspy Mini, then of the R2 [Hz]; the first is the default. The rate of the
-scenario's radio is accepted as well."""
+"""Sample rates of the Airspy Mini, then of the R2 [Hz]; the first is the default. The rate of
+the scenario's radio is accepted, too."""
 BUFFERS = 8
-"""Filled buffers that libairspy queues for a slow reader."""
+"""Number of filled buffers that libairspy queues for a slow reader."""
 SERIAL = 0x644064DC2F5A5ECD
-"""Serial number of the simulated device."""
 LONGEST_S = 86_400.0
-"""Longest simulation from the world's start [s], as all pulses since then are counted."""
+"""Longest simulation from the world's start [s]; all pulses since then are counted."""
 PATH_KEPT_S = 10.0
-"""Length of the drone's path that is kept [s]; pulses are made as they come."""
 STALL_S = (0.05, 0.3)
-"""Shortest and longest stall of `scenario.Radio.stall_share`."""
+"""Shortest and longest stall caused by `scenario.Radio.stall_share` [s]."""
 NOT_FOUND = "airspy_open() failed: AIRSPY_ERROR_NOT_FOUND (-5)"
 
 USAGE = """\
@@ -70,12 +67,12 @@ Usage:
 
 
 class ArgumentFault(Exception):
-    """An argument that airspy_rx would refuse."""
+    """Raised for an argument that airspy_rx would refuse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arguments:
-    """Values of the command line."""
+    """Values of the command line arguments."""
 
     world: Path
     output: str
@@ -87,15 +84,14 @@ class Arguments:
     frequency_hz: float
     sample_rate_hz: float
     integers: bool
-    """True for INT16_IQ, False for FLOAT32_IQ."""
     gain: int
-    """Gain of the whole receiver in steps of the sensitivity gain."""
+    """Receiver gain, in steps of airspy_rx's sensitivity gain."""
     samples: int | None
     verbose: bool
 
 
 def parse_arguments(arguments: Sequence[str]) -> Arguments:
-    """Read the command line as airspy_rx does; raises `ArgumentFault` where it refuses."""
+    """Read the command line as airspy_rx does; raises `ArgumentFault` where it would refuse."""
     try:
         pairs, rest = getopt.getopt(
             list(arguments),
@@ -141,7 +137,6 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
 
 
 def _rate_hz(given: dict[str, str]) -> float:
-    """Get the sample rate: one that the radio supports, or that of the scenario's radio."""
     rate_hz = _number(given, "-a", SAMPLE_RATES_HZ[0])
     if rate_hz not in SAMPLE_RATES_HZ:
         with suppress(UavrtError):
@@ -173,7 +168,6 @@ def _serial(text: str | None) -> int | None:
 
 
 def _gain(given: dict[str, str]) -> int:
-    """Steps 0 to 21 from the simplified gains, or from the sum of the three stages."""
     _whole(given, "-b", 0, 1, "biast")
     stages = (
         _whole(given, "-v", 5, 15, "vga_gain"),
@@ -188,10 +182,10 @@ def _gain(given: dict[str, str]) -> int:
 
 
 class Transmission:
-    """The stream from the simulated receiver to the reader.
+    """The stream of samples from the simulated receiver to the reader.
 
-    `write`: takes bytes, blocks while the reader is busy, raises OSError when it is gone.
-    `clock`: paces the samples. `report`: takes a line for the terminal.
+    `write`: takes bytes; blocks while the reader is busy, raises OSError when it has gone.
+    `clock`: paces the samples. `report`: gets lines for the terminal.
     """
 
     def __init__(
@@ -220,7 +214,7 @@ class Transmission:
         self._stop.set()
 
     def run(self, samples: int | None = None) -> None:
-        """Stream from now on until stopped, the reader is gone or `samples` are sent."""
+        """Stream until stopped, the reader has gone or `samples` are sent."""
         index = self._synthesizer.index_at(self._clock.now_ns())
         end = None if samples is None else index + samples
         writer = threading.Thread(target=self._drain, name="writer", daemon=True)
@@ -232,21 +226,19 @@ class Transmission:
             self._stop.wait(max(0.0, (due_ns - self._clock.now_ns()) * 1e-9))
             self._delay()
             index += count
-            if not self._hand_over(block):
+            if not self._enqueue(block):
                 index = self._skip(index - count, index)
-            index = self._lose(index)
+            index = self._drop_samples(index)
         self._finish(writer)
 
     def _delay(self) -> None:
-        """Delay writes as the scenario's radio does; held-up ones come at once afterwards."""
         radio = self._synthesizer.scenario.radio
         if radio.arrival_jitter_s:
             self._stop.wait(self._chance.exponential(radio.arrival_jitter_s))
         if radio.stall_share and self._chance.random() < radio.stall_share:
             self._stop.wait(self._chance.uniform(*STALL_S))
 
-    def _lose(self, index: int) -> int:
-        """Drop samples silently, if the scenario requires it."""
+    def _drop_samples(self, index: int) -> int:
         radio = self._synthesizer.scenario.radio
         if not radio.loss_share:
             return index
@@ -258,11 +250,11 @@ class Transmission:
         self.lost_samples += lost
         return index + lost
 
-    def _hand_over(self, block: bytes) -> bool:
-        """Queue a buffer; False when the reader has made no room in the time of them all.
+    def _enqueue(self, block: bytes) -> bool:
+        """Queue a buffer; False if the reader made no room for the duration of the queue.
 
-        The wait also covers a burst after this program itself was held up: a radio's buffers
-        would have been read one by one meanwhile, so such a delay must not cost samples.
+        The wait also covers a pause of this program: a real radio's buffers would have been
+        read one by one meanwhile, so such a pause must not lose samples.
         """
         try:
             self._buffers.put(block, timeout=self._buffers_s)
@@ -271,7 +263,6 @@ class Transmission:
         return True
 
     def _skip(self, first: int, following: int) -> int:
-        """Count samples lost for a slow reader; return the index to continue with."""
         present = self._synthesizer.index_at(self._clock.now_ns())
         resume = max(following, present)
         self.lost_samples += resume - first
@@ -282,7 +273,6 @@ class Transmission:
         return encode(samples, "cs16" if self._integers else "cf32")
 
     def _drain(self) -> None:
-        """Write queued buffers; the only caller of `write`."""
         while (block := self._buffers.get()) is not None:
             try:
                 self._write(memoryview(block))
@@ -292,7 +282,6 @@ class Transmission:
                 return
 
     def _finish(self, writer: threading.Thread) -> None:
-        """Let the reader take what is queued, unless it does not read."""
         try:
             self._buffers.put(None, timeout=0.2)
         except queue.Full:
@@ -301,7 +290,7 @@ class Transmission:
 
 
 def write_fully(descriptor: int) -> Callable[[memoryview], None]:
-    """Make a function that writes all of a buffer to a file descriptor."""
+    """Create a function that writes a whole buffer to a file descriptor."""
 
     def write(buffer: memoryview) -> None:
         while buffer:
@@ -316,7 +305,7 @@ def _say(line: str) -> None:
 
 
 def main(command_line: Sequence[str]) -> int:
-    """Run the stand-in; the exit code is 0 after SIGTERM, SIGINT or -n samples, else 1."""
+    """Run the substitute; the exit code is 0 after SIGTERM, SIGINT or -n samples, else 1."""
     try:
         arguments = parse_arguments(command_line)
     except ArgumentFault as fault:

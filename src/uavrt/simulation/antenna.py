@@ -1,7 +1,7 @@
-"""Antenna patterns: how much of a wave from some direction reaches the receiver.
+"""Antenna patterns: the gain for waves from each direction.
 
-The tables of the Telonics RA-2A and RA-23K: decibel re boresight from 0° to 180° in steps of
-10°, read off the maker's plots (±1.5 dB).
+The tables of the Telonics RA-2A and RA-23K give decibels relative to boresight from 0° to 180°
+in steps of 10°, read off the maker's plots (±1.5 dB).
 """
 
 import math
@@ -26,7 +26,7 @@ PATTERNS_DB: dict[str, tuple[float, ...]] = {
     ),
 }
 _NULL_DB = -30.0
-"""Depth of nulls [dB], limited by scatter at the airframe."""
+"""Depth of nulls relative to the maximum [dB], limited by scatter at the airframe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,34 +37,34 @@ class Antenna(ScenarioRecord):
     table_db: tuple[float, ...] = ()
     """Pattern relative to boresight [dB], at equal steps from 0° to 180°, both included."""
     gain_dbi: Annotated[float, Ge(-20), Le(30)] = 4.0
-    """Gain at boresight; for a monopole at the horizon."""
+    """Gain at boresight [dBi]; for a monopole, at the horizon."""
     polarization: Literal["horizontal", "vertical", "any"] = "horizontal"
-    """Polarization on a level drone; "any" accepts every wave fully."""
+    """Polarization on a level drone; "any" receives every polarization fully."""
     cross_polarization_db: Annotated[float, Ge(-40), Le(0)] = -15.0
-    """Level of a wave of the wrong polarization, which scatter keeps from zero."""
+    """Level of a wave of the wrong polarization [dB]; scatter keeps it from zero."""
     yaw_offset_deg: float = 0.0
-    """Boresight clockwise from the drone's nose."""
+    """Angle of the boresight clockwise from the drone's nose [°]."""
     pitch_offset_deg: float = 0.0
     roll_offset_deg: float = 0.0
     offset_forward_m: float = 0.0
-    """Antenna's place from the autopilot, in the drone's frame."""
+    """Position of the antenna relative to the autopilot, in the drone's frame [m]."""
     offset_right_m: float = 0.0
     offset_down_m: float = 0.0
     switch: AntennaSwitch | None = None
-    """Several antennas of this pattern on a switch, in place of one."""
+    """Switch with several antennas of this pattern; None: a single antenna."""
 
 
 def off_boresight_deg(direction_body: geometry.Vector) -> float:
-    """Angle [deg] between boresight (forward) and a unit direction in the antenna's frame."""
+    """Angle between boresight (forward) and a unit direction in the antenna's frame [°]."""
     return math.degrees(math.acos(max(-1.0, min(1.0, direction_body[0]))))
 
 
 def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
-    """Gain re the antenna's maximum [dB] towards a unit direction in its frame (FRD).
+    """Gain relative to the antenna's maximum towards a unit direction in its frame (FRD) [dB].
 
-    Directional patterns are rotationally symmetric about the boresight: the tables are cuts in
-    azimuth, and at low elevation the angle off boresight is what counts. A monopole's is 20
-    log10(cos elevation) about the down axis, tilting with the drone.
+    Directional patterns are symmetric about the boresight: the tables are cuts in azimuth, but
+    at low elevation the angle off boresight matters. A monopole has 20 log10(cos elevation)
+    about its down axis, which tilts with the drone.
     """
     if antenna.pattern == "isotropic":
         return 0.0
@@ -79,9 +79,9 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 def transverse_axes(
     direction: geometry.Vector, down: geometry.Vector
 ) -> tuple[geometry.Vector, geometry.Vector]:
-    """Unit vectors across a ray: one horizontal, one upright, for a frame's down axis.
+    """Unit vectors perpendicular to a ray, horizontal and upright, for a frame's down axis.
 
-    Straight up or down the horizontal one is taken across the frame's first axis.
+    For a vertical ray, the horizontal vector is perpendicular to the frame's first axis.
     """
     horizontal = geometry.cross(down, direction)
     if geometry.length(horizontal) < 1e-9:
@@ -93,10 +93,10 @@ def transverse_axes(
 def polarization_db(
     antenna: Antenna, direction_body: geometry.Vector, field_body: geometry.Vector
 ) -> float:
-    """Loss [dB, ≤ 0] from the angle between the wave's field and the antenna's own.
+    """Loss from the angle between the wave's electric field and the antenna's own [dB, ≤ 0].
 
     `direction_body`: unit vector to the source in the antenna's frame. `field_body`: unit
-    vector of the wave's electric field in the antenna's frame, across the ray.
+    vector of the wave's electric field in the antenna's frame, perpendicular to the ray.
     """
     if antenna.polarization == "any":
         return 0.0

@@ -1,8 +1,8 @@
-"""An antenna switch: one receiver that steps through several antennas during each pulse.
+"""An antenna switch: one receiver that is switched through several antennas during each pulse.
 
-The receiver's own sample clock steps it, so the position of every sample is exactly known, and
+The receiver's sample clock controls it, so the antenna of every sample is exactly known, and
 stored in a recording's metadata (docs/reference/scenario.md). The arithmetic is independent of
-`uavrt.localization.bearing.array_bearings`, which it is to check.
+`uavrt.localization.bearing.array_bearings`, because it is used to check that module.
 """
 
 import math
@@ -19,35 +19,36 @@ from uavrt.simulation.record import ScenarioRecord
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaSwitch(ScenarioRecord):
-    """``[antenna.switch]``: the antennas that are switched."""
+    """The switched antennas: scenario table ``[antenna.switch]``."""
 
     kind: Literal["circle", "pair", "sum_difference"] = "circle"
-    """Antennas on a circle; a left and right pair; or their sum and difference by a hybrid."""
+    """Arrangement: antennas on a circle; a left and right pair; or the pair's sum and
+    difference."""
     elements: Annotated[int, Ge(3), Le(16)] = 4
-    """Number on a circle: the first ahead, the others clockwise."""
+    """Number of antennas on a circle; the first points ahead, the others follow clockwise."""
     size_m: Annotated[float, Gt(0), Le(5)] = 0.4
-    """Radius of the circle, or distance of the pair."""
+    """Radius of the circle, or distance of the pair [m]."""
     dwell_s: Annotated[float, Gt(0), Le(0.01)] = 250e-6
-    """Time at each position, rounded to whole samples [s]."""
+    """Time at each switch position [s], rounded to whole samples."""
     settle_s: Annotated[float, Ge(0), Le(0.005)] = 20e-6
-    """Time without a signal at its beginning, while the switch settles [s]."""
+    """Time without a signal at the start of each switch position [s]."""
 
     @property
     def positions(self) -> int:
-        """Number of positions."""
+        """Number of switch positions."""
         return self.elements if self.kind == "circle" else 2
 
     def dwell_samples(self, sample_rate_hz: float) -> int:
-        """Samples at each position, settling included."""
+        """Number of samples at each switch position, including settling."""
         return max(1, round(self.dwell_s * sample_rate_hz))
 
     def settle_samples(self, sample_rate_hz: float) -> int:
-        """Samples of them without a signal."""
+        """Number of samples without a signal at the start of each switch position."""
         settle = math.ceil(self.settle_s * sample_rate_hz)
         return min(settle, self.dwell_samples(sample_rate_hz) - 1)
 
     def metadata(self, sample_rate_hz: float) -> dict[str, Any]:
-        """Description for a recording, with the position of each sample."""
+        """Description of the switch in a recording's metadata, with each sample's antenna."""
         return {
             "kind": self.kind,
             "positions": self.positions,
@@ -61,7 +62,7 @@ class AntennaSwitch(ScenarioRecord):
 def position_weights(
     switch: AntennaSwitch, direction_body: geometry.Vector, wavelength_m: float
 ) -> NDArray[np.complex128]:
-    """Complex amplitude at each position for a plane wave along a direction (FRD)."""
+    """Complex amplitude at each switch position of a plane wave along a direction (FRD)."""
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":
         weights = []
@@ -86,7 +87,7 @@ def gate(
     count: int,
     sample_rate_hz: float,
 ) -> NDArray[np.complex64]:
-    """Weights (count,) of a wave at consecutive samples, 0 while a position settles."""
+    """Weights of a wave at consecutive samples, shape (count,); 0 while the switch settles."""
     dwell = switch.dwell_samples(sample_rate_hz)
     step, within = np.divmod(first_sample + np.arange(count), dwell)
     factor: NDArray[np.complex64] = weights[step % switch.positions].astype(np.complex64)

@@ -68,13 +68,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _parameter(text: str) -> tuple[str, float]:
-    """Read NAME=VALUE."""
     name, _, value = text.partition("=")
     return name, float(value)
 
 
 def _place(text: str) -> tuple[str, int]:
-    """Read HOST:PORT."""
     host, separator, port = text.rpartition(":")
     if not separator or not host:
         raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")

@@ -1,7 +1,7 @@
 """The simulated autopilot's parameters, as far as they affect the path to the ground.
 
-Defaults of PX4 (v1.17) and ArduCopter (4.7). Nearly all take effect after a restart: `active`
-are the values at the last start.
+Defaults are those of PX4 1.17 and ArduCopter 4.7. Nearly all take effect after a restart:
+`active` holds the values at the last start.
 """
 
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}
 
 
 class AutopilotParameters:
-    """Parameters set and in force, and answers to requests, of a flavour of autopilot."""
+    """Parameters set and in force of a simulated PX4 or ArduPilot, and answers to requests."""
 
     def __init__(self, flavour: Flavour, changes: Mapping[str, float]) -> None:
         self._flavour = flavour
@@ -61,7 +61,7 @@ class AutopilotParameters:
         )
 
     def receive(self, request: Requests) -> list[ParamValue]:
-        """Handle a request; return the answers. A value is set unchecked."""
+        """Handle a parameter request; return the answers. Any value is accepted."""
         answer = self._server.receive(request)
         if isinstance(answer, list):
             return answer
@@ -69,11 +69,11 @@ class AutopilotParameters:
         return [self._server.value(answer.name)]
 
     def restart(self) -> None:
-        """Put the set values in force."""
+        """Put the set values in force, as a restart of the autopilot does."""
         self.active = dict(self.values)
 
     def passes_on(self, port: str) -> bool:
-        """Whether messages from and to a port are passed on."""
+        """True if messages from and to a port are forwarded."""
         number = 1 if port == GROUND_PORT else 2
         if self._flavour == "px4":
             return self.active[f"MAV_{number - 1}_FORWARD"] == 1

@@ -1,8 +1,8 @@
-"""Random numbers that depend only on (seed, stream, index), never on the order of requests.
+"""Random numbers that depend only on (seed, stream, index), not on the order of requests.
 
-Each is a hash of its name and number, so a restarted radio program, the process that computes
-the truth and a test all have the same world. The hash is the finalizer of SplitMix64 (Steele,
-Lea & Flood, OOPSLA 2014), applied twice.
+Each is a hash of its stream and index, so that a restarted radio program, the process that
+computes the truth and a test have the same world. The hash is the finalizer of SplitMix64
+(Steele, Lea & Flood, OOPSLA 2014), applied twice.
 """
 
 import math
@@ -25,12 +25,12 @@ def _mix(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def stream_key(seed: int, *names: object) -> int:
-    """Make the key of a stream from a seed and the stream's name, the same in all processes."""
+    """Key of a random stream, from a seed and the stream's name; the same in all processes."""
     return zlib.crc32(repr(names).encode()) | ((seed & 0xFFFFFFFF) << 32)
 
 
 def uniform(key: int, index: ArrayLike) -> NDArray[np.float64]:
-    """Uniform numbers in [0, 1) for indices of a stream, of any shape; may be negative."""
+    """Uniform numbers in [0, 1) for an array of indices, also negative ones, of a stream."""
     counter = np.atleast_1d(np.asarray(index, dtype=np.int64)).astype(np.uint64)
     # Wrap-around is what the hash wants; NumPy warns of it for scalars only, hence the arrays.
     start = _mix(np.array([key & 0xFFFFFFFFFFFFFFFF], dtype=np.uint64) + _GOLDEN)
@@ -40,7 +40,7 @@ def uniform(key: int, index: ArrayLike) -> NDArray[np.float64]:
 
 
 def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
-    """Get standard normal numbers for the given indices of a stream (Box & Muller 1958)."""
+    """Standard normal numbers for an array of indices of a stream (Box & Muller 1958)."""
     indices = np.asarray(index, dtype=np.int64)
     radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * indices)))
     result: NDArray[np.float64] = radius * np.cos(2 * np.pi * uniform(key, 2 * indices + 1))
@@ -50,9 +50,9 @@ def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
 def smooth_normal(key: int, position: float) -> float:
     """A smooth random function of one variable with unit variance.
 
-    Independent normals at the halves, weighted with a Gaussian of standard deviation 1/2 around
-    `position`: the correlation between x and y is exp(-(x - y)²), and the variance is exactly
-    one everywhere by the normalization.
+    It is a sum of independent normals at multiples of 1/2, weighted with a Gaussian of standard
+    deviation 1/2 around `position`. The correlation between x and y is exp(-(x - y)²); the
+    normalization makes the variance exactly one.
     """
     halves = 2.0 * position
     knots = np.arange(math.floor(halves) - 4, math.floor(halves) + 6)

@@ -1,7 +1,7 @@
-"""UDP with the kernel's arrival times.
+"""UDP sockets that report the kernel's arrival times.
 
-The autopilot's queue is a matter of milliseconds. On a busy machine this program may wake up
-later than that, so the arrival of a datagram counts, not its reading.
+The simulated autopilot's queue empties in milliseconds. On a busy computer this program may
+wake up later, so the arrival time of a datagram counts, not the time of reading.
 """
 
 import asyncio
@@ -13,7 +13,8 @@ from uavrt.clock import Clock
 from uavrt.errors import LinkError
 
 SO_TIMESTAMPNS = 35
-"""Linux, asm-generic/socket.h; the socket module has no name for it before Python 3.14."""
+"""Socket option for arrival times (Linux, asm-generic/socket.h); in Python only from 3.14 on.
+"""
 RECEIVE_BUFFER = 1 << 20
 _TIMESPEC = struct.Struct("@ll")
 
@@ -21,9 +22,9 @@ _TIMESPEC = struct.Struct("@ll")
 class DatagramPort:
     """A UDP socket that talks to one peer.
 
-    `peer`: host and port to send to; updated by answers from another port. `local_port`: port
-    on the loopback interface; 0 lets the system choose. `on_datagram`: called with the bytes
-    and their arrival time [ns, UTC].
+    `peer`: host and port to send to; updated when the peer sends from another port.
+    `local_port`: port on the loopback interface; 0 lets the system choose. `on_datagram`:
+    called with the bytes and their arrival time [ns, UTC].
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class DatagramPort:
         return number
 
     def send(self, data: bytes) -> None:
-        """Send a datagram; a missing peer is ignored."""
+        """Send a datagram; nothing happens if the receiver is missing."""
         if self._socket is None:
             return
         try:
@@ -95,7 +96,7 @@ class DatagramPort:
             self._on_datagram(data, self._arrival_ns(ancillary))
 
     def _arrival_ns(self, ancillary: list[tuple[int, int, bytes]]) -> int:
-        """Time of arrival on our clock: the kernel's stamp is wall time, ours may differ."""
+        """Arrival time on this program's clock [ns, UTC]; the kernel's stamp is wall time."""
         for level, kind, data in ancillary:
             if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
                 seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])

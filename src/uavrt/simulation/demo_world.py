@@ -1,6 +1,6 @@
-"""The built-in world of ``uavrt demo``: three tags, a drone, three points to turn at.
+"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points.
 
-With coded tags there are two more, which share a frequency.
+With coded tags there are two more tags, which share a frequency.
 """
 
 import math
@@ -14,25 +14,26 @@ from uavrt.simulation.scenario import Interferer, Radio, Scenario, SimulatedTag
 from uavrt.simulation.world import World
 
 SHORTEST_S = 40.0
-"""Shortest demo [s]; leaves 4.3 s for a leg between two turns."""
+"""Shortest demo [s]; it leaves 4.3 s for the flight between two turns."""
 SEARCHED_ENR_DB = 24.0
-"""ENR of the searched animals with the antenna on them, from home [dB]."""
+"""ENR of the animals in a search, with the antenna pointed at them from home [dB]."""
 SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
-"""Shortest full turn [s]: 46°/s in the mean, 57.7°/s at most."""
+"""Shortest duration of a full turn [s]: 46°/s on average, 57.7°/s at most."""
 CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
-"""ENR with the antenna on a tag, from the middle of the three points, without fading [dB]."""
+"""ENR with the antenna pointed at a tag, from the centre of the three points, without fading
+[dB]."""
 
 
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
-    """Make the demo's world; its plan scales to any duration of at least 40 s.
+    """Create the demo's world, scaled to any duration of at least 40 s.
 
-    `duration_s`: length of the flight [s]. `seed`: seed of everything random in the world.
-    `coded`: two more animals, with coded tags. Raises `ConfigError` below 40 s: the turns would
-    be faster than 60°/s.
+    `duration_s`: length of the flight [s]. `seed`: seed of all random numbers of the world.
+    `coded`: add two animals with coded tags. Raises `ConfigError` below 40 s, because the turns
+    would be faster than 60°/s.
     """
     if not SHORTEST_S <= duration_s < math.inf:
         raise ConfigError(
@@ -53,15 +54,15 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = Fals
         interferer=(Interferer(kind="carrier", frequency_hz=148_655_400.0, power_dbm=-128.0),),
         flight=_flight(duration_s),
     )
-    return _levelled(scenario, _amid(duration_s), _PEAK_ENR_DB)
+    return _with_power(scenario, _centre(duration_s), _PEAK_ENR_DB)
 
 
 def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
-    """Make the worlds of ``uavrt demo --drones``: the same animals, a flight for each drone.
+    """Create the worlds of ``uavrt demo --drones``: the same animals, a flight for each drone.
 
-    Each flies the first's flight 120 m south of the one before and 10 m above it.
+    Each flight is the first one, shifted 120 m south and 10 m up from the one before.
 
-    `first`: world of the first.
+    `first`: world of the first drone.
     """
     return [
         replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
@@ -82,12 +83,12 @@ def _moved(flight: Flight, north_m: float, up_m: float) -> Flight:
 
 
 def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
-    """Make the world of ``uavrt demo --search``: three animals, one of them walking.
+    """Create the world of ``uavrt demo --search``: three animals, one of them walking.
 
-    The drone hovers over home until it is commanded; from there an antenna turned to an animal
-    receives it, and one turned away hardly does.
+    The drone hovers above home until it is commanded. An antenna pointed at an animal receives
+    its tag from there; one pointed away hardly does.
 
-    `coded`: two of the animals have coded tags, the walking one, too.
+    `coded`: two of the animals, including the walking one, have coded tags.
     """
     places = ((150.0, 90.0), (-40.0, 170.0), (-120.0, -130.0))
     worn = _tags(SHORTEST_S)
@@ -117,11 +118,11 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
         tag=tags,
         flight=Flight(height_m=SEARCH_HEIGHT_M),
     )
-    return _levelled(scenario, scenario.flight, SEARCHED_ENR_DB)
+    return _with_power(scenario, scenario.flight, SEARCHED_ENR_DB)
 
 
 def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
-    """Make a world of some seconds in which the drone hovers until it is commanded."""
+    """Create a world in which the drone hovers until it is commanded."""
     return replace(
         scenario,
         duration_s=max(scenario.duration_s, seconds),
@@ -130,7 +131,6 @@ def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
 
 
 def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
-    """The thesis's tag, one of two rates and one of another make, all always received."""
     return (
         SimulatedTag(
             tag_id=2,
@@ -188,7 +188,7 @@ def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
 
 
 def _coded_tags() -> tuple[SimulatedTag, ...]:
-    """Two tags of one frequency, which differ only in their gaps and burst intervals."""
+    """Two coded tags on one frequency, which differ only in their gaps and burst intervals."""
     return (
         SimulatedTag(
             tag_id=12,
@@ -230,17 +230,17 @@ def _turn_s(duration_s: float) -> float:
 
 
 def _move_s(duration_s: float) -> float:
-    """Time of each of the two moves: what the turns leave of four fifths [s]."""
+    """Duration of each flight between turns [s]: four fifths of the demo, less the turns."""
     return (0.8 * duration_s - 3.0 * _turn_s(duration_s)) / 2.0
 
 
 def _height_m(duration_s: float) -> float:
-    """Height of the turns: climbed to at 4 m/s in the mean, 40 m at most."""
+    """Height of the turns [m]: reached with a mean climb of 4 m/s, 40 m at most."""
     return min(40.0, 4.0 * 0.08 * duration_s)
 
 
 def _points(duration_s: float) -> tuple[tuple[float, float], ...]:
-    """Corners of a triangle, its sides 150 m at most and flown with 4 m/s² at most."""
+    """Corners of a triangle with sides of 150 m at most, flown with 4 m/s² at most."""
     side_m = min(150.0, 0.6 * _move_s(duration_s) ** 2)
     return (0.0, 0.0), (side_m, 0.0), (side_m / 2, side_m * math.sqrt(0.75))
 
@@ -266,8 +266,7 @@ def _flight(duration_s: float) -> Flight:
     )
 
 
-def _amid(duration_s: float) -> Flight:
-    """Centre of the points."""
+def _centre(duration_s: float) -> Flight:
     corners = _points(duration_s)
     return Flight(
         north_m=sum(corner[0] for corner in corners) / 3,
@@ -276,8 +275,8 @@ def _amid(duration_s: float) -> Flight:
     )
 
 
-def _levelled(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
-    """Set each tag's power to give it an ENR at boresight from a place."""
+def _with_power(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
+    """Tags with powers that give them an ENR at boresight, as received from a position."""
     probe = replace(
         scenario,
         flight=replace(stand, wobble_deg=0.0),

@@ -1,8 +1,8 @@
-"""A simulated autopilot that speaks MAVLink to a companion and to a ground station.
+"""A simulated autopilot that speaks MAVLink to a companion computer and a ground station.
 
 It streams the vehicle's pose, answers as a real one does, and forwards messages between its two
-links as PX4 v1.17 or ArduCopter 4.7 do. Run it alone, with ``--ground HOST:PORT`` for a ground
-station::
+links as PX4 1.17 or ArduCopter 4.7 do. To run it alone, with ``--ground HOST:PORT`` for a
+ground station::
 
     python -m uavrt.simulation.autopilot --scenario FILE --companion HOST:PORT
 """
@@ -30,7 +30,7 @@ from uavrt.simulation.autopilot_parameters import (
     AutopilotParameters,
 )
 from uavrt.simulation.datagrams import DatagramPort
-from uavrt.simulation.flown import ASKED_IDS, FLOWN_IDS, SLOWEST_NS, Flown
+from uavrt.simulation.flown import FLOWN_IDS, REQUESTABLE_IDS, SLOWEST_NS, Flown
 from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
 from uavrt.simulation.mission_store import MissionStore
 from uavrt.simulation.telemetry import default_intervals_ns, telemetry_message
@@ -42,12 +42,13 @@ log = get_logger()
 Flavour = Literal["px4", "ardupilot"]
 
 BUSY_WAKE_S = 0.004
-"""Time between passes while messages wait: PX4's main loop in simulation [s]."""
+"""Period of the main loop while messages wait [s]; that of PX4 in simulation."""
 IDLE_WAKE_S = 0.010
 HEARTBEAT_NS = ns_from_s(1.0)
 TIMESYNC_NS: dict[Flavour, int] = {"px4": ns_from_s(0.1), "ardupilot": ns_from_s(10.0)}
 OPERATOR_SILENCE_NS = ns_from_s(5.0)
-"""FS_GCS_TIMEOUT of ArduPilot; PX4's COM_DL_LOSS_T is 10 s."""
+"""Silence of the ground station that triggers ArduPilot's failsafe [ns] (FS_GCS_TIMEOUT; PX4:
+10 s)."""
 CAPABILITIES = (
     MavProtocolCapability.MISSION_INT
     | MavProtocolCapability.COMMAND_INT
@@ -57,55 +58,54 @@ CAPABILITIES = (
 REBOOT_NS = ns_from_s(1.5)
 """Silence during a restart [ns]."""
 MAX_LATE_NS = ns_from_s(0.5)
-"""Age above which telemetry is skipped: this program was stopped [ns]."""
+"""Age above which telemetry is skipped, because this program was paused [ns]."""
 ARDUPILOT_RING = 256 * 149
 ARDUPILOT_PASS_NS = 1_000
-"""Time between forwarded messages of ArduPilot, which has no such queue [ns]. 1000 messages
-without a gap overran its socket at 256."""
+"""Time between forwarded messages of ArduPilot [ns], which forwards at once. Without any gap,
+more than 256 messages overflowed a receiving socket."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotSettings:
-    """Kind of autopilot, and quality of its links."""
+    """Kind of autopilot, quality of its links and state of the vehicle."""
 
     companion: tuple[str, int]
-    """Address of the companion; PX4's onboard link sends to 14540."""
+    """Address of the companion computer; PX4's onboard link sends to port 14540."""
     ground: tuple[str, int] | None = None
-    """Address of the ground station; PX4's ground link sends to 14550."""
+    """Address of the ground station; PX4's ground link sends to port 14550."""
     flavour: Flavour = "px4"
     system_id: int = 1
     unique_number: int = 0x75617672
-    """Number in AUTOPILOT_VERSION."""
+    """Hardware id in AUTOPILOT_VERSION."""
     companion_port: int = 0
-    """Own port towards the companion; 0: any."""
+    """Local UDP port towards the companion; 0: any."""
     ground_port: int = 0
     clock_skew_ppm: float = 0.0
-    """Rate of the boot clock over UTC, less one [ppm]; PX4 in simulation: -15 000."""
+    """Rate error of the boot clock against UTC [ppm]; PX4 in simulation: -15 000."""
     mute_clock: bool = False
-    """Leave TIMESYNC unanswered."""
+    """Leave TIMESYNC messages unanswered."""
     boot_time_s: float = 20.0
-    """Boot time at the start."""
     companion_jitter_s: float = 0.0
     ground_jitter_s: float = 0.0
     companion_loss: float = 0.0
     ground_loss: float = 0.0
-    """Loss of frames of each direction of the ground link."""
+    """Probability of loss of a frame, in each direction of the ground link."""
     seed: int = 1
     armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
-    """Parameters that differ from the defaults."""
     flies: bool = False
-    """Hover where the flight begins, and fly commands; else the scenario's flight."""
+    """Hover at the start of the flight and obey commands; otherwise fly the scenario's flight.
+    """
     sticks: bool = False
-    """Whether a remote control is switched on, its sticks in the middle."""
+    """Simulate a remote control that is switched on, with its sticks centred."""
     on_ground: bool = False
-    """With ``flies``: stand on the ground and wait to be armed."""
+    """With `flies`: stand on the ground and wait to be armed."""
     path: Path | None = None
     """File to which a commanded vehicle writes its path, for the simulated radio."""
 
 
-class _Side:
-    """One of the two links."""
+class _LinkSide:
+    """One of the autopilot's two links, with its queue, loss and delay."""
 
     def __init__(self, name: str, settings: AutopilotSettings, *, loss: float, jitter_s: float):
         self.name = name
@@ -123,10 +123,9 @@ class _Side:
 
 
 class FakeAutopilot:
-    """The autopilot; `run` serves it until cancelled.
+    """The simulated autopilot; `run` serves it until cancelled.
 
-    `vehicle`: pose of the vehicle at a time [ns, UTC].
-    `settings`: kind, peers and links.
+    `vehicle`: pose of the vehicle at a time [ns, UTC]. `settings`: kind, peers and links.
     `clock`: UTC; the boot clock derives from it.
     """
 
@@ -145,17 +144,17 @@ class FakeAutopilot:
         self._timesync_ns = 0
         self._px4 = settings.flavour == "px4"
         self._random = random.Random(settings.seed)
-        self.companion = _Side(
+        self.companion = _LinkSide(
             "companion",
             settings,
             loss=settings.companion_loss,
             jitter_s=settings.companion_jitter_s,
         )
-        self.ground = _Side(
+        self.ground = _LinkSide(
             "ground", settings, loss=settings.ground_loss, jitter_s=settings.ground_jitter_s
         )
         self.flown: Flown | None = None
-        """The vehicle that flies commands, if any."""
+        """The vehicle that obeys commands; None if it flies the scenario's flight."""
         if settings.flies:
             self.flown = Flown(
                 vehicle(clock.now_ns()),
@@ -196,7 +195,7 @@ class FakeAutopilot:
                 side.port.close()
 
     def reboot(self) -> None:
-        """Restart: boot time from zero, default streams, silence for a while."""
+        """Restart: boot time zero, default streams, silence for a while."""
         now_ns = self._clock.now_ns()
         self._booted_ns = self._silent_until_ns = now_ns + REBOOT_NS
         self._restart_streams()
@@ -204,7 +203,7 @@ class FakeAutopilot:
         log.info("autopilot starts again")
 
     def boot_ns(self, time_ns: int) -> int:
-        """Boot time at a time [ns]."""
+        """Boot clock at a time in UTC [ns]."""
         elapsed = time_ns - self._booted_ns
         return elapsed + round(elapsed * self._settings.clock_skew_ppm * 1e-6)
 
@@ -214,18 +213,18 @@ class FakeAutopilot:
         return self._booted_ns + round(elapsed)
 
     def operator_lost(self, now_ns: int) -> bool:
-        """Whether the failsafe for a lost ground station would trigger."""
+        """True if the failsafe for a lost ground station would trigger."""
         heard_ns = self._operator_heard_ns
         return heard_ns is not None and now_ns - heard_ns > OPERATOR_SILENCE_NS
 
     def _is_operator(self, message: dialect.Heartbeat, frame: Frame) -> bool:
-        """Whether a heartbeat counts: PX4 1.17 uses the type, ArduPilot MAV_GCS_SYSID."""
+        """True for the operator's heartbeat: PX4 checks its type, ArduPilot MAV_GCS_SYSID."""
         if self._px4:
             return message.type == dialect.MavType.GCS
         return frame.system_id == GCS_SYSTEM_ID
 
     def counters(self) -> dict[str, int]:
-        """Counts of messages forwarded and lost, to attribute losses."""
+        """Counts of messages forwarded and lost."""
         return {
             "forwarded_to_ground": self.ground.ring.forwarded,
             "dropped_to_ground": self.ground.ring.dropped,
@@ -236,7 +235,7 @@ class FakeAutopilot:
         }
 
     def step(self, now_ns: int) -> None:
-        """Do what is due."""
+        """Send and forward the messages that are due."""
         if self.flown is not None and self.flown.advance(now_ns):
             # ArduPilot reports a change of mode at once.
             self._heartbeat_ns = self._heartbeat_ns if self._px4 else 0
@@ -255,7 +254,7 @@ class FakeAutopilot:
             self._timesync_ns = now_ns
             self._send(self.companion, dialect.Timesync(ts1=self.boot_ns(now_ns)))
 
-    def _taker(self, side: _Side) -> Callable[[bytes, int], None]:
+    def _taker(self, side: _LinkSide) -> Callable[[bytes, int], None]:
         def take(data: bytes, arrival_ns: int) -> None:
             side.parser.reset()
             for frame in side.parser.feed(data):
@@ -266,15 +265,14 @@ class FakeAutopilot:
         return take
 
     def _later(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Do something at a time, or at once if it has come."""
         wait_s = (time_ns - self._clock.now_ns()) / 1e9
         if wait_s <= 0.0:
             action()
         else:
             asyncio.get_running_loop().call_later(wait_s, action)
 
-    def receive(self, side: _Side, frame: Frame, arrival_ns: int) -> None:
-        """Handle a frame of a link: answer it, forward it, or both."""
+    def receive(self, side: _LinkSide, frame: Frame, arrival_ns: int) -> None:
+        """Handle a frame from a link: answer it, forward it, or both."""
         if arrival_ns < self._silent_until_ns:
             return
         side.routes.saw(frame)
@@ -298,24 +296,22 @@ class FakeAutopilot:
             other.ring.push(frame)
 
     def _passes_on(self) -> bool:
-        """Whether the parameters let messages through, from one port to the other."""
         return all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT)))
 
-    def _forward(self, side: _Side, now_ns: int) -> None:
-        """Run the main loop's passes up to a time."""
+    def _forward(self, side: _LinkSide, now_ns: int) -> None:
         for frame in side.ring.passes(now_ns):
             self._emit(side, frame.raw)
 
-    def _send(self, side: _Side, message: Message) -> None:
+    def _send(self, side: _LinkSide, message: Message) -> None:
         self._emit(side, side.writer.encode(message))
 
-    def _emit(self, side: _Side, frame: bytes) -> None:
+    def _emit(self, side: _LinkSide, frame: bytes) -> None:
         port = side.port
         release_ns = side.outward.release_ns(self._clock.now_ns())
         if port is not None and release_ns is not None:
             self._later(release_ns, lambda: port.send(frame))
 
-    def _stream(self, side: _Side, now_ns: int) -> None:
+    def _stream(self, side: _LinkSide, now_ns: int) -> None:
         boot_ns = self.boot_ns(now_ns)
         for message_id, interval_ns in side.intervals_ns.items():
             due_ns = side.due_ns.setdefault(message_id, boot_ns)
@@ -330,14 +326,13 @@ class FakeAutopilot:
             side.due_ns[message_id] = due_ns
 
     def _telemetry(self, message_id: int, boot_ms: int, time_ns: int) -> Message | None:
-        """Write a message; None without data."""
         if message_id == dialect.Heartbeat.ID:
             return self._heartbeat()
         if self.flown is not None and message_id in FLOWN_IDS:
             return self.flown.message(message_id, boot_ms)
         return telemetry_message(message_id, self._vehicle(time_ns), boot_ms, time_ns)
 
-    def _answer(self, side: _Side, message: Message, frame: Frame, now_ns: int) -> None:
+    def _answer(self, side: _LinkSide, message: Message, frame: Frame, now_ns: int) -> None:
         sender = (frame.system_id, frame.component_id)
         match message:
             case dialect.Timesync() if message.tc1 == 0 and not self._settings.mute_clock:
@@ -372,12 +367,12 @@ class FakeAutopilot:
                 self.missions.receive(message, sender, s_from_ns(now_ns), send)
 
     def _random_target(self) -> tuple[int, int]:
-        """Random numbers like those that PX4 1.17 leaves in the targets of its answers."""
+        """Random numbers like those that PX4 1.17 leaves in targets of its answers."""
         return self._random.randrange(256), self._random.randrange(256)
 
     def _command(
         self,
-        side: _Side,
+        side: _LinkSide,
         message: dialect.CommandLong | dialect.CommandInt,
         sender: tuple[int, int],
     ) -> None:
@@ -411,7 +406,6 @@ class FakeAutopilot:
             self.reboot()
 
     def _fact(self, message_id: int) -> Message:
-        """Answer a request for the autopilot's identity, its home or its battery."""
         if message_id == dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(
                 capabilities=CAPABILITIES,
@@ -432,10 +426,10 @@ class FakeAutopilot:
             q=(1.0, 0.0, 0.0, 0.0),
         )
 
-    def _set_interval(self, side: _Side, number: float, interval_us: float) -> MavResult:
+    def _set_interval(self, side: _LinkSide, number: float, interval_us: float) -> MavResult:
         known = set(default_intervals_ns("px4", "companion"))
         if self.flown is not None:
-            known |= ASKED_IDS[self._settings.flavour]
+            known |= REQUESTABLE_IDS[self._settings.flavour]
             slowest = SLOWEST_NS[self._settings.flavour].get(int(number), 0)
             interval_us = max(interval_us, slowest / 1e3) if interval_us > 0 else interval_us
         if number not in known or not math.isfinite(interval_us):

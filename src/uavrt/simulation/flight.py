@@ -1,4 +1,4 @@
-"""Path of the simulated drone: a list of legs, each smooth in position and heading."""
+"""Path of the simulated drone: a list of legs with smooth position and heading."""
 
 import math
 from dataclasses import dataclass
@@ -18,41 +18,41 @@ _MOVE_EASE = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg(ScenarioRecord):
-    """A stretch of flight that starts and ends at rest; omitted values stay as they are."""
+    """A part of the flight that starts and ends at rest; omitted values stay the same."""
 
     duration_s: Annotated[float, Gt(0)]
     north_m: float | None = None
-    """End of the leg, from home [m]."""
+    """End of the leg, north of home [m]; None: unchanged."""
     east_m: float | None = None
     height_m: Annotated[float, Ge(0)] | None = None
     turn_deg: float = 0.0
-    """Change of heading in the leg, clockwise; 360 is a full turn on the spot."""
+    """Change of heading during the leg, clockwise [°]; 360 is a full turn on the spot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight(ScenarioRecord):
-    """The whole flight; before the first leg and after the last the drone stays."""
+    """The whole flight; the drone rests before the first leg and after the last."""
 
     north_m: float = 0.0
-    """Start, from home [m]."""
+    """Start of the flight, north of home [m]."""
     east_m: float = 0.0
     height_m: Annotated[float, Ge(0)] = 0.0
     heading_deg: float = 0.0
     wobble_deg: Annotated[float, Ge(0), Le(20)] = 1.0
-    """Standard deviation of roll and of pitch in the air, from gusts."""
+    """Standard deviation of roll and of pitch in the air, from gusts [°]."""
     drag_per_s: Annotated[float, Ge(0), Le(2)] = 0.15
-    """Deceleration per speed; 0.15/s tilts the drone by 9° at 10 m/s."""
+    """Deceleration by drag divided by speed [1/s]; 0.15/s tilts the drone by 9° at 10 m/s."""
     leg: tuple[Leg, ...] = ()
 
     @property
     def duration_s(self) -> float:
-        """Length of all legs together [s]."""
+        """Total duration of all legs [s]."""
         return sum(leg.duration_s for leg in self.leg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
-    """Place and attitude of the drone in the tangent plane at home."""
+    """Position and attitude of the drone in the tangent plane at home."""
 
     position_ned_m: tuple[float, float, float]
     heading_deg: float
@@ -61,10 +61,10 @@ class VehicleState:
 
 
 def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
-    """Path share, its first and second derivative, of a leg with smooth ends.
+    """Fraction of a leg's path, its first and second derivative, with smooth ends.
 
-    The speed rises as 3x² - 2x³ during the first share `ease` and falls in the same way in the
-    last.
+    The speed rises as 3x² - 2x³ during the first fraction `ease` of the time, and falls in the
+    same way in the last.
     """
     top = 1.0 / (1.0 - ease)
     if time_share <= 0.0:
@@ -82,7 +82,7 @@ def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
 
 
 def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> float:
-    """Gusts as three sines below 1.1 Hz of a given standard deviation, none on the ground."""
+    """Tilt by gusts: three sines below 1.1 Hz of a given standard deviation; 0 landed."""
     sines = sum(
         math.sin(2 * math.pi * frequency * elapsed_s + phase * (number + 1))
         for number, frequency in enumerate((0.23, 0.57, 1.03))
@@ -91,7 +91,7 @@ def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> 
 
 
 def vehicle_state(flight: Flight, elapsed_s: float) -> VehicleState:
-    """Compute the drone's state at a time from the start of the flight [s].
+    """Compute the drone's state at a time after the start of the flight [s].
 
     Roll and pitch are those of a multirotor that needs thrust against acceleration and drag.
     """

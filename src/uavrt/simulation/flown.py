@@ -1,4 +1,4 @@
-"""A vehicle that flies commands, reported by the simulated autopilot."""
+"""Messages of the simulated autopilot about a vehicle that obeys commands."""
 
 from pathlib import Path
 from typing import Literal
@@ -40,20 +40,20 @@ FLOWN_IDS = frozenset(
     }
 )
 _BOTH = FLOWN_IDS - {dialect.CurrentMode.ID, dialect.Wind.ID, dialect.WindCov.ID}
-ASKED_IDS: dict[str, frozenset[int]] = {
+REQUESTABLE_IDS: dict[str, frozenset[int]] = {
     "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
     "ardupilot": _BOTH | {dialect.Heartbeat.ID, dialect.Wind.ID},
 }
-"""Messages that can be requested: PX4 refuses HEARTBEAT, ArduPilot refuses CURRENT_MODE."""
+"""Messages that a station can request; PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
 CENTRE_US = 1500
 
 
 class Flown:
-    """The vehicle in real time.
+    """Moves the vehicle in real time and creates its messages.
 
-    `start`: where it hovers until it is commanded. `sticks`: a remote control is switched on.
-    `path`: file to which it writes its path (`uavrt.simulation.flown_path`). `on_ground`: it
-    stands below its start, disarmed, instead.
+    `start`: where it hovers until commanded. `sticks`: a remote control is switched on. `path`:
+    file to which it writes its path (`uavrt.simulation.flown_path`). `on_ground`: it stands
+    below its start, disarmed.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Flown:
         self._writer = None if path is None else PathWriter(path)
 
     def advance(self, now_ns: int) -> bool:
-        """Fly until now; True when the mode has changed."""
+        """Move the vehicle up to now; True when the mode has changed."""
         mode = self.vehicle.mode
         changed = mode != self._mode_reported
         self._mode_reported = mode
@@ -111,7 +111,7 @@ class Flown:
         )
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
-        """Write one message; None where there is nothing to report."""
+        """Create a message; None if the vehicle has nothing to report."""
         match message_id:
             case dialect.GlobalPositionInt.ID:
                 return position_message(self.vehicle, boot_ms)
@@ -140,7 +140,7 @@ class Flown:
         )
 
     def status(self) -> dialect.SysStatus:
-        """Battery status."""
+        """Battery status message."""
         return dialect.SysStatus(
             load=300,
             voltage_battery=16_200,

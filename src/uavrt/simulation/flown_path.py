@@ -1,8 +1,8 @@
-"""Path of a commanded vehicle in a file: the autopilot writes, the radio reads.
+"""Path of a commanded vehicle in a file, written by the autopilot and read by the radio.
 
-The simulated autopilot adds 50 records a second; the simulated radio reads them, so that the
-strength of a pulse depends on the drone's true place. A file outlives either program, needs no
-port, and is the truth of the flight afterwards.
+The simulated autopilot appends 50 records a second. The simulated radio reads them, so that the
+strength of a pulse depends on the drone's true position. A file outlives either program, needs
+no port, and afterwards holds the truth of the flight.
 """
 
 import bisect
@@ -31,7 +31,7 @@ class PathWriter:
         path.write_bytes(b"")
 
     def add(self, poses: Iterable[tuple[Pose, float]]) -> None:
-        """Add places of the vehicle, each pose with its heading [deg]."""
+        """Append poses of the vehicle, each with its heading [°]."""
         records = [
             _RECORD.pack(
                 pose.time_ns,
@@ -47,7 +47,7 @@ class PathWriter:
 
 
 class FlownPath:
-    """The vehicle's state at any time, by the file so far, of which `keep_s` are kept."""
+    """The vehicle's state at any time from the file so far; `keep_s` stay in memory."""
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
         self._path, self._plane = path, plane
@@ -55,10 +55,10 @@ class FlownPath:
         self._read_to = 0
         self._times_ns: list[int] = []
         self._places: list[tuple[float, float, float, float]] = []
-        """North, east, up [m] from home, heading [deg]."""
+        """Position north, east and up of home [m], and heading [°], for each record."""
 
     def state(self, time_ns: int) -> VehicleState | None:
-        """State at a time, at most 0.5 s after the last one; None while nothing is written."""
+        """State at a time, at most 0.5 s after the last record; None before the first."""
         if not self._times_ns or self._times_ns[-1] < time_ns:
             self._read()
         if not self._times_ns:
@@ -89,7 +89,6 @@ class FlownPath:
         return north, east, up, wrap_degrees_360(heading)
 
     def _read(self) -> None:
-        """Read new records; a partial one waits for its end."""
         try:
             with self._path.open("rb") as file:
                 file.seek(self._read_to)

@@ -1,9 +1,9 @@
-"""A drone that flies commands, as PX4 1.17 or ArduCopter 4.7 would. Pure.
+"""A simulated drone that obeys commands as PX4 1.17 or ArduCopter 4.7 would.
 
-It accelerates, brakes and turns within its limits of acceleration and jerk, is displaced by
-gusts and slowed by wind, and drains its battery. It accepts, refuses and ignores commands as
-observed on the real ones: PX4 reads any z as altitude above mean sea level, and answers
-UNSUPPORTED to a DO_REPOSITION without change of mode although it flies it.
+It accelerates, brakes and turns within limits of acceleration and jerk, is moved by gusts,
+slowed by wind, and drains its battery. It accepts, refuses and ignores commands as observed on
+real ones: PX4 reads any z as altitude above mean sea level, and answers UNSUPPORTED to a
+DO_REPOSITION without change of mode although it flies it.
 """
 
 import math
@@ -11,7 +11,7 @@ import math
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavResult
 from uavrt.simulation import geometry
-from uavrt.simulation.airframe import LOOKS_UNTIL_M, Airframe, Flavour, Frame, Target
+from uavrt.simulation.airframe import HOLD_HEADING_M, Airframe, Flavour, Frame, Target
 from uavrt.simulation.heading import Heading
 
 MODES: dict[Flavour, dict[str, int]] = {
@@ -24,40 +24,41 @@ MODES: dict[Flavour, dict[str, int]] = {
     },
     "ardupilot": {"position": 5, "hold": 4, "return": 6, "land": 9, "brake": 17},
 }
-"""``hold`` is the mode in which DO_REPOSITION is flown: AUTO.LOITER and GUIDED."""
+"""Mode numbers by name. ``hold`` is the mode in which DO_REPOSITION is flown: AUTO.LOITER,
+GUIDED."""
 HOME_CORRECTED_S, HOME_STEP_S = 120.0, 0.3
-"""PX4 1.17 corrects the altitude of home for this time after a take-off, this often."""
+"""Time after a take-off in which PX4 1.17 corrects home's altitude, and its period [s]."""
 HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
-"""Total correction, spread of single ones, and least one [m]."""
+"""Total correction of home's altitude, spread of single ones, and the smallest one [m]."""
 DO_PAUSE_CONTINUE = 193
-"""MAV_CMD of a ground station's pause; uavrt never sends it."""
+"""MAV_CMD of a ground station's pause; uavrt itself never sends it."""
 FULL_SCALE_DEG = 1e7
 SPOOL_S = 1.5
-"""Time from the command until it leaves the ground."""
+"""Time from the take-off command until the vehicle leaves the ground [s]."""
 IDLE_S = 10.0
-"""Time armed on the ground after which it disarms (COM_DISARM_PRFLT, DISARM_DELAY)."""
-NOWHERE = 2**31 - 1
-"""INT32_MAX: no latitude or longitude, as NaN is in a COMMAND_LONG."""
+"""Time armed on the ground after which it disarms [s] (COM_DISARM_PRFLT, DISARM_DELAY)."""
+NOT_GIVEN = 2**31 - 1
+"""INT32_MAX: latitude or longitude not given, like NaN in a COMMAND_LONG."""
 
 
 class GroundContact:
-    """Ground contact: landing, take-off, and the correction of home's altitude afterwards."""
+    """Take-off, landing, and the correction of home's altitude after a take-off."""
 
     def __init__(self, flavour: Flavour, *, landed: bool) -> None:
         self._corrects_home = flavour == "px4"
         self.landed = landed
         self.idle_s = 0.0
         self.home_up_m = 0.0
-        """Altitude of home above the plane's, after PX4's corrections."""
+        """Altitude of home above that of the tangent plane, after PX4's corrections [m]."""
         self._off_ground_s: float | None = None
-        """Time of the take-off."""
+        """Time of the take-off [s]; None on the ground."""
 
     def touch_down(self) -> None:
-        """Land."""
+        """Register a landing."""
         self.landed = True
 
     def wait(self) -> None:
-        """Restart the time until it disarms."""
+        """Restart the time after which an armed vehicle on the ground disarms."""
         self.idle_s = 0.0
 
     def stand(self, step_s: float, now_s: float, *, taking_off: bool) -> bool:
@@ -69,7 +70,7 @@ class GroundContact:
         return taking_off or self.idle_s <= IDLE_S
 
     def correct_home(self, step_s: float, now_s: float) -> None:
-        """Change home's altitude as PX4 1.17 does after a take-off; the drone stays."""
+        """Change home's altitude as PX4 1.17 does after a take-off; the drone does not move."""
         if self._off_ground_s is None or not self._corrects_home:
             return
         since_s = now_s - self._off_ground_s
@@ -85,7 +86,7 @@ class GroundContact:
 
 
 class FlyingVehicle:
-    """Vehicle around home: `advance` lets time pass, `command` obeys any sender."""
+    """A vehicle around home: `advance` moves it in time, `command` accepts any sender."""
 
     def __init__(
         self,
@@ -106,20 +107,20 @@ class FlyingVehicle:
         self.mode, self.armed = MODES[flavour]["position"], armed
         self.target: Target | None = None
         self.paused = False
-        """Paused by DO_PAUSE_CONTINUE, which ArduCopter does not report: mode and target
-        stay."""
+        """True while paused by DO_PAUSE_CONTINUE. ArduCopter does not report it: mode and
+        target stay the same."""
         self.taking_off = False
-        """True until another command; ArduPilot reports no target then."""
+        """True from a take-off to the next command; ArduPilot reports no target meanwhile."""
         self.takeoff_height_m = 2.5
-        """Height for a command without one: MIS_TAKEOFF_ALT."""
+        """Height of a take-off command without a height [m] (MIS_TAKEOFF_ALT)."""
 
     @property
     def commanded(self) -> bool:
-        """True in the mode that flies commands."""
+        """True in the mode in which commands are flown."""
         return self.mode == MODES[self.flavour]["hold"]
 
     def latitude_longitude(self) -> tuple[float, float]:
-        """Position of the vehicle [deg]."""
+        """Latitude and longitude of the vehicle [°]."""
         return self.plane.to_geodetic(*self.body.place_m)
 
     def set_mode(self, mode: int) -> None:
@@ -146,7 +147,7 @@ class FlyingVehicle:
             self.target = None
 
     def command(self, message: dialect.CommandInt | dialect.CommandLong) -> int | None:
-        """Handle a command of motion; None for other commands."""
+        """Handle a motion command; returns None for other commands."""
         match message.command:
             case MavCmd.DO_REPOSITION:
                 return self._reposition(message)
@@ -190,7 +191,7 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def _take_off(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
-        """Handle a take-off: only PX4 accepts it when disarmed, and climbs once armed."""
+        """Handle a take-off; only PX4 accepts it when disarmed, and climbs once armed."""
         z = message.z if isinstance(message, dialect.CommandInt) else message.param7
         px4 = self.flavour == "px4"
         landed = self.ground.landed
@@ -233,7 +234,6 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def _reposition(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
-        """Fly to a position, with each autopilot's own interpretation of the command."""
         px4, whole = self.flavour == "px4", isinstance(message, dialect.CommandInt)
         if not px4 and not whole:
             return MavResult.UNSUPPORTED
@@ -257,7 +257,7 @@ class FlyingVehicle:
     def _asked_place(self, message: dialect.CommandInt | dialect.CommandLong) -> Target | None:
         here = self.body.here
         if isinstance(message, dialect.CommandInt):
-            nowhere = NOWHERE in (message.x, message.y)
+            nowhere = NOT_GIVEN in (message.x, message.y)
             latitude, longitude = message.x / FULL_SCALE_DEG, message.y / FULL_SCALE_DEG
             z, relative = message.z, message.frame in (3, 6)
         else:
@@ -276,7 +276,7 @@ class FlyingVehicle:
         return Target(north_m=north, east_m=east, height_m=height)
 
     def advance(self, step_s: float) -> None:
-        """Advance by a short time."""
+        """Move the vehicle for a short time."""
         body, ground = self.body, self.ground
         body.elapse(step_s, armed=self.armed)
         if not self.armed:
@@ -291,17 +291,15 @@ class FlyingVehicle:
         self._land()
 
     def _bearing_deg(self, target: Target) -> float | None:
-        """Bearing to the target, unless it is near."""
         if not self.commanded:
             return None
         place = self.body.place_m
         north, east = target.north_m - place[0], target.east_m - place[1]
-        if math.hypot(north, east) <= LOOKS_UNTIL_M:
+        if math.hypot(north, east) <= HOLD_HEADING_M:
             return None
         return math.degrees(math.atan2(east, north)) % 360.0
 
     def _land(self) -> None:
-        """Descend at home, and disarm on the ground."""
         names, target, body = MODES[self.flavour], self.target, self.body
         if self.mode == names.get("takeoff") and target is not None:
             if body.height_m > target.height_m - 0.5:

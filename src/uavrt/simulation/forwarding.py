@@ -1,9 +1,9 @@
-"""How an autopilot forwards messages, and how links lose and delay them.
+"""Forwarding of messages by an autopilot, and loss and delay of links.
 
-PX4 v1.17 puts forwarded messages in a ring of 2 × sizeof(mavlink_message_t) + 1 = 583 bytes for
-each outgoing link and takes one out per pass of that link's main loop, 4 ms in simulation; what
-does not fit is dropped silently. This is the only loss in PX4 and explains the thesis's Tables
-5.10 to 5.13.
+PX4 1.17 puts forwarded messages into a ring buffer of 2 × sizeof(mavlink_message_t) + 1 = 583
+bytes for each outgoing link, and takes one out per pass of that link's main loop, 4 ms in
+simulation. A message that does not fit is dropped silently. This is the only loss in PX4 and
+explains the thesis's Tables 5.10 to 5.13.
 """
 
 import random
@@ -15,19 +15,19 @@ from uavrt.units import ns_from_s
 RING_BYTES = 583
 PASS_NS = 4_000_000
 HEADER_BYTES = 12
-"""Stored with each message: header and checksum of MAVLink 2 (PX4 keeps 12 + len bytes)."""
+"""Bytes stored with each message: header and checksum of MAVLink 2."""
 ITEM_BYTES = 4
-"""The ring's own length word. With both, five 92-byte and three 128-byte tunnel payloads fit
-in a burst, as measured."""
+"""Size of the ring buffer's own length word [bytes]. With both, five 92-byte and three 128-byte
+tunnel payloads fit in a burst, as measured."""
 
 
 class ForwardRing:
-    """Queue towards one link: bounded in bytes, emptied one message per pass.
+    """Queue towards one link: limited in bytes, emptied by one message per pass.
 
     Call `passes` with the arrival time before each `push`, so that a late wake-up of this
-    program loses nothing that the real loop would not.
+    program loses nothing that the real main loop would not.
 
-    `capacity_bytes`: size of the ring. `pass_ns`: duration of the main loop [ns].
+    `capacity_bytes`: size of the ring buffer. `pass_ns`: period of the main loop [ns].
     """
 
     def __init__(self, capacity_bytes: int = RING_BYTES, pass_ns: int = PASS_NS) -> None:
@@ -43,7 +43,7 @@ class ForwardRing:
         return len(self._items)
 
     def push(self, frame: Frame) -> bool:
-        """Store a message; False when it does not fit."""
+        """Add a message; False if it does not fit."""
         size = len(frame.payload) + HEADER_BYTES + ITEM_BYTES
         if self._used + size >= self._capacity:
             self.dropped += 1
@@ -53,7 +53,7 @@ class ForwardRing:
         return True
 
     def passes(self, now_ns: int) -> list[Frame]:
-        """Return what the passes up to `now_ns` send, one message each."""
+        """Remove and return the messages sent in the passes up to `now_ns`, one for each."""
         if self._next_pass_ns is None:
             self._next_pass_ns = now_ns + self._pass_ns
         sent: list[Frame] = []
@@ -71,17 +71,17 @@ class ForwardRing:
 
 
 class Routes:
-    """Components seen on a link: only they are sent addressed messages."""
+    """Components seen on a link; only they are sent messages with a target."""
 
     def __init__(self) -> None:
         self._seen: set[tuple[int, int]] = set()
 
     def saw(self, frame: Frame) -> None:
-        """Note the sender of a message that came from the link."""
+        """Register the sender of a message from the link."""
         self._seen.add((frame.system_id, frame.component_id))
 
     def leads_to(self, system_id: int, component_id: int) -> bool:
-        """Whether a message with this target belongs on the link."""
+        """True if a message with this target belongs on the link."""
         if system_id == 0:
             return True
         return any(
@@ -91,11 +91,10 @@ class Routes:
 
 
 class Impairment:
-    """Random loss and delay of one direction of a link; the order is kept.
+    """Random loss and delay in one direction of a link; frames stay in order.
 
-    `loss`: probability that a frame is lost.
-    `jitter_s`: greatest delay; even distribution from zero.
-    `seed`: of the random numbers.
+    `loss`: probability that a frame is lost. `jitter_s`: largest delay, uniformly distributed
+    from zero. `seed`: of the random numbers.
     """
 
     def __init__(self, *, loss: float = 0.0, jitter_s: float = 0.0, seed: int = 0) -> None:
@@ -106,7 +105,7 @@ class Impairment:
         self.lost = 0
 
     def release_ns(self, now_ns: int) -> int | None:
-        """Time at which a frame handed over now comes out; None if it is lost."""
+        """Time at which a frame sent now arrives [ns]; None if it is lost."""
         if self._loss > 0.0 and self._random.random() < self._loss:
             self.lost += 1
             return None

@@ -1,6 +1,6 @@
-"""Quaternions and a local tangent plane for the simulator.
+"""Quaternions and a local tangent plane for the simulation.
 
-Kept apart from `uavrt.pose` on purpose: the truth must not share the code that it checks.
+Independent of `uavrt.pose`, because the truth must not share the code that it checks.
 """
 
 import math
@@ -35,14 +35,14 @@ def from_euler_deg(roll_deg: float, pitch_deg: float, yaw_deg: float) -> Quatern
 
 
 def rotate(rotation: Quaternion, vector: Vector) -> Vector:
-    """Bring a vector from the body to the parent frame."""
+    """Transform a vector from the body frame to the parent frame."""
     w, x, y, z = rotation
     turned = multiply(multiply(rotation, (0.0, *vector)), (w, -x, -y, -z))
     return turned[1:]
 
 
 def unrotate(rotation: Quaternion, vector: Vector) -> Vector:
-    """Bring a vector from the parent to the body frame."""
+    """Transform a vector from the parent frame to the body frame."""
     w, x, y, z = rotation
     return rotate((w, -x, -y, -z), vector)
 
@@ -99,13 +99,13 @@ class TangentPlane:
         return north, east * math.cos(math.radians(self.latitude_deg))
 
     def to_geodetic(self, north_m: float, east_m: float) -> tuple[float, float]:
-        """Latitude and longitude [deg] of a place; the longitude wraps at 180°."""
+        """Latitude and longitude [°] of a position; the longitude wraps at 180°."""
         north, east = self._metres_per_degree()
         longitude = self.longitude_deg + east_m / east
         return self.latitude_deg + north_m / north, (longitude + 180.0) % 360.0 - 180.0
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """North and east [m] of a latitude and longitude."""
+        """North and east of the origin [m] of a latitude and longitude."""
         north, east = self._metres_per_degree()
         difference = (longitude_deg - self.longitude_deg + 180.0) % 360.0 - 180.0
         return (latitude_deg - self.latitude_deg) * north, difference * east

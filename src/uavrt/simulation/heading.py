@@ -1,4 +1,4 @@
-"""Heading of a flying vehicle: it turns as PX4 and ArduCopter do. Pure."""
+"""Heading of a simulated vehicle, which turns as PX4 and ArduCopter do."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from uavrt.simulation.airframe import Flavour
 
 @dataclass(frozen=True, slots=True)
 class _Turning:
-    """How an autopilot turns the drone."""
+    """Turning behaviour of an autopilot: limits of rate and acceleration."""
 
     rate_deg_s: float
     acceleration_deg_s2: float
@@ -16,7 +16,7 @@ class _Turning:
     """Limits of the heading setpoint; None: its acceleration is not limited."""
 
     def rate(self, off_deg: float, now_deg_s: float, step_s: float) -> float:
-        """Get the turning rate after a step, from the angle left and the present rate."""
+        """Turning rate after a time step [°/s], from remaining angle and present rate."""
         stops = math.sqrt(1.6 * self.acceleration_deg_s2 * abs(off_deg))
         wanted = math.copysign(min(self.rate_deg_s, stops, 4.0 * abs(off_deg)), off_deg)
         most = self.acceleration_deg_s2 * step_s
@@ -24,12 +24,12 @@ class _Turning:
 
 
 SETTLED_DEG = 0.3
-"""Within this angle of the commanded heading, PX4's setpoint equals it exactly."""
+"""Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
 _TURNING: dict[Flavour, _Turning] = {
     "px4": _Turning(65.0, 90.0, _Turning(58.0, 32.0)),
     "ardupilot": _Turning(200.0, 185.0),
 }
-"""ArduCopter 4.7-dev turns by 107° with up to 129°/s and by 180° with up to 165°/s."""
+"""Measured: ArduCopter 4.7-dev turns by 107° at up to 129°/s and by 180° at up to 165°/s."""
 
 
 class Heading:
@@ -39,22 +39,22 @@ class Heading:
         self._turning = _TURNING[flavour]
         self.yaw_deg, self.rate_deg_s = yaw_deg, 0.0
         self.setpoint_deg: float | None = None
-        """As PX4 reports it; it turns ahead of the drone."""
+        """Heading setpoint as PX4 reports it [°]; it turns ahead of the drone."""
         self._setpoint_rate_deg_s = 0.0
         self.wanted_deg: float | None = None
         self._turn_left_deg, self._turn_rate_deg_s = 0.0, 20.0
-        """Angle and rate of a CONDITION_YAW, signed."""
+        """Remaining angle [°] and rate [°/s] of a CONDITION_YAW command, both signed."""
 
     def want(self, wanted_deg: float | None) -> None:
-        """Turn to a heading; None: to the bearing of the target."""
+        """Turn to a heading [°]; None: to the bearing of the target."""
         self.wanted_deg, self._turn_left_deg = wanted_deg, 0.0
 
     def turn(self, by_deg: float, rate_deg_s: float) -> None:
-        """Turn by an angle, clockwise."""
+        """Turn by an angle, clockwise [°]."""
         self._turn_left_deg, self._turn_rate_deg_s = by_deg, rate_deg_s
 
     def advance(self, bearing_deg: float | None, step_s: float) -> None:
-        """Turn to the requested heading, else to a bearing, else keep the setpoint."""
+        """Turn for a time step: to the commanded heading, or to a bearing if given."""
         if self._turn_left_deg:
             most = self._turn_rate_deg_s * step_s
             step = max(-most, min(most, self._turn_left_deg))

@@ -1,7 +1,7 @@
 """Missions and fences of the simulated autopilot, by MAVLink's mission protocol.
 
-It stores uploads and returns them; it flies no missions. One upload at a time, as on PX4 and
-ArduPilot; a complete new list replaces the old one at once.
+Uploads are stored and can be downloaded; missions are not flown. There is one upload at a time,
+as on PX4 and ArduPilot; a complete new list replaces the old one at once.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from uavrt.mavlink.message import Message
 
 Flavour = Literal["px4", "ardupilot"]
 Place = tuple[int, int]
-ASK_AGAIN_S: dict[Flavour, float] = {"px4": 0.25, "ardupilot": 1.0}
+REQUEST_PERIOD_S: dict[Flavour, float] = {"px4": 0.25, "ardupilot": 1.0}
 GIVE_UP_S: dict[Flavour, float] = {"px4": 5.0, "ardupilot": 8.0}
 ROOM = 500
 KINDS = (MavMissionType.MISSION, MavMissionType.FENCE, MavMissionType.RALLY)
@@ -33,7 +33,7 @@ class _Upload:
 
 
 class MissionStore:
-    """State of the store, of a flavour: ArduPilot keeps home as the first item."""
+    """Stored missions and fences. ArduPilot keeps home as the first item."""
 
     def __init__(self, flavour: Flavour) -> None:
         self._flavour: Flavour = flavour
@@ -43,7 +43,7 @@ class MissionStore:
     def receive(
         self, message: Message, sender: Place, now_s: float, send: Callable[[Message], None]
     ) -> bool:
-        """Handle a message of a station; False for those that are no mission's."""
+        """Handle a station's message; False if it does not belong to the mission protocol."""
         match message:
             case dialect.MissionCount():
                 self._begin(message, sender, now_s, send)
@@ -70,13 +70,13 @@ class MissionStore:
         return True
 
     def tick(self, now_s: float) -> None:
-        """Repeat the request for a missing item, or give up."""
+        """Repeat the request for a missing item, or give up the upload."""
         upload = self._upload
         if upload is None:
             return
         if now_s - upload.heard_s > GIVE_UP_S[self._flavour]:
             self._upload = None
-        elif now_s - upload.asked_s > ASK_AGAIN_S[self._flavour]:
+        elif now_s - upload.asked_s > REQUEST_PERIOD_S[self._flavour]:
             self._ask(upload, now_s)
 
     def _begin(
@@ -148,7 +148,6 @@ class MissionStore:
         send(dialect.MissionItemInt(**(values | _to(sender, kind) | {"seq": message.seq})))
 
     def _end(self, message: dialect.MissionAck, sender: Place) -> None:
-        """Drop an upload that its sender has cancelled."""
         upload = self._upload
         if upload is not None and upload.sender == sender and message.type:
             self._upload = None

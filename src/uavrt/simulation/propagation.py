@@ -1,7 +1,7 @@
-"""From a tag to the antenna: spreading, ground and wall reflections, water, fading.
+"""Propagation from a tag to the antenna: spreading, reflections, water, fading.
 
-Every path is a straight ray from the tag or one of its mirror images; the rays add as complex
-amplitudes, each weighted with the antenna's gain and polarization towards it.
+Every path is a straight ray from the tag or one of its mirror images. The rays add as complex
+amplitudes, each weighted by the antenna's gain and polarization in its direction.
 """
 
 import cmath
@@ -26,15 +26,15 @@ _MINIMUM_DISTANCE_M = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wall(ScenarioRecord):
-    """A long flat reflector standing upright: a building front, a cliff."""
+    """A long flat vertical reflector: a building front, a cliff."""
 
     north_m: float
-    """A point of the wall, from home [m]."""
+    """A point of the wall, north of home [m]."""
     east_m: float
     facing_deg: float
-    """Compass direction of its normal; only that side reflects."""
+    """Compass direction of the wall's normal [°]; only that side reflects."""
     reflection: Annotated[float, Ge(-1), Le(1)] = -0.5
-    """Amplitude of the reflected wave over that of the arriving one."""
+    """Amplitude ratio of reflected and arriving wave."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,20 +43,20 @@ class Fading(ScenarioRecord):
 
     kind: Literal["none", "lognormal", "rician"] = "none"
     sigma_db: Annotated[float, Ge(0), Le(20)] = 2.0
-    """Lognormal: standard deviation."""
+    """Lognormal fading: standard deviation [dB]."""
     k_factor_db: Annotated[float, Ge(-20), Le(40)] = 12.0
-    """Rician: steady power over scattered power."""
+    """Rician fading: ratio of steady to scattered power [dB]."""
     correlation_time_s: Annotated[float, Gt(0)] = 1.0
-    """After this time the correlation of the underlying normal process is 1/e."""
+    """Time after which the correlation of the underlying normal process is 1/e [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation(ScenarioRecord):
-    """Propagation of waves in this world."""
+    """Propagation of waves in this world: spreading, reflections and fading."""
 
     model: Literal["log_distance", "two_ray"] = "log_distance"
     exponent: Annotated[float, Ge(1), Le(6)] = 2.0
-    """Power falls with this power of the distance, from free space at 1 m."""
+    """Exponent of the decrease of power with distance, from 1 m on; 2 is free space."""
     ground_permittivity: Annotated[float, Ge(1)] = 15.0
     ground_conductivity_s_m: Annotated[float, Ge(0)] = 5e-3
     doppler: bool = True
@@ -67,23 +67,22 @@ class Propagation(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Link:
-    """Propagation of one pulse."""
+    """Properties of the path of one pulse from tag to antenna."""
 
     distance_m: float
-    """Straight from the tag to the antenna."""
     bearing_deg: float
-    """Compass direction from the antenna to the tag, true."""
+    """Compass direction from the antenna to the tag, true [°]."""
     elevation_deg: float
-    """Elevation of the tag from the antenna [deg]; negative below."""
+    """Elevation of the tag from the antenna [°]; negative below."""
     off_boresight_deg: float
     gain_db: float
-    """Received over radiated power: spreading, reflections, antenna and polarization."""
+    """Received over radiated power [dB]: spreading, reflections, antenna and polarization."""
 
 
 def ground_reflection(
     propagation: Propagation, grazing_rad: float, frequency_hz: float, *, horizontal: bool
 ) -> complex:
-    """Fresnel coefficient of the ground, of permittivity ε - j·18·10⁹·σ/f."""
+    """Fresnel reflection coefficient of the ground, with permittivity ε - j·18·10⁹·σ/f."""
     permittivity = complex(
         propagation.ground_permittivity,
         -18e9 * propagation.ground_conductivity_s_m / frequency_hz,
@@ -94,10 +93,10 @@ def ground_reflection(
 
 
 def water_loss_db(depth_m: float, conductivity_s_m: float) -> float:
-    """Loss [dB] of a tag under fresh water, straight up to the surface and out.
+    """Loss [dB] of a tag under fresh water, for a wave straight up to the surface.
 
-    Absorption is 8.69·σ·Z₀/(2n) dB/m, 1.8 dB/m at 10 mS/m; the step from water to air costs
-    -10 log10(4n/(n+1)²) = 4.4 dB with n = 9.
+    Absorption is 8.69·σ·Z₀/(2n) dB/m, 1.8 dB/m at 10 mS/m. The step from water to air costs -10
+    log10(4n/(n+1)²) = 4.4 dB with n = 9.
     """
     if depth_m <= 0.0:
         return 0.0
@@ -109,7 +108,7 @@ def water_loss_db(depth_m: float, conductivity_s_m: float) -> float:
 
 
 def fading_db(fading: Fading, seed: int, tag_id: int, elapsed_s: float) -> float:
-    """Level change [dB] of a tag at a time: a smooth random function, the same for all."""
+    """Level change of a tag by fading at a time [dB]: a smooth random function."""
     if fading.kind == "none":
         return 0.0
     position = elapsed_s / fading.correlation_time_s
@@ -125,7 +124,6 @@ def fading_db(fading: Fading, seed: int, tag_id: int, elapsed_s: float) -> float
 def _mirror_in_wall(
     wall: Wall, tag: geometry.Vector, antenna: geometry.Vector
 ) -> geometry.Vector | None:
-    """Image of a tag in a wall, None unless tag and antenna are both before it."""
     facing = math.radians(wall.facing_deg)
     normal = (math.cos(facing), math.sin(facing), 0.0)
     foot = (wall.north_m, wall.east_m, 0.0)
@@ -147,7 +145,7 @@ def _rays(
 ) -> Iterator[tuple[geometry.Vector, complex]]:
     """Sources as seen from the antenna, real and mirrored, each with its reflection factor.
 
-    The ground that reflects is a plane through the ground beneath both ends.
+    The reflecting ground is a plane through the ground beneath tag and antenna.
     """
     yield tag, 1.0
     if propagation.model == "two_ray":
@@ -181,13 +179,12 @@ def link(
 ) -> Link:
     """Compute the link from a tag to the antenna, without fading.
 
-    `antenna`: pattern and polarization; the mounting is already in the quaternion.
-    `tag_ned_m`, `antenna_ned_m`: places from home [m], down positive; both are kept above level
-    ground by 0.1 m.
-    `antenna_quaternion_wxyz`: antenna's frame to north-east-down.
-    `polarization_deg`: tilt of the tag's field from upright across the ray; 90 is horizontal.
-    `frequency_hz`: carrier frequency [Hz].
-    `heights_m`: of antenna and tag above the ground beneath them, where that is not level.
+    `antenna`: pattern and polarization; the mounting is already in the quaternion. `tag_ned_m`,
+    `antenna_ned_m`: positions from home [m], down positive, both at least 0.1 m above level
+    ground. `antenna_quaternion_wxyz`: antenna frame to north-east-down. `polarization_deg`:
+    tilt of the tag's field from vertical, perpendicular to the ray; 90 is horizontal.
+    `frequency_hz`: carrier frequency [Hz]. `heights_m`: heights of antenna and tag above the
+    ground beneath them, where it is not level.
     """
     tag, place = tag_ned_m, antenna_ned_m
     if heights_m is None:

@@ -1,4 +1,4 @@
-"""A scenario as files: SigMF recording, telemetry, truth and tag lists."""
+"""Writes a scenario as files: SigMF recording, telemetry, truth and tag lists."""
 
 import csv
 import hashlib
@@ -24,7 +24,7 @@ _SIGMF_TYPES: dict[SampleFormat, str] = {"cf32": "cf32_le", "cs16": "ci16_le"}
 _SAMPLE_BYTES: dict[SampleFormat, int] = {"cf32": 8, "cs16": 4}
 _TELEMETRY_RATE_HZ = 50
 SWITCH_KEY = "uavrt:antenna_switch"
-"""Global metadata: which antenna each sample was received with (docs/reference/scenario.md)."""
+"""Key of the antenna switch in the global SigMF metadata (docs/reference/scenario.md)."""
 TELEMETRY_COLUMNS = (
     *("time_ns", "latitude_deg", "longitude_deg", "altitude_amsl_m", "altitude_relative_m"),
     *("qw", "qx", "qy", "qz"),
@@ -45,9 +45,9 @@ class SimulatedRecording:
     samples: int
     pulses: int
     outside: tuple[int, ...]
-    """Tags on frequencies outside the recorded band."""
+    """Tags with frequencies outside the recorded band."""
     cut: tuple[int, ...]
-    """Tags of which TagInfo.txt has less than `tags`: a second interval, or a code."""
+    """Tags that TagInfo.txt cannot fully describe: with a second interval, or a code."""
 
 
 def simulate_to_directory(
@@ -61,12 +61,11 @@ def simulate_to_directory(
 ) -> SimulatedRecording:
     """Record a scenario from its start.
 
-    `directory`: made on demand; must be empty. `duration_s`: length [s]; by default the
-    scenario's. `sample_format`: little-endian pairs of float32, or of int16 with 32767 for full
-    scale. `sample_rate_hz`: sample rate [Hz]; by default the scenario's. `on_progress`: called
-    with the samples written and their total. Raises `ConfigError` unless length and rate are
-    positive, `RecordingError` if the directory cannot be written, is not empty, or has too
-    little space.
+    `directory`: created if missing; must be empty. `duration_s`: length [s]; by default the
+    scenario's. `sample_format`: little-endian pairs of float32, or of int16 with full scale
+    32767. `sample_rate_hz`: by default the scenario's. `on_progress`: called with the number of
+    samples written and their total. Raises `ConfigError` unless length and rate are positive,
+    `RecordingError` if the directory cannot be written, is not empty, or has too little space.
     """
     duration_s = scenario.duration_s if duration_s is None else duration_s
     scenario = replace(scenario, duration_s=duration_s)
@@ -158,7 +157,6 @@ def _write_samples(
     sample_format: SampleFormat,
     on_progress: Callable[[int, int], None] | None,
 ) -> str:
-    """Write the samples; return their SHA-512."""
     checksum = hashlib.sha512()
     done = 0
     with path.open("wb") as file:
@@ -174,7 +172,7 @@ def _write_samples(
 
 
 def write_truth(path: Path, pulses: Sequence[TruePulse]) -> None:
-    """Write true pulses as CSV, one column for each field of `TruePulse`."""
+    """Write the true pulses as CSV, with a column for each field of `TruePulse`."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [item.name for item in fields(TruePulse)])
         writer.writeheader()
@@ -182,7 +180,7 @@ def write_truth(path: Path, pulses: Sequence[TruePulse]) -> None:
 
 
 def telemetry(scenario: Scenario, end_time_ns: int) -> Iterator[Pose]:
-    """Poses of the vehicle, 50 a second, from the start to the first one not before the end."""
+    """Poses of the vehicle, 50 a second, from the start to the first one after the end."""
     step_ns = 1_000_000_000 // _TELEMETRY_RATE_HZ
     steps = -(-(end_time_ns - scenario.start_time_ns) // step_ns)
     for step in range(steps + 1):
@@ -212,7 +210,6 @@ def _sigmf_metadata(
     pulses: Sequence[TruePulse],
     checksum: str,
 ) -> dict[str, Any]:
-    """SigMF 1.2 metadata with an annotation for every true pulse."""
     scenario = synthesizer.scenario
     annotations = []
     for pulse in pulses:

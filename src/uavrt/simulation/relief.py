@@ -1,8 +1,8 @@
 """Hills of the simulated world: heights of the ground, and their diffraction loss.
 
-The heights come from elevation files or a function. The loss is Bullington's of Recommendation
-ITU-R P.526-15 (§4.5.1), by Fresnel's integrals themselves, less that over level ground, which
-the reflected ray represents.
+Heights come from elevation files or a function. The loss is that of Bullington in
+Recommendation ITU-R P.526-15 (§4.5.1), with exact Fresnel integrals, minus the loss over level
+ground, which the reflected ray represents.
 """
 
 import math
@@ -20,7 +20,7 @@ from uavrt.terrain.elevation_files import open_elevation
 
 _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]
-"""Height of the ground [m] at metres north and east of home, of any datum."""
+"""Function: height of the ground [m], in any datum, at metres north and east of home."""
 _STEP_M = 10.0
 _CLOSE_POINTS = 100
 _EARTH_M = 4.0 / 3.0 * 6_371_000.0
@@ -28,17 +28,17 @@ _EARTH_M = 4.0 / 3.0 * 6_371_000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terrain(ScenarioRecord):
-    """The ground, when it is not level."""
+    """Scenario table for ground that is not level."""
 
     dem: str | None = None
     """An elevation file or a folder of them. Heights of the flight count from the ground at
     home, heights of tags from the ground beneath them."""
     sea: bool = False
-    """Whether areas outside the files are water at height 0."""
+    """Treat areas outside the files as water at height 0."""
 
 
 class Relief:
-    """Ground above or below that of home."""
+    """Heights of the ground above that of home, and losses by hills."""
 
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
@@ -65,13 +65,14 @@ class Relief:
         return cls(heights)
 
     def height_m(self, north_m: float, east_m: float) -> float:
-        """Height of the ground over that of home [m]."""
+        """Height of the ground above that at home [m]."""
         return float(self._heights(np.array([north_m]), np.array([east_m]))[0]) - self._home_m
 
     def loss_db(
         self, drone: geometry.Vector, tag: geometry.Vector, wavelength_m: float
     ) -> float:
-        """Loss by the ground in between, beyond that of level ground [dB].
+        """Diffraction loss by the ground between drone and tag, beyond that of level ground
+        [dB].
 
         `drone`, `tag` (north, east, down): from the ground at home [m].
         """
@@ -99,7 +100,6 @@ class Relief:
 def _bullington_db(
     x: _Floats, ground: _Floats, ends: tuple[float, float], wavelength_m: float
 ) -> float:
-    """Loss of a profile; both ends are heights of antennas."""
     far, between, height = float(x[-1]), x[1:-1], ground[1:-1]
     start, end = ends
     up = float(np.max((height - start) / between))

@@ -1,4 +1,4 @@
-"""Scenario files: TOML to `Scenario` and back."""
+"""Reads and writes scenario files: TOML to `Scenario` and back."""
 
 import json
 import math
@@ -33,7 +33,7 @@ def load_scenario(path: str | Path) -> Scenario:
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
-    """Make a scenario from a scenario file's text; raises `ConfigError` with all faults."""
+    """Create a scenario from a file's text; raises `ConfigError` with all faults."""
     # Pydantic costs 0.1 s to import; those who build a Scenario in Python do without it.
     from pydantic import TypeAdapter, ValidationError
 
@@ -61,7 +61,6 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
 
 
 def _read_start_time(table: dict[str, Any], faults: list[str]) -> None:
-    """Turn the readable ``start_time`` into nanoseconds."""
     stamp = table.pop("start_time", None)
     if stamp is None:
         return
@@ -74,7 +73,7 @@ def _read_start_time(table: dict[str, Any], faults: list[str]) -> None:
 
 
 def _place(location: tuple[int | str, ...]) -> str:
-    """Name a place as a person would: ``tag[2].erp_dbm``, counted from 1."""
+    """Path of a value for error texts, such as ``tag[2].erp_dbm``, counted from 1."""
     text = ""
     for part in location:
         if isinstance(part, int):
@@ -85,7 +84,7 @@ def _place(location: tuple[int | str, ...]) -> str:
 
 
 def scenario_faults(scenario: Scenario) -> list[str]:
-    """List what is wrong in a scenario beyond the range of single values."""
+    """Contradictions between values of a scenario, as texts."""
     faults: list[str] = []
     seen: set[int] = set()
     for number, tag in enumerate(scenario.tag, start=1):
@@ -134,13 +133,12 @@ def write_scenario(scenario: Scenario, path: str | Path) -> None:
 
 
 def scenario_toml(scenario: Scenario) -> str:
-    """Write a scenario as TOML text, every value that is not None."""
+    """A scenario as TOML text, with every value that is not None."""
     readable = f"# starts {iso_utc(scenario.start_time_ns)}\n"
     return readable + "\n".join(_table_lines("", scenario)) + "\n"
 
 
 def _table_lines(name: str, record: object) -> list[str]:
-    """Lines of one table: plain values first, then its tables, as TOML requires."""
     plain: list[str] = []
     nested: list[str] = []
     assert is_dataclass(record)

@@ -1,7 +1,7 @@
-"""Samples of the simulated radio: thermal noise, pulses, interferers, the radio's own faults.
+"""Samples of the simulated radio: thermal noise, pulses, interferers, faults of the radio.
 
-Samples are made in chunks on a fixed grid of the absolute sample index, each with its own
-random generator, so any block at any time is reproducible bit for bit.
+Samples are created in chunks on a fixed grid of the absolute sample index, each with its own
+random generator. So any block at any time is reproducible bit by bit.
 """
 
 import math
@@ -17,12 +17,12 @@ from uavrt.simulation.scenario import Interferer, Scenario, SimulatedTag
 from uavrt.simulation.world import TruePulse, World, full_scale_factor
 
 CHUNK_SAMPLES = 65_536
-"""Samples of one write of airspy_rx: a USB buffer of 262 144 bytes."""
+"""Number of samples in one write of airspy_rx: a USB buffer of 262 144 bytes."""
 _PHASOR_STEP = 256
 _IMPULSE_SLOT_S = 0.1
 
 SampleFormat = Literal["cf32", "cs16"]
-"""How samples are written: pairs of float32, or of int16 with 32767 for full scale."""
+"""Stored format of samples: pairs of float32, or of int16 with full scale 32767."""
 
 
 class IQSynthesizer:
@@ -30,7 +30,7 @@ class IQSynthesizer:
 
     `scenario`: the world; sample 0 is taken at its start. `center_frequency_hz`,
     `sample_rate_hz`, `gain` (step 0 to 21): by default the scenario's. `path`: the drone's true
-    path, when it flies by commands.
+    path, if it is commanded.
     """
 
     def __init__(
@@ -70,9 +70,9 @@ class IQSynthesizer:
         self._chunk = np.empty(CHUNK_SAMPLES, dtype=np.complex64)
 
     def block(self, first_sample_index: int, count: int) -> NDArray[np.complex64]:
-        """Get `count` consecutive samples as a new array, full scale 1.0.
+        """Get `count` consecutive samples as a new array; full scale is 1.0.
 
-        `first_sample_index`: since the scenario's start; before it there is noise.
+        `first_sample_index`: counted from the scenario's start; before it there is only noise.
         """
         result = np.empty(count, dtype=np.complex64)
         done = 0
@@ -84,24 +84,24 @@ class IQSynthesizer:
         return result
 
     def chunk(self, chunk_index: int) -> NDArray[np.complex64]:
-        """Get one chunk (CHUNK_SAMPLES,) of the grid; read-only, valid until the next call."""
+        """Get one chunk (CHUNK_SAMPLES,); it is read-only and valid until the next call."""
         if chunk_index != self._chunk_index:
             self._make_chunk(chunk_index)
             self._chunk_index = chunk_index
         return self._chunk
 
     def index_at(self, time_ns: int) -> int:
-        """Index of the first sample taken at or after a time [ns, UTC]."""
+        """Index of the first sample at or after a time [ns, UTC]."""
         return math.ceil(self.scenario.elapsed_s(time_ns) * self.true_sample_rate_hz)
 
     def time_ns_at(self, sample_index: int) -> int:
-        """True time at which a sample is taken [ns, UTC]."""
+        """True time of a sample [ns, UTC]."""
         return self.scenario.start_time_ns + round(
             sample_index / self.true_sample_rate_hz * 1e9
         )
 
     def in_band(self, frequency_hz: float) -> bool:
-        """Whether a frequency is within the sampled band."""
+        """True if a frequency is within the sampled band."""
         return abs(frequency_hz - self.true_center_hz) < self.true_sample_rate_hz / 2
 
     def _make_chunk(self, chunk_index: int) -> None:
@@ -125,7 +125,6 @@ class IQSynthesizer:
             np.clip(parts, -1.0, 1.0, out=parts)
 
     def _add_pulses(self, first: int) -> float:
-        """Add the pulses of a chunk; return the sum of the amplitudes."""
         start_s = first / self.true_sample_rate_hz
         end_s = (first + CHUNK_SAMPLES) / self.true_sample_rate_hz
         total = 0.0
@@ -149,7 +148,6 @@ class IQSynthesizer:
     def _pulse_samples(
         self, tag: SimulatedTag, index: int
     ) -> tuple[int, NDArray[np.complex64]]:
-        """Index of the first sample and all samples of a pulse, cached until it is over."""
         key = (tag.tag_id, index)
         if key not in self._pulses:
             self._pulses[key] = self._synthesize(self.world.pulse(tag, index))
@@ -173,7 +171,6 @@ class IQSynthesizer:
         return begin, wave
 
     def _add_impulses(self, first: int) -> float:
-        """Add short bursts of wideband noise; return the largest amplitude."""
         peak = 0.0
         end = first + CHUNK_SAMPLES
         for number, interferer in enumerate(self.scenario.interferer):
@@ -196,7 +193,6 @@ class IQSynthesizer:
     def _impulses(
         self, number: int, interferer: Interferer, slot: int, width: int
     ) -> list[tuple[int, NDArray[np.complex128]]]:
-        """Begin and shape of the impulses of one slot of 0.1 s."""
         key = stream_key(self.scenario.seed, "impulses", number)
         generator = np.random.Generator(
             np.random.SFC64(np.random.SeedSequence((key, max(0, slot))))
@@ -231,9 +227,10 @@ class _Carrier:
 def phasor(
     turns_per_sample: float, count: int, phase_rad: float, amplitude: float
 ) -> NDArray[np.complex64]:
-    """Make a complex tone (count,) as the outer product of a coarse and a fine phasor.
+    """Complex tone (count,), as the outer product of a coarse and a fine phasor.
 
-    One complex multiplication a sample in place of a sine and a cosine: 1 ns against 25 ns.
+    This takes one complex multiplication per sample instead of a sine and a cosine: 1 ns
+    instead of 25 ns.
     """
     fine = np.exp(2j * np.pi * turns_per_sample * np.arange(_PHASOR_STEP))
     starts = np.arange(0, count, _PHASOR_STEP)

@@ -8,7 +8,7 @@ from uavrt.messages import Pose
 
 
 def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
-    """Period of default streams [ns]; ArduPilot streams only heartbeats by default."""
+    """Periods of the default streams [ns]; by default ArduPilot streams only heartbeats."""
     if flavour == "ardupilot":
         return {}
     rates_hz = {
@@ -29,7 +29,7 @@ def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
 
 
 def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
-    """Write a telemetry message at a boot time; raises `KeyError` if it is not streamed."""
+    """Create a telemetry message for a boot time; raises `KeyError` if it is not streamed."""
     boot_ms &= 0xFFFFFFFF
     match message_id:
         case dialect.AttitudeQuaternion.ID:

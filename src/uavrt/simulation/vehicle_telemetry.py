@@ -1,4 +1,4 @@
-"""MAVLink messages of a simulated vehicle, as PX4 or ArduCopter sends them. Pure."""
+"""MAVLink messages of a simulated vehicle, as PX4 or ArduCopter sends them."""
 
 import math
 
@@ -7,7 +7,7 @@ from uavrt.simulation.flying import FULL_SCALE_DEG, FlyingVehicle
 
 
 def position_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.GlobalPositionInt:
-    """Position; the height is above home, as corrected by the autopilot."""
+    """Position message; its height is above home, as corrected by the autopilot."""
     latitude, longitude = vehicle.latitude_longitude()
     north, east, up = vehicle.body.velocity_m_s
     height = vehicle.body.shown_height_m
@@ -25,7 +25,7 @@ def position_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.GlobalPosi
 
 
 def home_message(vehicle: FlyingVehicle) -> dialect.HomePosition:
-    """Position and altitude of home, from which heights are counted."""
+    """Message with position and altitude of home, from which heights are counted."""
     plane = vehicle.plane
     return dialect.HomePosition(
         latitude=round(plane.latitude_deg * FULL_SCALE_DEG),
@@ -38,10 +38,10 @@ def home_message(vehicle: FlyingVehicle) -> dialect.HomePosition:
 def target_message(
     vehicle: FlyingVehicle, boot_ms: int
 ) -> dialect.PositionTargetGlobalInt | None:
-    """Target of the flight; None without one."""
+    """Message with the target of the flight; None without a target."""
     target, px4 = vehicle.target, vehicle.flavour == "px4"
     hidden = vehicle.taking_off and not px4
-    if target is None or hidden or vehicle.body.velocity_asked is not None:
+    if target is None or hidden or vehicle.body.velocity_setpoint is not None:
         return None
     latitude, longitude = vehicle.plane.to_geodetic(target.north_m, target.east_m)
     heading = vehicle.heading
@@ -59,7 +59,7 @@ def target_message(
 
 
 def wind_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.Wind | dialect.WindCov:
-    """The wind, as each of the autopilots reports it."""
+    """Wind message, different for each autopilot."""
     north, east = vehicle.body.frame.wind_m_s
     if vehicle.flavour == "ardupilot":
         comes_deg = math.degrees(math.atan2(-east, -north))
@@ -75,7 +75,7 @@ def wind_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.Wind | dialect
 
 
 def landed_message(vehicle: FlyingVehicle) -> dialect.ExtendedSysState:
-    """Whether the vehicle is on the ground."""
+    """Message on whether the vehicle is on the ground."""
     state = dialect.MavLandedState
     return dialect.ExtendedSysState(
         landed_state=state.ON_GROUND if vehicle.ground.landed else state.IN_AIR

@@ -22,7 +22,7 @@ from uavrt.simulation.relief import Heights, Relief
 from uavrt.simulation.scenario import Scenario, SimulatedTag
 
 THERMAL_NOISE_DBM_HZ = -173.975
-"""k·T₀ at 290 K."""
+"""Thermal noise power density at 290 K [dBm/Hz]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,29 +31,27 @@ class TruePulse:
 
     tag_id: int
     listed: bool
-    """False for a neighbour tag that the operator does not search for."""
+    """False for another tag nearby that the operator does not search for."""
     pulse_index: int
     """Number of the tag's pulse since the start of the scenario, from 0."""
     rate: int
-    """Which of the tag's intervals follows this pulse, from 1."""
+    """Which of the tag's intervals follows this pulse; 1 is the first."""
     transmit_time_ns: int
-    """Start of the pulse at the tag [ns, UTC]."""
     start_time_ns: int
     """Start of the pulse at the antenna [ns, UTC]."""
     end_time_ns: int
     frequency_hz: float
-    """Carrier as received, with the crystal's error, drift and Doppler shift."""
+    """Received carrier frequency [Hz], with the tag's error, drift and Doppler shift."""
     received_power_dbm: float
     enr_db: float
-    """Pulse energy over noise power density."""
+    """Ratio of pulse energy to noise power density [dB]."""
     amplitude: float
     """Amplitude of the complex samples at the radio's gain [full scale]."""
     phase_rad: float
-    """Phase of the carrier at the start of the pulse [rad]."""
     fading_db: float
     distance_m: float
     bearing_deg: float
-    """Compass direction from the antenna to the tag, true."""
+    """Compass direction from the antenna to the tag, true [°]."""
     elevation_deg: float
     off_boresight_deg: float
 
@@ -66,8 +64,8 @@ def noise_psd_dbm_hz(scenario: Scenario) -> float:
 def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
     """Amplitude of the samples [full scale] for 1 mW at the antenna connector.
 
-    From the noise's level in the samples: a wave of power P has the amplitude noise_rms·√(P /
-    (N₀·fs)), at any sample rate.
+    A wave of power P has the amplitude noise_rms·√(P / (N₀·fs)) at any sample rate, from the
+    level of the noise in the samples.
     """
     radio = scenario.radio
     noise_mw = 10.0 ** (noise_psd_dbm_hz(scenario) / 10.0) * radio.sample_rate_hz
@@ -77,11 +75,11 @@ def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
 
 
 class World:
-    """All pulses of a scenario, each a function of the scenario alone.
+    """All pulses of a scenario, which depend only on the scenario.
 
-    `scenario`: the world; the pulses' times are counted from its start. `path`: the drone's
-    true path, when it flies by commands. `ground`: heights of the ground in place of the
-    scenario's elevation files. Raises `FormatError` if the elevation files cannot be read.
+    `scenario`: the world; pulse times count from its start. `path`: the drone's true path, if
+    it is commanded. `ground`: heights of the ground, instead of the scenario's elevation files.
+    Raises `FormatError` if the elevation files cannot be read.
     """
 
     def __init__(
@@ -116,7 +114,7 @@ class World:
         return sorted(found, key=lambda pulse: pulse.start_time_ns)
 
     def pulse_indices(self, tag: SimulatedTag, start_s: float, end_s: float) -> range:
-        """Numbers of a tag's pulses whose start at the tag lies in [start, end) seconds."""
+        """Indices of a tag's pulses that start at the tag in [start, end) [s]."""
         return self._trains[tag.tag_id].indices(start_s, end_s)
 
     def pulse(self, tag: SimulatedTag, index: int) -> TruePulse:
@@ -157,7 +155,7 @@ class World:
         )
 
     def antenna_state(self, time_ns: int) -> tuple[geometry.Vector, geometry.Quaternion]:
-        """Place from home [m, NED] and attitude of the antenna."""
+        """Position from home [m, NED] and attitude of the antenna at a time [ns, UTC]."""
         state = None if self._path is None else self._path.state(time_ns)
         if state is None:
             return self.scenario.antenna_state(time_ns)
@@ -166,7 +164,7 @@ class World:
     def position_weights(
         self, switch: AntennaSwitch, pulse: TruePulse
     ) -> NDArray[np.complex128]:
-        """Complex amplitudes (positions,) of a pulse at the positions of an antenna switch."""
+        """Complex amplitudes of a pulse at the positions of an antenna switch, (positions,)."""
         tag = next(one for one in self.scenario.tag if one.tag_id == pulse.tag_id)
         place, rotation = self.antenna_state(pulse.start_time_ns)
         there = self._tag_place(tag, pulse.start_time_ns)
@@ -176,7 +174,6 @@ class World:
         return position_weights(switch, body, SPEED_OF_LIGHT_M_S / pulse.frequency_hz)
 
     def _tag_place(self, tag: SimulatedTag, time_ns: int) -> geometry.Vector:
-        """Place of a tag from home, on the ground as it is there."""
         north, east, down = self.scenario.tag_position_ned_m(tag, time_ns)
         if self._relief is None:
             return north, east, down
@@ -222,7 +219,7 @@ class World:
 
 
 class _PulseTrain:
-    """Start times of one tag's pulses at the tag, extended on demand."""
+    """Start times of one tag's pulses at the tag, computed on demand."""
 
     def __init__(self, scenario: Scenario, tag: SimulatedTag) -> None:
         self._tag = tag
@@ -253,7 +250,7 @@ class _PulseTrain:
             self._rates.append(self._rate(len(self._rates), self._grid_s[-1]))
 
     def indices(self, start_s: float, end_s: float) -> range:
-        """Numbers of the pulses that start in [start, end)."""
+        """Indices of the pulses that start in [start, end)."""
         self._extend(end_s)
         jitter = self._tag.jitter_s
         first = bisect.bisect_left(self._grid_s, start_s - jitter)

@@ -1,5 +1,5 @@
-"""Which processes run, when, and what happens when one dies.
+"""The supervisor: starts the drone's processes, restarts those that die, carries out commands.
 
-`program` runs it all: `start` starts programs, `tree` keeps the processes of the table running,
-`mission` carries out the operator's commands.
+`program` is the entry point. `start` starts programs, `tree` keeps the processes of the table
+running, and `mission` carries out the operator's commands.
 """

@@ -18,7 +18,7 @@ from uavrt.supervisor.start.launcher import Launcher  # noqa: E402
 
 
 def main() -> int:
-    """Run the supervisor with the settings and tags of the arguments."""
+    """Run the supervisor with settings and tags given as JSON arguments."""
     configure_logging("supervisor")
     launcher = Launcher()
     launcher.warm_up()

@@ -1,6 +1,6 @@
-"""The supervisor: a hub for records, and a loop that keeps the right processes running.
+"""The supervisor: routes records between processes and keeps the right processes running.
 
-Records between processes pass through it by the tables; samples do not.
+The tables define the routes. Radio samples do not pass through the supervisor.
 """
 
 import asyncio
@@ -32,9 +32,9 @@ from uavrt.supervisor.mission.last_pulses import LastPulses
 from uavrt.supervisor.mission.operations import Operations
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.progress import FlightProgress
-from uavrt.supervisor.mission.radio_check import RadioQuestion
+from uavrt.supervisor.mission.radio_check import RadioTest
 from uavrt.supervisor.mission.saved_state import StateStore
-from uavrt.supervisor.mission.tuning import ask_tuner
+from uavrt.supervisor.mission.tuning import request_tuning
 from uavrt.supervisor.mission.wall_clock import WallClockWatch
 from uavrt.supervisor.start.launcher import Launcher
 from uavrt.supervisor.start.usage import own_usage
@@ -48,20 +48,21 @@ from uavrt.supervisor.tree.table import SUPERVISOR_TOPICS, consumers_of
 log = get_logger()
 
 TICK_S = 0.25
-"""Time between checks for silent processes and due restarts [s]; an end wakes the loop."""
+"""Period of the checks for silent processes and due restarts [s]."""
 STATUS_PERIOD_S = TOPICS["system_status"].every_s or 1.0
 DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
-"""MAV_SEVERITY_WARNING; lower numbers are worse."""
-LAST_PULSES_S = 1.0
-"""Longest wait for the last pulses' poses, beyond `AntennaSettings.pose_wait_s` [s]. Usually
-0.1 s; poses lost with a killed process are later filled in by the recorder."""
+"""MAVLink severity number of a warning; lower numbers are worse."""
+LAST_POSES_S = 1.0
+"""Longest wait for the last pulses' poses at a flight's end, added to
+`AntennaSettings.pose_wait_s` [s]. It usually takes 0.1 s; the recorder later adds poses lost
+with a killed process."""
 CLOSE_S = 5.0
-"""Longest wait until the recorder has closed a flight [s]; it takes 0.1 s."""
+"""Longest wait for the recorder to close a flight [s]; usually 0.1 s."""
 
 
 class Supervisor:
-    """Joins mission, processes and records; `on_record` gets each line, for viewers."""
+    """Connects commands, processes and records; `on_record` gets each record line."""
 
     def __init__(
         self,
@@ -78,8 +79,8 @@ class Supervisor:
         self._wall_clock = WallClockWatch()
         self._last_pulses = LastPulses()
         self._to_pump: dict[str, Instance] = {}
-        self._radio_question: asyncio.Future[tuple[bool, str]] | None = None
-        self._asking: RadioQuestion | None = None
+        self._radio_test: asyncio.Future[tuple[bool, str]] | None = None
+        self._running_test: RadioTest | None = None
         self._stopping = False
         self._end_task: asyncio.Future[None] | None = None
         self._restart_task: asyncio.Future[None] | None = None
@@ -102,7 +103,7 @@ class Supervisor:
             on_correction=self._tag_corrected,
             on_settings=lambda changed: self._publish("settings", changed),
             operations=self._operations,
-            tuner=partial(ask_tuner, launcher=self._launcher),
+            tuner=partial(request_tuning, launcher=self._launcher),
         )
         self._fleet = Fleet(
             self._rows,
@@ -117,18 +118,18 @@ class Supervisor:
 
     @property
     def clock(self) -> Clock:
-        """The system's clock."""
+        """Clock of the present flight, or of the program before the first flight."""
         return self.mission.flights.clock
 
     # ------------------------------------------------------------------ life
 
     def claim(self) -> None:
-        """Become the flights' only supervisor; raises `ConfigError` if there is another."""
+        """Lock the flights' directory and resume a saved state; raises `ConfigError`."""
         self._store.claim()
         self.mission.resume()
 
     async def run(self) -> None:
-        """Run until `stop` is called, then stop everything in reverse order."""
+        """Run until `stop` is called; then stop all processes in reverse order of start."""
         systemd = SystemdNotifier()
         systemd.ready()
         status_period_s = min(STATUS_PERIOD_S, systemd.watchdog_s or STATUS_PERIOD_S)
@@ -148,24 +149,22 @@ class Supervisor:
                 systemd.alive(self.mission.state.value)
             if now_s >= self._next_disk_s:
                 self._next_disk_s = now_s + DISK_PERIOD_S
-                self._look_at_disk()
+                self._check_disk()
             await self._sleep()
         systemd.stopping()
         await self._end()
 
     async def _sleep(self) -> None:
-        """Wait for the next tick, or until something wakes the loop."""
         timer = asyncio.get_running_loop().call_later(TICK_S, self._wake.set)
         await self._wake.wait()
         timer.cancel()
 
     def stop(self) -> None:
-        """Let `run` end."""
+        """Make `run` stop all processes and return."""
         self._stopping = True
         self._wake.set()
 
     async def _end(self) -> None:
-        """End in good order, so that nothing is left to resume."""
         await self._operations.end()
         if self._end_task is not None:
             await self._end_task
@@ -174,7 +173,7 @@ class Supervisor:
             await self._end_flight()
         self._launcher.close()
         await self._fleet.stop_all()
-        self.mission.forget()
+        self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
         """Carry out a command, or explain the refusal; a repeated one gets the same reply.
@@ -191,8 +190,8 @@ class Supervisor:
     # ---------------------------------------------------------------- flight
 
     def _flight_started(self, flight: FlightInfo) -> None:
-        if self._asking is not None:  # it would keep the radio from the flight
-            self._asking.stop()
+        if self._running_test is not None:  # it would keep the radio from the flight
+            self._running_test.stop()
         self._last_pulses.flight_started()
         self._fleet.make_sample_sockets()
         self._output.open_flight(Path(flight.directory))
@@ -204,12 +203,11 @@ class Supervisor:
         self._next_disk_s = 0.0  # report card faults at the start
 
     def _tag_corrected(self, flight: FlightInfo) -> None:
-        """Restart receiver and detectors with the corrected tag."""
         self._publish("corrected_tags", flight)
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart the search; publish the tags again to drop its pending records."""
+        """Restart receiver and detectors; publish the tags again to drop older records."""
         flight = await self._fleet.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)
@@ -219,9 +217,8 @@ class Supervisor:
         self._end_task = asyncio.ensure_future(self._end_flight())
 
     async def _end_flight(self) -> None:
-        """Stop receiver, then detectors; wait for the last pulses; close the flight."""
         await self._fleet.stop_flight()
-        limit_s = self.mission.settings.now.antenna.pose_wait_s + LAST_PULSES_S
+        limit_s = self.mission.settings.now.antenna.pose_wait_s + LAST_POSES_S
         if not await self._last_pulses.posed_within(limit_s):
             log.warning("last pulses without their pose", left=self._last_pulses.waiting)
         if self.mission.flights.flight is not None:
@@ -240,7 +237,7 @@ class Supervisor:
             self.command(Command(name="stop_detection", request_id=number, source="capture"))
 
     async def _answer_radio_status(self, command: Command) -> None:
-        """Query the radio, or use the receiver's health while it is in use."""
+        """Query the radio, or read the receiver's health report while it uses the radio."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             health = next(
                 (i.health for i in self._fleet.instances if i.row.name == "receiver"), None
@@ -249,31 +246,30 @@ class Supervisor:
             found = health is not None and health.ok
         else:
             # One query answers all requests meanwhile: two programs cannot use the radio.
-            if self._radio_question is None or self._radio_question.done():
-                self._radio_question = asyncio.ensure_future(self._ask_radio())
-            found, text = await self._radio_question
+            if self._radio_test is None or self._radio_test.done():
+                self._radio_test = asyncio.ensure_future(self._test_radio())
+            found, text = await self._radio_test
         reply = CommandReply(
             request_id=command.request_id, name=command.name, accepted=found, message=text
         )
         self._publish("command_reply", reply)
 
-    async def _ask_radio(self) -> tuple[bool, str]:
-        """Query the radio by a program; only one query at a time."""
+    async def _test_radio(self) -> tuple[bool, str]:
         try:
-            question = RadioQuestion(self.mission.settings.now.radio)
+            question = RadioTest(self.mission.settings.now.radio)
         except OSError as error:
-            return False, f"the radio was not asked ({error.strerror}): try again"
-        self._asking = question
+            return False, f"the radio could not be checked ({error.strerror}): try again"
+        self._running_test = question
         try:
-            with self._fleet.sparing(question.pid):
+            with self._fleet.exempt(question.pid):
                 return await in_background(question.answer)
         finally:
-            self._asking = None
+            self._running_test = None
 
     # -------------------------------------------------------------- watching
 
     def _watch_wall_clock(self) -> None:
-        """Record a correction of the wall clock in the flight, whose own clock is unchanged."""
+        """Record a correction of the computer's clock; the flight's own time is unaffected."""
         if self.mission.flights.flight is None:
             return
         if (again := self._wall_clock.wrong_time_again(monotonic_s())) is not None:
@@ -288,8 +284,7 @@ class Supervisor:
                 if text is not None:
                     self._notify(4, text)
 
-    def _look_at_disk(self) -> None:
-        """Measure the free space, and remove old flights if configured, in a thread."""
+    def _check_disk(self) -> None:
         if self._disk_task is None or self._disk_task.done():
             self._disk_task = asyncio.ensure_future(self._guard_disk())
 
@@ -339,15 +334,14 @@ class Supervisor:
             self._notify(text.severity, text.text)
         if line.strip() and (text is not None or not line.startswith(b"{")):
             # A warning, or the last line of a traceback.
-            instance.last_words = line.decode("utf-8", "replace").strip()[-120:]
+            instance.last_error = line.decode("utf-8", "replace").strip()[-120:]
             if text is not None:
-                instance.last_words = text.text[-120:]
+                instance.last_error = text.text[-120:]
 
     def _publish(self, topic: str, record: object) -> None:
         self._forward(topic, encode_record(topic, record))
 
     def _notify(self, severity: int, text: str) -> None:
-        """Send a text to the operator and into the log."""
         level = logging.WARNING if severity <= WARNING_SEVERITY else logging.INFO
         log.log(level, text)
         self._publish("status_text", StatusText(severity=severity, text=text))
@@ -363,7 +357,7 @@ class Supervisor:
             self._on_record(line)
 
     def _pump_soon(self, instance: Instance) -> None:
-        """Send all records of one reading together: each sending wakes a process."""
+        """Send all waiting records in one call, because each call wakes a process."""
         if not self._to_pump:
             asyncio.get_running_loop().call_soon(self._pump)
         self._to_pump[instance.name] = instance
@@ -377,7 +371,7 @@ class Supervisor:
     # ---------------------------------------------------------------- status
 
     def status(self) -> SystemStatus:
-        """Describe the whole drone side now."""
+        """Collect the state of mission, processes and disk in one record."""
         mission = self.mission
         flight = mission.flights.flight
         # Until the last pulse is recorded the flight is not over for the operator.

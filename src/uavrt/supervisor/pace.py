@@ -1,8 +1,8 @@
-"""Checks that a process's records come as often as the table of topics says.
+"""Checks that a process produces records as often as the table of topics specifies.
 
-A process that falls behind is alive and within its budget; only its records show it. One gap,
-however long, is ignored: silent processes are killed elsewhere, and those that wait for a radio
-or autopilot report that themselves.
+A process that falls behind is alive and within its budget; only its record rate shows it. The
+longest gap is ignored: silent processes are killed elsewhere, and processes that wait for a
+radio or autopilot report that themselves.
 """
 
 from collections import deque
@@ -10,15 +10,15 @@ from itertools import pairwise
 
 from uavrt.ipc.topics import TOPICS
 
-RECORDS = 20
-"""Consecutive records of a topic, or of a tag, that are judged."""
-SLOWER = 2.0
-"""Ratio to the expected time between records from which a process is too slow."""
+RATE_RECORDS = 20
+"""Number of consecutive records from which the rate is computed, per topic or tag."""
+SLOW_RATIO = 2.0
+"""Ratio of measured to specified record period above which a process is too slow."""
 REPEAT_S = 300.0
 
 
 class PaceWatch:
-    """Monitors one process, of a name for the text."""
+    """Monitors the record rate of one process; `name` appears in warnings."""
 
     def __init__(self, name: str, topics: tuple[str, ...]) -> None:
         self._name = name
@@ -28,17 +28,17 @@ class PaceWatch:
         self._tags = 1
         self._quiet_until_s = 0.0
         self.slow: dict[str, float] = {}
-        """Topics whose records come too slowly, and the time between two [s]."""
+        """Topics with too low a rate, with their measured period [s]."""
 
     def started(self, tags: int) -> None:
-        """Reset for a new process that serves a number of tags."""
+        """Reset for a new process that serves this number of tags."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():
             came_s.clear()
 
     def came(self, topic: str, now_s: float) -> None:
-        """Note a record."""
+        """Register a record's arrival."""
         came_s = self._came_s.get(topic)
         if came_s is not None:
             came_s.append(now_s)
@@ -46,7 +46,7 @@ class PaceWatch:
                 came_s.popleft()
 
     def check(self, now_s: float) -> str | None:
-        """Get a text if it is too slow, at most every five minutes."""
+        """Compute the rates; return a warning at most every five minutes, otherwise None."""
         self.slow = {}
         for topic, came_s in self._came_s.items():
             every_s = TOPICS[topic].every_s
@@ -54,8 +54,8 @@ class PaceWatch:
                 continue
             gaps_s = [after - before for before, after in pairwise(came_s)]
             # A tag's records come in groups: there are no gaps within one.
-            mean_s = (sum(gaps_s) - max(gaps_s)) / (RECORDS - 2)
-            if mean_s > SLOWER * every_s:
+            mean_s = (sum(gaps_s) - max(gaps_s)) / (RATE_RECORDS - 2)
+            if mean_s > SLOW_RATIO * every_s:
                 self.slow[topic] = mean_s
         if not self.slow or now_s < self._quiet_until_s:
             return None
@@ -67,4 +67,4 @@ class PaceWatch:
         return f"{self._name} is too slow: {slow}"
 
     def _judged(self, topic: str) -> int:
-        return RECORDS * (self._tags if TOPICS[topic].each_tag else 1)
+        return RATE_RECORDS * (self._tags if TOPICS[topic].each_tag else 1)

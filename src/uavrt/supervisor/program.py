@@ -1,4 +1,4 @@
-"""The supervisor as a program: settings and tags in, a running system until SIGTERM."""
+"""The supervisor's main program: runs the system until SIGTERM."""
 
 import asyncio
 import gc
@@ -23,7 +23,7 @@ from uavrt.supervisor.viewers import Viewers, require_unserved
 async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
     """Run until SIGTERM or SIGINT; with tags, start detecting at once.
 
-    A flight that was cut off is resumed with its own tags.
+    A flight that was interrupted is resumed with its own tags instead.
     """
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show, launcher=launcher)
@@ -52,7 +52,7 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
 
 
 def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
-    """Commands that start to detect these tags; none without tags."""
+    """Commands that upload these tags and start detection; none without tags."""
     if not tags:
         return []
     return [
@@ -67,7 +67,7 @@ def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
 
 
 def run(launcher: Launcher, settings_json: str, tags_json: str = "[]") -> int:
-    """Run the supervisor; get the exit status."""
+    """Run the supervisor and return the exit status."""
     settings = msgspec.json.decode(settings_json, type=Settings)
     tags = msgspec.json.decode(tags_json, type=tuple[Tag, ...])
     try:

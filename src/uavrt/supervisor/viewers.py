@@ -1,8 +1,8 @@
-"""A Unix socket on which the running system shows its records, and takes commands.
+"""A Unix socket that sends the system's records to programs and accepts commands.
 
-For the terminal view, the demo and the command line on the same computer; each line is a
-record. A viewer that does not keep up is disconnected. The socket is open to its owner and the
-owner's own group: members of the service's group ``uavrt`` may watch and command.
+Used by the terminal view, the demo and the command line on the same computer. Each line is a
+record. A client that reads too slowly is disconnected. The socket is open to its owner and to
+the owner's own group: members of the service's group ``uavrt`` may watch and command.
 """
 
 import asyncio
@@ -23,14 +23,14 @@ from uavrt.supervisor.core import Supervisor
 log = get_logger()
 
 GATHER_S = 0.1
-"""Time over which records are collected before they are shown [s]."""
+"""Time over which records are collected before they are sent to viewers [s]."""
 VIEWER_BUFFER_BYTES = 1_000_000
-TAKES_NOTHING = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)
-"""Errors of a card that is read-only, full or failing."""
+UNWRITABLE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Error numbers of a read-only, full or failing card."""
 
 
 class Viewers:
-    """The open viewers."""
+    """The connected viewer programs."""
 
     def __init__(self) -> None:
         self._writers: set[asyncio.StreamWriter] = set()
@@ -38,38 +38,37 @@ class Viewers:
         self.supervisor: Supervisor | None = None
 
     def show(self, line: bytes) -> None:
-        """Send a record line to every viewer."""
+        """Send a record to every viewer."""
         if self._writers:
             if not self._lines:
                 asyncio.get_running_loop().call_later(GATHER_S, self._show_all)
             self._lines.append(line)
 
     def _show_all(self) -> None:
-        """Send the collected records."""
         data = b"".join(self._lines)
         self._lines.clear()
         for writer in list(self._writers):
             if writer.transport.get_write_buffer_size() > VIEWER_BUFFER_BYTES:
-                log.warning("viewer too slow: disconnected")
+                log.warning("viewer disconnected: reads too slowly")
                 self._writers.discard(writer)
                 writer.transport.abort()
             else:
                 writer.write(data)
 
     async def serve(self, path: str) -> asyncio.Server | None:
-        """Open the socket; None on a card that cannot be written, so that the flight goes on.
+        """Open the socket; None on a card that cannot be written, so that the flight continues.
 
-        Raises `ConfigError` if the path cannot be used, or another system is there.
+        Raises `ConfigError` if the path cannot be used, or another system serves it.
         """
         require_unserved(path)
         try:
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(path)
-            with _for_us_alone():
+            with _restrict_access():
                 return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
         except OSError as error:
-            if error.errno in TAKES_NOTHING:
+            if error.errno in UNWRITABLE_CARD:
                 log.error("monitor unavailable: no status socket", reason=error.strerror)
                 return None
             raise ConfigError(
@@ -85,7 +84,7 @@ class Viewers:
             while line := await reader.readline():
                 self._take(line.rstrip(b"\n"), writer)
         except (ConnectionError, ValueError):
-            log.info("viewer gone")
+            log.info("viewer disconnected")
         finally:
             self._writers.discard(writer)
             writer.close()
@@ -98,7 +97,7 @@ class Viewers:
 
 
 def require_unserved(path: str) -> None:
-    """Raise `ConfigError` if another system serves a socket; a killed one's is free."""
+    """Raise `ConfigError` if another system serves the socket; a killed one's is free."""
     with socket.socket(socket.AF_UNIX) as asking:
         asking.settimeout(1.0)
         if asking.connect_ex(path):
@@ -110,8 +109,8 @@ def require_unserved(path: str) -> None:
 
 
 @contextlib.contextmanager
-def _for_us_alone() -> Iterator[None]:
-    """Make files for their owner, and for the owner's own group."""
+def _restrict_access() -> Iterator[None]:
+    """Give files to their owner, and to the owner's own group."""
     old_mask = os.umask(0o117 if _has_own_group() else 0o177)
     try:
         yield
@@ -120,7 +119,7 @@ def _for_us_alone() -> Iterator[None]:
 
 
 def _has_own_group() -> bool:
-    """Whether our group is ours alone (useradd(8), USERGROUPS_ENAB), not a common ``users``."""
+    """True if our group is private to this user (useradd(8), USERGROUPS_ENAB)."""
     try:
         return grp.getgrgid(os.getegid()).gr_name == pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:

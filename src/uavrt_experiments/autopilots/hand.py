@@ -21,7 +21,7 @@ from uavrt.mavlink.message import Message
 from uavrt.mavlink.samples import attitude_sample
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.flying import FULL_SCALE_DEG, MODES, NOWHERE
+from uavrt.simulation.flying import FULL_SCALE_DEG, MODES, NOT_GIVEN
 from uavrt_experiments.autopilots.tap import Kept, Tap
 
 GROUND_STATION = (255, 190)
@@ -190,8 +190,8 @@ class Hand:
 
     def reposition(
         self,
-        x: int = NOWHERE,
-        y: int = NOWHERE,
+        x: int = NOT_GIVEN,
+        y: int = NOT_GIVEN,
         z_m: float = math.nan,
         *,
         yaw_rad: float = math.nan,

@@ -60,10 +60,10 @@ def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[I
             part = min(left, max(room, 1))
             held, left = held + part, left - part
             placer.arrived(held + left, now_ns)
-            while placer.to_give_first or (
+            while placer.samples_before_cut or (
                 held >= wanted and (placer.settle() or held >= wanted + hold)
             ):
-                count = placer.to_give_first or held
+                count = placer.samples_before_cut or held
                 yield placer.place(came[first : first + count])
                 first, held = first + count, held - count
 

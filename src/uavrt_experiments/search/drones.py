@@ -36,8 +36,8 @@ from uavrt.messages import (
     Wish,
 )
 from uavrt.planning.vehicle import VehicleState
-from uavrt.processes.guide import ASKING_S, COURSE_S
-from uavrt.processes.thinker import Thinker
+from uavrt.processes.guide import COURSE_S, PATH_REQUEST_S
+from uavrt.processes.search_thread import SearchThread
 from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.simulation.flying import MODES, FlyingVehicle
 from uavrt.simulation.geometry import TangentPlane
@@ -216,7 +216,7 @@ def raised_db(scenario: Scenario) -> float:
     return _HEARD_DB - threshold if threshold > -_ALL_HEARD_DB else _ALL_HEARD_DB
 
 
-class _AtOnce(Thinker):
+class _AtOnce(SearchThread):
     """Runs each planning job of the search immediately, without a thread."""
 
     def _start(self) -> None:
@@ -248,7 +248,7 @@ class Drone:
         self.found: dict[int, tuple[float, float, float]] = {}
         """Latitude, longitude [deg] and 95 % radius [m] of tags found since the last check."""
         self.decision_s: list[float] = []
-        self._thinker: _AtOnce | None = None
+        self._planner: _AtOnce | None = None
         self._pilot: Pilot | None = None
         self._course_s = -math.inf
 
@@ -281,14 +281,14 @@ class Drone:
         self.aircraft.confirm(order)
         self._pilot = Pilot(order, seeker.plan, self._limits, waits=True)
         self.aircraft.pilot = self._pilot
-        self._thinker = _AtOnce(seeker)
-        self._thinker.begin(self.time_ns, now)
+        self._planner = _AtOnce(seeker)
+        self._planner.begin(self.time_ns, now)
         self._take_thoughts(now)
         self.shared.go((now.latitude_deg, now.longitude_deg))
 
     def hear(self, tag: Tag, snr_db: float | None) -> None:
         """Receive a pulse, or the report that none was found."""
-        assert self._thinker is not None
+        assert self._planner is not None
         time_ns, vehicle = self.time_ns, self.aircraft.vehicle
         if snr_db is not None:
             latitude, longitude = vehicle.latitude_longitude()
@@ -300,8 +300,8 @@ class Drone:
                 altitude_relative_m=vehicle.body.shown_height_m,
                 quaternion_wxyz=from_euler_deg(vehicle.heading.yaw_deg, 0.0, 0.0),
             )
-            self._thinker.pulse(PulsePose(pulse=_pulse(tag, time_ns, snr_db), pose=pose))
-        self._thinker.searched(
+            self._planner.pulse(PulsePose(pulse=_pulse(tag, time_ns, snr_db), pose=pose))
+        self._planner.searched(
             SearchReport(
                 tag_id=tag.tag_id,
                 time_ns=time_ns,
@@ -313,22 +313,22 @@ class Drone:
 
     def think(self) -> None:
         """Decide where to fly if a decision is due, as the guide does."""
-        now, thinker, pilot = self.aircraft.now(), self._thinker, self._pilot
-        if now is None or thinker is None or pilot is None:
+        now, planner, pilot = self.aircraft.now(), self._planner, self._pilot
+        if now is None or planner is None or pilot is None:
             return
         pilot.shared = self.shared.has_others(now.time_s)
-        thinker.place(self.time_ns, now)
+        planner.place(self.time_ns, now)
         if self.shared.waits:
-            self._await_way(thinker, now)
-        elif now.began and pilot.ended is None and thinker.is_time(now, idle=pilot.idle):
+            self._await_path(planner, now)
+        elif now.began and pilot.ended is None and planner.is_time(now, idle=pilot.idle):
             others, began = self.shared.begin_decision(now.time_s), time.process_time()
-            thinker.ask(self.time_ns, now, idle=pilot.idle, others=others)
+            planner.ask(self.time_ns, now, idle=pilot.idle, others=others)
             self.decision_s.append(time.process_time() - began)
             self._take_thoughts(now)
 
     def _take_thoughts(self, now: VehicleNow) -> None:
-        assert self._thinker is not None
-        for choice in self._thinker.thoughts():
+        assert self._planner is not None
+        for choice in self._planner.results():
             if not isinstance(choice, Choice):
                 raise TypeError(f"the search failed: {choice}")
             self._note_found(choice)
@@ -337,7 +337,7 @@ class Drone:
             else:
                 self._course_s = -math.inf
 
-    def _await_way(self, thinker: _AtOnce, now: VehicleNow) -> None:
+    def _await_path(self, planner: _AtOnce, now: VehicleNow) -> None:
         answer = self.shared.answer(now)
         if answer is None:
             return
@@ -345,7 +345,7 @@ class Drone:
         if given:
             self._redirect(choice, now)
         else:
-            thinker.withdraw(now)
+            planner.withdraw(now)
         self._course_s = -math.inf
 
     def _redirect(self, choice: Choice, now: VehicleNow) -> None:
@@ -365,11 +365,11 @@ class Drone:
         now, shared = self.aircraft.now(), self.shared
         if now is None or not shared.must_report(now.time_s):
             return False
-        every_s = ASKING_S if shared.waits else COURSE_S
+        every_s = PATH_REQUEST_S if shared.waits else COURSE_S
         if now.time_s - self._course_s < every_s:
             return False
         self._course_s = now.time_s
-        searching = self._thinker is not None
+        searching = self._planner is not None
         course = shared.course(now, searching=searching, height_m=self._order.height_m)
         return ways.take(self.number + 1, course, now.time_s)
 

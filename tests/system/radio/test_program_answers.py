@@ -18,7 +18,7 @@ def test_programs_that_answer_slowly_one_after_the_other_end_within_one_limit(
 ) -> None:
     """Each of them alone would answer in time; a receiver silent for 5 s is killed."""
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(program, "_ANSWERS_S", 1.5)
+    monkeypatch.setattr(program, "_INFORMATION_S", 1.5)
     for name in ("rtl_sdr", "rtl_biast"):
         path = tmp_path / name
         path.write_text(f"#!{sys.executable}\nimport time\ntime.sleep(1.2)\n")

@@ -117,7 +117,7 @@ class Yard:
         self.output.write(instance.name, line)
         text = warning_text(instance.name, line)
         if text is not None:
-            instance.last_words = text.text
+            instance.last_error = text.text
 
     async def until(self, condition: Callable[[], object]) -> None:
         """Let the fleet work until something is so."""
@@ -241,7 +241,7 @@ async def test_an_orphan_is_ended_at_once_and_a_child_that_is_spared_is_not(run:
     async with run(DEAF, replace(ROW, stop_timeout_s=0.3)) as yard:
         await yard.until(lambda: yard.records)
         spared = start(SLEEP)
-        with yard.fleet.sparing(spared.pid):
+        with yard.fleet.exempt(spared.pid):
             orphan = leave_an_orphan()
             await yard.until(lambda: orphan not in children_of(os.getpid()))
             assert not is_alive(orphan)

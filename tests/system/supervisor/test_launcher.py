@@ -19,7 +19,7 @@ from until import until
 from uavrt.config.settings import DetectionSettings
 from uavrt.errors import TunerError
 from uavrt.ipc.parent import adopt_orphans
-from uavrt.supervisor.mission.tuning import TuningQuestion, ask_tuner
+from uavrt.supervisor.mission.tuning import TuningRequest, request_tuning
 from uavrt.supervisor.start.launcher import Launcher
 
 PR_SET_CHILD_SUBREAPER = 36
@@ -64,7 +64,7 @@ def launcher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Launch
 def ready(launcher: Launcher) -> None:
     """Wait for the nursery's imports."""
     launcher.warm_up()
-    until(lambda: launcher.tend() or not launcher.worth_waiting)
+    until(lambda: launcher.tend() or not launcher.importing)
 
 
 class Started:
@@ -174,7 +174,7 @@ from uavrt.supervisor.start.launcher import Launcher
 adopt_orphans()
 launcher = Launcher()
 launcher.warm_up()
-while launcher.worth_waiting:
+while launcher.importing:
     launcher.tend()
     time.sleep(0.01)
 launcher.start(
@@ -204,13 +204,13 @@ def test_the_tuner_answers_from_the_nursery_as_without_it(launcher: Launcher) ->
     tags = tuple(
         made.tag(2 * n, hz, 1.3) for n, hz in enumerate((148.61e6, 148.7e6, 148.73e6), 1)
     )
-    question = TuningQuestion(
+    question = TuningRequest(
         tags=tags, sample_rate_hz=3e6, detection=DetectionSettings(), spare_cores=1
     )
-    executed = ask_tuner(question)
+    executed = request_tuning(question)
     ready(launcher)
-    assert ask_tuner(question, launcher) == executed
+    assert request_tuning(question, launcher) == executed
     with pytest.raises(TunerError, match="Hz is the widest"):
-        ask_tuner(
+        request_tuning(
             replace(question, detection=DetectionSettings(frequency_window_hz=5e3)), launcher
         )

@@ -15,7 +15,7 @@ from uavrt.ipc.topics import decode_record
 from uavrt.messages import Command, CommandReply
 from uavrt.supervisor.core import Supervisor
 from uavrt.supervisor.mission import radio_check
-from uavrt.supervisor.mission.radio_check import RadioQuestion
+from uavrt.supervisor.mission.radio_check import RadioTest
 from uavrt.supervisor.start.usage import descendants_of, is_alive
 
 SETTINGS = RadioSettings(kind="airspyhf", sample_rate_hz=768e3)
@@ -38,15 +38,15 @@ def test_a_radio_that_sends_samples_is_there_and_one_without_its_program_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    found, text = RadioQuestion(SETTINGS).answer()
+    found, text = RadioTest(SETTINGS).answer()
     assert not found
     assert "airspyhf_rx is not installed" in text
     install(tmp_path / "airspyhf_rx", f"#!{sys.executable}\n{PACED}")
-    assert RadioQuestion(SETTINGS).answer() == (True, WORKS)
+    assert RadioTest(SETTINGS).answer() == (True, WORKS)
 
 
 def test_soapy_without_its_module_is_not_said_to_be_there() -> None:
-    found, text = RadioQuestion(RadioSettings(kind="soapy")).answer()
+    found, text = RadioTest(RadioSettings(kind="soapy")).answer()
     assert (found, "python3-soapysdr" in text) == (False, True)
 
 
@@ -56,9 +56,12 @@ def test_a_radio_program_that_hangs_is_ended_with_the_question(
     install(tmp_path / "airspyhf_rx", "#!/bin/sh\nexec sleep 600\n")
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setattr(radio_check, "TIMEOUT_S", 3.0)
-    question = RadioQuestion(SETTINGS)
+    question = RadioTest(SETTINGS)
     started = until(lambda: descendants_of(question.pid))
-    assert question.answer() == (False, "the radio was not asked (TimeoutExpired): try again")
+    assert question.answer() == (
+        False,
+        "the radio could not be checked (TimeoutExpired): try again",
+    )
     until(lambda: not any(map(is_alive, started)))
 
 
@@ -66,8 +69,8 @@ def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path
     install(tmp_path / "airspyhf_rx", f"#!/bin/sh\necho x > {tmp_path}/asked\nexec sleep 600\n")
     asking = (
         "from uavrt.config.settings import RadioSettings\n"
-        "from uavrt.supervisor.mission.radio_check import RadioQuestion\n"
-        "RadioQuestion(RadioSettings(kind='airspyhf', sample_rate_hz=768e3)).answer()"
+        "from uavrt.supervisor.mission.radio_check import RadioTest\n"
+        "RadioTest(RadioSettings(kind='airspyhf', sample_rate_hz=768e3)).answer()"
     )
     path = f"{tmp_path}:{os.environ['PATH']}"
     supervisor = subprocess.Popen([sys.executable, "-c", asking], env={"PATH": path})

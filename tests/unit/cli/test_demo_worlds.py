@@ -40,7 +40,7 @@ def test_a_search_hovers_over_the_files_home(file: Path) -> None:
 
 
 def test_worlds_that_show_nothing_are_refused(file: Path) -> None:
-    with pytest.raises(UsageError, match="--coded adds tags to the built-in world"):
+    with pytest.raises(UsageError, match="--coded works only with the built-in world"):
         flight_world(file, duration_s=None, seed=None, coded=True)
     with pytest.raises(UsageError, match="at least 20 s"):
         flight_world(file, duration_s=5.0, seed=None, coded=False)
@@ -49,7 +49,7 @@ def test_worlds_that_show_nothing_are_refused(file: Path) -> None:
     with pytest.raises(UsageError, match="tag 2 is 410 m from home"):
         search_world(file, limit_s=60.0, seed=None, coded=False)
     write_scenario(replace(GIVEN, tag=()), file)
-    with pytest.raises(UsageError, match="no tag to listen for"):
+    with pytest.raises(UsageError, match="no tag to search for"):
         flight_world(file, duration_s=None, seed=None, coded=False)
 
 

@@ -254,7 +254,7 @@ def test_pieces_become_one_stream_whose_indices_count_what_is_missing(flown: Pat
 
 def test_pieces_of_different_channels_are_not_joined(flown: Path) -> None:
     first, second = kept_channels(flown)
-    with pytest.raises(FormatError, match="not of one channel"):
+    with pytest.raises(FormatError, match="differ in sample rate"):
         JoinedRecording((first.paths[0], second.paths[0]))
 
 

@@ -56,7 +56,7 @@ def test_what_waits_for_a_search_that_is_replaced_is_discarded_with_its_news() -
     listener.add(block(3), block(3))
     goes_on.set()
     listener.close()
-    assert [one.frequency_hz for one in listener.take_news()] == [CENTER_HZ + 5e3]
+    assert [one.frequency_hz for one in listener.take_found()] == [CENTER_HZ + 5e3]
     assert searches[1].taken == [300]
     assert len(searches[0].taken) <= 1, "the one that was under way"
 

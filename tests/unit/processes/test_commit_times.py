@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from uavrt.messages import Health
 from uavrt.processes.commit_times import OTHERS_S, PULSES_S, CommitTimes
-from uavrt.processes.told_health import PERIOD_NS, HealthFilter
+from uavrt.processes.health_filter import PERIOD_NS, HealthFilter
 
 STEP_S = 0.25
 

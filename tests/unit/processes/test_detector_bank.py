@@ -128,7 +128,7 @@ def test_a_tag_at_which_the_search_fails_twice_is_left_out_and_the_others_go_on(
 def test_a_tag_whose_search_does_not_end_is_left_out_and_the_others_go_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(hang_watch, "LOOK_S", 0.05)
+    monkeypatch.setattr(hang_watch, "CHECK_S", 0.05)
     conclude = PulseDetector.conclude
 
     def hanging(self: PulseDetector, *arguments: object) -> object:
@@ -154,7 +154,7 @@ def compute_without_end(turn: object) -> None:
 def test_many_turns_of_one_search_are_not_taken_for_one_that_hangs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(hang_watch, "LOOK_S", 0.002)
+    monkeypatch.setattr(hang_watch, "CHECK_S", 0.002)
     turn = [object()]
     with hang_watch.HangWatch(lambda: turn[0]):
         for _ in range(400_000):

@@ -13,13 +13,13 @@ from until import until_async as until
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import PulsePose, SystemStatus
-from uavrt.processes.crowd import (
+from uavrt.processes.station_limits import (
+    ANSWERED_BURST,
+    ANSWERED_PER_S,
     OTHERS_BURST,
     OTHERS_PER_S,
     OWN_BURST,
-    QUESTIONS_BURST,
-    QUESTIONS_PER_S,
-    Crowd,
+    StationLimits,
 )
 from uavrt.tunnel.private import Receipt, payload_hash
 from uavrt.tunnel.reliable import ReliableSender
@@ -172,18 +172,18 @@ async def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
 
 
 def test_others_share_what_is_left_beside_the_commander() -> None:
-    crowd = Crowd()
+    crowd = StationLimits()
     crowd.commander((255, 190))
     admitted = sum(crowd.admits((n % 250, 195), n * SECOND_NS // 2000) for n in range(20_000))
     assert OTHERS_BURST <= admitted <= OTHERS_BURST + 10 * OTHERS_PER_S + 1
-    assert crowd.passed_over == 20_000 - admitted
+    assert crowd.dropped == 20_000 - admitted
     assert all(crowd.admits((255, 190), 10 * SECOND_NS) for _ in range(OWN_BURST))
     asked = sum(
         crowd.admits((n % 250, 195), n * SECOND_NS // 2000, answers=1) for n in range(20_000)
     )
-    assert QUESTIONS_BURST <= asked <= QUESTIONS_BURST + 10 * QUESTIONS_PER_S + 1
+    assert ANSWERED_BURST <= asked <= ANSWERED_BURST + 10 * ANSWERED_PER_S + 1
     lists = sum(crowd.admits((9, 9), 60 * SECOND_NS, answers=11) for _ in range(100))
-    assert lists == QUESTIONS_BURST // 11
+    assert lists == ANSWERED_BURST // 11
 
 
 def test_made_up_stores_take_no_place_from_who_acknowledges() -> None:

@@ -220,7 +220,10 @@ def test_a_way_begins_at_the_least_height_or_above(hub: Hub, action: str) -> Non
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [(None, "cannot be read"), ('{"type": "FeatureCollection", "features": []}', "holds none")],
+    [
+        (None, "cannot be read"),
+        ('{"type": "FeatureCollection", "features": []}', "gives no places to keep out of"),
+    ],
 )
 def test_while_the_buildings_are_not_known_nothing_is_flown(
     tmp_path: Path, text: str | None, reason: str
@@ -257,11 +260,11 @@ def test_heights_of_the_ground_are_read_from_the_drones_own_files(tmp_path: Path
     hub.guide.take("vehicle", hub.report())
     over = hub.ask("goto", places=(hub.flown.place(350.0, 0.0),), height_m=40.0)
     assert over.refused
-    assert "the path or its return needs 70 m above home" in over.summary
+    assert "path and return need 70 m above home" in over.summary
     assert not hub.ask("goto", places=(hub.flown.place(-200.0, 0.0),), height_m=40.0).refused
     wrong = hub.report(altitude_amsl_m=520.0)
     hub.guide.take("vehicle", wrong)
-    assert "home is +50 m off the map of heights" in hub.ask("hold").summary
+    assert "home is +50 m off the elevation map" in hub.ask("hold").summary
 
 
 def test_without_the_files_of_heights_nothing_is_flown(tmp_path: Path) -> None:

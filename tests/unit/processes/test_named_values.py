@@ -10,8 +10,8 @@ from some import some
 
 from uavrt.mavlink.dialect import MavAutopilot, MavState, MavType
 from uavrt.mavlink.discovery import Discovery, Peer, station_heartbeat
-from uavrt.processes.heard_tags import HeardTags
 from uavrt.processes.named_values import NamedValues
+from uavrt.processes.tag_texts import TagTexts
 
 S = 1_000_000_000
 SLOW = made.tag(7, 148.7e6, 8.0, 2.0)
@@ -110,7 +110,7 @@ def test_a_new_flight_counts_from_zero() -> None:
 
 
 def test_a_silence_is_thirty_seconds_or_ten_of_the_longest_interval() -> None:
-    heard = HeardTags([SLOW])
+    heard = TagTexts([SLOW])
 
     def text(tag_id: int, at_s: float) -> str | None:
         answer = heard.text(made.pulse(round(at_s * S), tag_id=tag_id))
@@ -128,7 +128,7 @@ def test_a_silence_is_thirty_seconds_or_ten_of_the_longest_interval() -> None:
 
 
 def test_a_text_that_was_too_many_comes_with_the_next_pulse() -> None:
-    heard = HeardTags()
+    heard = TagTexts()
     first = made.pulse(0, snr_db=10.0)
     assert heard.text(first) == "Tag 2 heard: 10.0 dB"
     assert heard.text(made.pulse(S, snr_db=11.0)) == "Tag 2 heard: 11.0 dB"
@@ -137,7 +137,7 @@ def test_a_text_that_was_too_many_comes_with_the_next_pulse() -> None:
 
 
 def test_only_confirmed_pulses_make_a_text_and_doubt_is_told() -> None:
-    heard = HeardTags([replace(SLOW, tag_id=2, name="lynx")])
+    heard = TagTexts([replace(SLOW, tag_id=2, name="lynx")])
     assert heard.text(made.pulse(0, confirmed=False)) is None
     doubtful = made.pulse(S, also_possible_tag_ids=(4,))
     assert heard.text(doubtful) == "Tag 2 (lynx) or 4 heard: 20.0 dB"

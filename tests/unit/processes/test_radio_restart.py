@@ -74,7 +74,7 @@ def test_what_was_missed_while_the_radio_was_opened_again_is_lost(
     receiver.process(block_at(start_ns, lost=7))
     assert receiver.samples_lost == 7, "nothing before the first block"
     end_ns = start_ns + round(SIZE * 1e9 / RATE_HZ)
-    receiver.forget(failed=failed)
+    receiver.restart_filters(failed=failed)
     receiver.process(block_at(end_ns + 2 * 10**9))
     assert receiver.samples_lost == pytest.approx(7 + 2 * RATE_HZ, abs=2)
     receiver.process(block_at(end_ns + 2 * 10**9 + round(SIZE * 1e9 / RATE_HZ)))

@@ -303,7 +303,7 @@ def test_whoever_restarts_takes_up_the_pulses_without_poses(drone: Drone) -> Non
     drone.send("poses", poses(0.0, 5.0))
     drone.turn(0.1)
     drone.recorder._commit()
-    drone.recorder._say_taken()  # nobody sends it again
+    drone.recorder._report_taken()  # nobody sends it again
     drone.turn(0.1)
     assert not drone.outbox.holds("pulse")
     drone.restart()

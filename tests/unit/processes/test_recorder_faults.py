@@ -23,7 +23,11 @@ def passing(drone: Drone, seconds: int) -> None:
 def complaints(capsys: pytest.CaptureFixture[str]) -> list[str]:
     """What the supervisor makes texts for the operator of."""
     printed = capsys.readouterr()
-    return [line for line in (printed.out + printed.err).splitlines() if "not recorded" in line]
+    return [
+        line
+        for line in (printed.out + printed.err).splitlines()
+        if "cannot write the flight" in line
+    ]
 
 
 def test_a_flight_without_pulses_that_cannot_be_written_is_reported_within_5_s(

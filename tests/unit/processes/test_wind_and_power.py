@@ -16,7 +16,7 @@ from uavrt.mavlink.wind import wind_of
 from uavrt.messages import VehicleFence, VehicleReport
 from uavrt.processes import guide
 from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flown import ASKED_IDS
+from uavrt.simulation.flown import REQUESTABLE_IDS
 from uavrt.simulation.vehicle_telemetry import wind_message
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
@@ -31,7 +31,7 @@ def test_each_autopilot_tells_where_the_air_goes(flavour: Flavour) -> None:
     told = wind_of(message)
     assert told == pytest.approx((4.0, -3.0))
     assert message.ID in WATCHED_HZ
-    assert message.ID in ASKED_IDS[flavour]
+    assert message.ID in REQUESTABLE_IDS[flavour]
 
 
 def test_arducopters_wind_is_named_by_where_it_comes_from() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from uavrt.config.settings import RadioSettings
-from uavrt.radio.devices import unchosen, usb_radios
+from uavrt.radio.devices import ambiguous_radios, usb_radios
 
 Plug = Callable[..., None]
 AIRSPY, HACKRF, RTLSDR = ("1d50", "60a1"), ("1d50", "6089"), ("0bda", "2838")
@@ -29,7 +29,7 @@ def plug_fixture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plug:
 
 
 def remedy(kind: str) -> str | None:
-    found = unchosen(RadioSettings(kind=kind))
+    found = ambiguous_radios(RadioSettings(kind=kind))
     return None if found is None else found[1]
 
 
@@ -49,8 +49,8 @@ def test_two_are_named_with_the_setting_as_the_program_takes_it(plug: Plug) -> N
     assert remedy("airspy") == (
         'Set [radio] serial to "0x644064DC2F5A5ECD" or "0x35AC63DC2D8C7A4F"'
     )
-    assert unchosen(RadioSettings(serial="0x644064DC2F5A5ECD")) is None
-    assert unchosen(RadioSettings(program=("stand-in",))) is None
+    assert ambiguous_radios(RadioSettings(serial="0x644064DC2F5A5ECD")) is None
+    assert ambiguous_radios(RadioSettings(program=("stand-in",))) is None
 
 
 def test_two_with_the_same_serial_number_have_another_remedy(plug: Plug) -> None:

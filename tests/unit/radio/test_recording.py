@@ -231,7 +231,7 @@ def test_a_start_time_given_moves_all_captures_alike(tmp_path: Path) -> None:
         ({"core:sample_rate": "fast"}, [CAPTURE], "number"),
         ({"core:sample_rate": -5}, [CAPTURE], "not possible"),
         ({"core:num_channels": 2}, [CAPTURE], "Split"),
-        ({"core:metadata_only": True}, [CAPTURE], "elsewhere"),
+        ({"core:metadata_only": True}, [CAPTURE], "another file"),
         ({}, [{"core:sample_start": 0}], "--center-frequency"),
         ({}, [CAPTURE, {**CAPTURE, "core:frequency": 1e8}], "Split"),
         ({}, [{**CAPTURE, "core:sample_start": -1}], "whole number"),
@@ -421,5 +421,5 @@ def test_any_damage_to_a_wav_header_is_read_or_refused(
 def test_a_rate_that_contradicts_the_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.wav"
     path.write_bytes(wav(bytes(400)))
-    with pytest.raises(FormatError, match="Leave --sample-rate out"):
+    with pytest.raises(FormatError, match="Omit --sample-rate"):
         open_recording(path, sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ)

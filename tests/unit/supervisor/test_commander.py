@@ -248,12 +248,12 @@ def test_to_delete_takes_two_steps_that_no_repetition_makes(tmp_path: Path) -> N
 def test_two_steps_are_two_of_the_same_one() -> None:
     watch = Watch()
     step = SecondStep(watch)
-    assert not step.is_meant(FIRST)
+    assert not step.is_confirmation(FIRST)
     watch.now_s += 20.0
-    assert not step.is_meant(STRANGER)
+    assert not step.is_confirmation(STRANGER)
     watch.now_s += 20.0
-    assert not step.is_meant(FIRST)
+    assert not step.is_confirmation(FIRST)
     watch.now_s += 20.0
-    assert step.is_meant(FIRST)
+    assert step.is_confirmation(FIRST)
     watch.now_s += 20.0
-    assert not step.is_meant(FIRST), "the next time it is two steps again"
+    assert not step.is_confirmation(FIRST), "the next time it is two steps again"

@@ -15,7 +15,7 @@ from uavrt.errors import TunerError
 from uavrt.messages import Command, CommandReply, FlightInfo
 from uavrt.supervisor.mission.flights import Tuner
 from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.tuning import Tuning, TuningQuestion, ask_tuner
+from uavrt.supervisor.mission.tuning import Tuning, TuningRequest, request_tuning
 
 TAG = made.tag(2, 148_710_000.0, 1.254, name="otter")
 Say = Callable[..., CommandReply]
@@ -27,7 +27,7 @@ def flown(tmp_path: Path) -> tuple[Mission, Say, list[FlightInfo]]:
 
 
 def fly(
-    directory: Path, window_hz: float, tuner: Tuner = ask_tuner
+    directory: Path, window_hz: float, tuner: Tuner = request_tuning
 ) -> tuple[Mission, Say, list[FlightInfo]]:
     corrected: list[FlightInfo] = []
     mission = made.mission(
@@ -66,7 +66,7 @@ def test_a_corrected_frequency_is_searched_and_remembered_under_the_same_name(
     assert flight.tags == (replace(better, name="otter"),)
     assert mission.upload.tags[2] == flight.tags[0]
     assert mission.state is SystemState.DETECTING
-    assert say("add_tag", tag=better).message == "as it was"
+    assert say("add_tag", tag=better).message == "unchanged"
     assert len(corrected) == 1
 
 
@@ -93,9 +93,9 @@ def test_what_cannot_be_searched_in_this_flight_is_refused(
 def test_a_wide_search_of_a_corrected_tag_is_checked_like_that_of_a_start(
     tmp_path: Path,
 ) -> None:
-    asked: list[TuningQuestion] = []
+    asked: list[TuningRequest] = []
 
-    def tuner(question: TuningQuestion) -> Tuning:
+    def tuner(question: TuningRequest) -> Tuning:
         asked.append(question)
         if len(asked) > 2:
             raise TunerError("the search does not fit its channel")

@@ -19,7 +19,11 @@ from uavrt.errors import ConfigError
 from uavrt.messages import Command, FlightInfo
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
-from uavrt.supervisor.mission.wall_clock import AGAIN_S, NOTED_S, WallClockWatch
+from uavrt.supervisor.mission.wall_clock import (
+    REPEAT_AFTER_S,
+    REPORTED_CORRECTION_S,
+    WallClockWatch,
+)
 
 TAG = made.tag()
 
@@ -88,7 +92,7 @@ def test_what_was_acknowledged_is_there_again(
 def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> None:
     before = new_mission(tmp_path)
     upload(before, *START)
-    before.forget()
+    before.delete_saved_state()
     after = new_mission(tmp_path)
     assert not after.resume()
     assert after.state is SystemState.IDLE
@@ -139,7 +143,10 @@ def test_every_correction_of_the_wall_clock_is_noted_once(corrections_s: list[fl
     for correction_s in corrections_s:
         for repeat in range(3):
             text = watch.check(round(correction_s * 1e9))
-            new = repeat == 0 and abs(round(correction_s * 1e9) / 1e9 - noted_s) >= NOTED_S
+            new = (
+                repeat == 0
+                and abs(round(correction_s * 1e9) / 1e9 - noted_s) >= REPORTED_CORRECTION_S
+            )
             assert (text is not None) == new
             if new:
                 noted_s = round(correction_s * 1e9) / 1e9
@@ -155,7 +162,7 @@ def test_a_wrong_time_is_told_once_more_to_a_ground_station_that_comes_later(
     watch = WallClockWatch()
     assert str(watch.flight_started(100.0)).startswith("Drone's clock: ")
     told = [second for second in range(100, 130) if watch.wrong_time_again(float(second))]
-    assert told == [100 + AGAIN_S]
+    assert told == [100 + REPEAT_AFTER_S]
 
 
 def reboot(directory: Path) -> None:

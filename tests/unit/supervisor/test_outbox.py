@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from uavrt.ipc.topics import TOPICS, decode_record, encode_record
 from uavrt.messages import FlightInfo, PulsePose, StatusText
 from uavrt.supervisor.tree.table import PROCESSES
-from uavrt.supervisor.tree.waiting_records import BARREN_LIVES, MOST_KEPT, Outbox
+from uavrt.supervisor.tree.waiting_records import MOST_KEPT, RUNS_WITHOUT_PROGRESS, Outbox
 
 
 def status(number: int) -> bytes:
@@ -140,7 +140,7 @@ def test_a_successor_is_told_of_the_flight_that_its_first_records_belong_to() ->
 def test_a_line_that_ends_every_process_that_gets_it_is_given_up_and_counted() -> None:
     outbox = Outbox(keeps=True)
     outbox.put(pulse(1))
-    for life in range(BARREN_LIVES):
+    for life in range(RUNS_WITHOUT_PROGRESS):
         assert drain(outbox) == [pulse(1)], life
         outbox.process_ended(by_itself=True)
     assert drain(outbox) == []
@@ -150,7 +150,7 @@ def test_a_line_that_ends_every_process_that_gets_it_is_given_up_and_counted() -
 def test_a_process_that_others_kill_gets_its_lines_however_often() -> None:
     outbox = Outbox(keeps=True)
     outbox.put(pulse(1))
-    for _ in range(3 * BARREN_LIVES):
+    for _ in range(3 * RUNS_WITHOUT_PROGRESS):
         assert drain(outbox) == [pulse(1)]
         outbox.process_ended(by_itself=False)
 

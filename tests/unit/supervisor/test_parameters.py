@@ -135,7 +135,7 @@ def test_without_any_tags_the_parameter_is_refused_with_the_remedy(tmp_path: Pat
     operator = Operator(tmp_path, RADIO)
     reply = operator.set("DET_RUN", 1)
     assert not reply.accepted
-    assert reply.message == "no tags are known: send them once, by uavrt ground"
+    assert reply.message == "no tags known: send them once with uavrt ground"
     assert operator.mission.state is SystemState.IDLE
     assert operator.set("DET_RUN", 0).accepted
     assert operator.flights == []
@@ -143,7 +143,7 @@ def test_without_any_tags_the_parameter_is_refused_with_the_remedy(tmp_path: Pat
 
 def test_the_tags_that_were_sent_last_outlive_a_stop_in_good_order(tmp_path: Path) -> None:
     before = with_tags(Operator(tmp_path, RADIO))
-    before.mission.forget()
+    before.mission.delete_saved_state()
     after = Operator(tmp_path, RADIO)
     assert not after.mission.resume()
     assert after.say("start_detection").message == "no tags: send tags first"

@@ -104,7 +104,7 @@ def test_an_incomplete_upload_is_remembered_whoever_starts_and_whatever_restarts
 ) -> None:
     drone = Drone(tmp_path)
     drone.send_tags(TAGS[:2], count=3)
-    drone.mission.forget_replies()  # the gateway was killed
+    drone.mission.drop_replies()  # the gateway was killed
     for _ in range(2):
         reply = drone.ask("start_detection", source)
         if source != "mavlink 255/190":  # which does not command
@@ -122,7 +122,7 @@ def test_an_incomplete_upload_does_not_replace_the_last_tags(tmp_path: Path) -> 
     drone = Drone(tmp_path)
     drone.send_tags(TAGS, count=3)
     drone.send_tags(TAGS[:1], count=2)
-    drone.mission.forget()
+    drone.mission.delete_saved_state()
     afterwards = Drone(tmp_path)
     assert afterwards.ask("set_parameter", parameter="DET_RUN", value=1.0).accepted
     assert list(afterwards.mission.upload.tags.values()) == TAGS

@@ -14,7 +14,7 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.pace import PaceWatch
 from uavrt.supervisor.start.restarts import SOON, RestartPolicy, Restarts
-from uavrt.supervisor.tree.budget import REPEAT_S, SLOWER, WINDOW_S, BudgetWatch
+from uavrt.supervisor.tree.budget import CPU_ALLOWANCE, REPEAT_S, WINDOW_S, BudgetWatch
 from uavrt.units import s_from_ns
 
 
@@ -58,14 +58,14 @@ def watched(cpu_percent: float, seconds: int, memory_mb: float = 10.0) -> list[s
 
 
 def test_a_process_within_its_budget_is_not_mentioned() -> None:
-    assert watched(5.0 * SLOWER * 0.99, 1000) == []
+    assert watched(5.0 * CPU_ALLOWANCE * 0.99, 1000) == []
 
 
 def test_a_busy_process_is_reported_after_a_while_and_not_every_second() -> None:
-    texts = watched(5.0 * SLOWER * 1.5, round(WINDOW_S + REPEAT_S + 10))
+    texts = watched(5.0 * CPU_ALLOWANCE * 1.5, round(WINDOW_S + REPEAT_S + 10))
     assert len(texts) == 2
     assert "detector-1 uses 30 % of a core" in texts[0]
-    assert watched(5.0 * SLOWER * 1.5, round(WINDOW_S)) == []
+    assert watched(5.0 * CPU_ALLOWANCE * 1.5, round(WINDOW_S)) == []
 
 
 def test_a_growing_process_is_reported() -> None:

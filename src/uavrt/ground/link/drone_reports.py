@@ -92,7 +92,7 @@ class DroneReports:
         """Clear all reports, because another vehicle is served."""
         self.state, self.temperature_c, self.directory = None, None, ""
         self.sent_tags = ()
-        self.bench.forget()
+        self.bench.reset()
 
     def set_tags(self, tags: tuple[Tag, ...]) -> None:
         """Set the tags that the drone holds."""

@@ -1,4 +1,4 @@
-"""Work that may block on a disk or a device, kept out of the supervisor's loop."""
+"""Runs work that may block on a disk or device outside the supervisor's event loop."""
 
 import asyncio
 import threading
@@ -10,10 +10,9 @@ T = TypeVar("T")
 
 
 async def in_background(work: Callable[[], T]) -> T:
-    """Run `work` in a daemon thread; return or raise its result.
+    """Run `work` in a daemon thread; return its result or raise its error.
 
-    Unlike a thread of `asyncio.to_thread`, it lets the program end when a drive does not
-    answer.
+    Unlike with `asyncio.to_thread`, the program can end while a drive does not answer.
     """
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()

@@ -1,4 +1,4 @@
-"""Copy flights to a drive and remove them; either can be stopped at any moment."""
+"""Copies flights to a drive and removes flights; both can be stopped at any time."""
 
 import os
 import shutil
@@ -16,16 +16,16 @@ Wanted = Callable[[], bool]
 
 CHUNK_BYTES = 1 << 20
 SYNC_BYTES = 8 * CHUNK_BYTES
-"""Most bytes waiting to be written to the drive; a slow flash drive takes 5 MB a second. A
-process that ends while the kernel writes is kept until that is done."""
+"""Largest amount of data waiting to be written to the drive [bytes]. A slow flash drive writes
+5 MB/s, and a process cannot end before the kernel has written it all."""
 
 
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
-    """Copy flights; files already there with the same size are kept.
+    """Copy flights to a drive; skip files already there with the same size.
 
-    `target`: directory on the drive. `step`: gets the number done, the total, and the present
-    file. `wanted`: checked often; False stops the work. Raises `OSError` if the drive cannot be
-    written, `RecordingError` if stopped; complete copies stay.
+    `target`: directory on the drive. `step`: called with files done, total files and the
+    current file. `wanted`: polled often; returning False stops the copy. Raises `OSError` if
+    the drive cannot be written and `RecordingError` if stopped. Complete copies stay.
     """
     for done, flight in enumerate(flights):
         step(done, len(flights), flight.name)
@@ -41,7 +41,7 @@ def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) 
 
 
 def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
-    """Remove flights, each as a whole; raises `OSError`, or `RecordingError` if stopped."""
+    """Remove whole flights. Raises `OSError`, or `RecordingError` if stopped."""
     for done, flight in enumerate(flights):
         _check(wanted)
         step(done, len(flights), flight.name)
@@ -63,7 +63,7 @@ def _is_there(source: Path, place: Path) -> bool:
 
 
 def _copy(source: Path, place: Path, wanted: Wanted) -> None:
-    """Copy a file under a temporary name, so that a drive pulled out leaves no half file."""
+    """Copy a file under a temporary name; pulling out the drive leaves no partial file."""
     part = place.with_name(place.name + ".part")
     try:
         _copy_content(source, part, wanted)

@@ -1,7 +1,7 @@
-"""The disk guard: warns when space runs out, frees space if configured, reports card faults.
+"""Warns when the disk is nearly full, frees space if configured, and reports card faults.
 
-A full disk never stops detection: the recorder keeps what it cannot write and tries again, the
-processes' output is dropped and counted.
+A full disk never stops detection. The recorder retries what it could not write; printed output
+of processes is dropped and counted.
 """
 
 import os
@@ -19,7 +19,7 @@ log = get_logger()
 
 
 class DiskGuard:
-    """Monitors the free space of flights, by the settings' limit and leave to remove."""
+    """Monitors free disk space for flights against the limit in the recording settings."""
 
     def __init__(self, directory: Path, settings: RecordingSettings) -> None:
         self._directory = directory
@@ -28,25 +28,29 @@ class DiskGuard:
         self._kept = settings.keep_newest_flights
         self._to_note: Path | None = None
         self._note_failed = False
-        """Whether a failed note was reported in this flight."""
+        """True if the log already has a failure to list this flight in the order of flights."""
         self._flight: Path | None = None
         self._warned = False
         self._card_faults = 0
-        """Kinds of card faults reported in this flight."""
+        """Number of kinds of memory-card faults reported in this flight."""
         self.free_mb: float | None = None
-        """Free space [MB]; None before the first check or if it cannot be measured."""
+        """Free disk space [MB]; None before the first measurement or if it failed."""
         self.faults: tuple[StatusText, ...] = ()
-        """Faults that the last check found, reported before or not."""
+        """Faults found by the last check, whether reported before or not."""
 
     def flying(self, flight: Path | None) -> None:
-        """Set the flight being written, which is never removed."""
+        """Set the flight being written, which is never removed; None if there is none."""
         self._flight = flight
         self._to_note = flight or self._to_note
         if flight is not None:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Measure; get texts (severity, text) for the operator. Runs in a thread of its own."""
+        """Measure free space, remove flights if needed, check the card. Blocks: call it in a
+        thread.
+
+        Returns (severity, text) pairs for the operator.
+        """
         self._note()
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []
@@ -72,14 +76,13 @@ class DiskGuard:
         return texts
 
     def _note(self) -> None:
-        """Note once that the flight has begun; without room, at the next check."""
         if self._to_note is None:
             return
         try:
             note_flight(self._to_note)
         except OSError as error:
             if not self._note_failed:
-                log.warning("order of flights not noted", reason=str(error))
+                log.warning("cannot write the order of flights", reason=str(error))
             self._note_failed = True
         else:
             self._to_note = None
@@ -102,21 +105,20 @@ class DiskGuard:
         return usage.f_bavail * usage.f_frsize / 1e6
 
     def _remove_oldest(self) -> Path | None:
-        """Remove the oldest flight but the present one; None when there is no other."""
-        return next((path for path in self._may_go() if _removed(path)), None)
+        return next((path for path in self._removable_flights() if _removed(path)), None)
 
     def _remove_oldest_samples(self) -> Path | None:
-        """Remove the kept channels of the oldest flight that has some: they go first."""
-        for path in self._may_go():
+        for path in self._removable_flights():
             channels = FlightLayout(path).channels_directory
             if channels.is_dir() and not channels.is_symlink() and _removed(channels):
                 return path
         return None
 
-    def _may_go(self) -> list[Path]:
+    def _removable_flights(self) -> list[Path]:
         """Removable flights, oldest first: neither newest, starred nor in progress.
 
-        A flight and its copies count as one; the copies are removed first, as they hold less.
+        A flight counts together with its copies, which are removed first because they hold
+        less.
         """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name
@@ -129,10 +131,9 @@ class DiskGuard:
 
 
 def _removed(directory: Path) -> bool:
-    """Remove a directory; False if that fails."""
     try:
         shutil.rmtree(directory)
     except OSError as error:
-        log.warning("not removed", directory=str(directory), reason=str(error))
+        log.warning("cannot remove directory", directory=str(directory), reason=str(error))
         return False
     return True

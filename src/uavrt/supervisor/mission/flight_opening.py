@@ -1,4 +1,4 @@
-"""Open a flight: create its directory and assign tags to workers."""
+"""Creates a flight's directory and assigns tags to detector processes."""
 
 import itertools
 import math
@@ -12,26 +12,27 @@ from uavrt.config.tag_bands import tags_by_band
 from uavrt.errors import RecordingError
 from uavrt.messages import FlightInfo, Tag
 
-_AT_EASE = 16
-"""Tags that one worker may have while others have none: some 2 % of a core."""
+_CHEAP_SHARE_TAGS = 16
+"""Number of tags one detector process may get while others have none; they cost 2 % of a core.
+"""
 
 
 def share_tags(
     tags: Sequence[Tag], workers: int, *, window_hz: float, receiver: Receiver | None = None
 ) -> tuple[tuple[Tag, ...], ...]:
-    """Distribute the tags over workers.
+    """Distribute the tags over detector processes.
 
-    Tags whose bands overlap have the same pulses and must be judged together, so they go to one
-    worker, each group to the one with the fewest tags. So do tags that the receiver may show as
-    ghosts of each other, mirrors before multiples, while no worker has more than its share, or
-    16.
+    Tags with overlapping bands share pulses and must be compared, so one process gets them all.
+    Each such group goes to the process with the fewest tags. Tags that may appear as receiver
+    ghosts (image or harmonic) of each other are also kept together, up to an equal share or 16
+    tags.
 
-    `window_hz`: half-width of the search around each tag. `receiver`: what makes the ghosts.
-    Returns at least one list, empty only without tags.
+    `window_hz`: half-width of the search around each tag. `receiver`: determines the ghosts.
+    Returns at least one list, which is empty only without tags.
     """
     together = tags_by_band(tags, window_hz)
     if receiver is not None and workers > 1:
-        most = max(_AT_EASE, math.ceil(len(tags) / workers))
+        most = max(_CHEAP_SHARE_TAGS, math.ceil(len(tags) / workers))
         together = _with_ghosts(together, receiver, window_hz, most)
     shares: list[list[Tag]] = [[] for _ in range(max(1, min(workers, len(together))))]
     for some in together:
@@ -42,7 +43,7 @@ def share_tags(
 def _with_ghosts(
     together: list[list[Tag]], receiver: Receiver, window_hz: float, most: int
 ) -> list[list[Tag]]:
-    """Join groups that may show as ghosts of each other, up to a number of tags."""
+    """Join groups of tags that may be receiver ghosts of each other, up to `most` tags each."""
     group_of = {tag.tag_id: group for group in together for tag in group}
     multiples = (
         (receiver.multiple(ghost.frequency_hz, tag.frequency_hz, window_hz), tag, ghost)
@@ -68,7 +69,10 @@ def new_flight(
     center_frequency_hz: float,
     capture_s: float | None = None,
 ) -> FlightInfo:
-    """Make a flight's directory, a capture's with `capture_s`; raises `RecordingError`."""
+    """Create a flight's directory and description; with `capture_s`, those of a raw capture.
+
+    Raises `RecordingError` if the directory cannot be made.
+    """
     start_ns = clock.now_ns()
     return FlightInfo(
         directory=str(_make_directory(Path(settings.recording.directory), start_ns)),
@@ -82,13 +86,13 @@ def new_flight(
 
 
 def last_written_ns(directory: Path) -> int | None:
-    """Time of the last change of a flight [ns, wall clock]; None without one."""
+    """Time of the last change of a flight's files [ns, wall clock]; None without files."""
     times = [path.stat().st_mtime_ns for path in directory.glob("*") if path.is_file()]
     return max(times, default=None)
 
 
 def _make_directory(parent: Path, start_ns: int) -> Path:
-    """Make ``flight_log_<UTC>``; two flights in one second get a number."""
+    """Make ``flight_log_<UTC>``; a second flight in the same second gets a number appended."""
     for attempt in range(1, 100):
         suffix = "" if attempt == 1 else f"_{attempt}"
         directory = parent.resolve() / f"flight_log_{flight_stamp(start_ns)}{suffix}"

@@ -1,4 +1,4 @@
-"""Flights and raw captures: begun, continued after a restart, corrected and ended."""
+"""Begins, resumes, corrects and ends flights and raw captures."""
 
 import shutil
 from collections import deque
@@ -17,32 +17,32 @@ from uavrt.supervisor.mission.flight_opening import last_written_ns, new_flight
 from uavrt.supervisor.mission.kept_parameters import SettingsInForce
 from uavrt.supervisor.mission.saved_state import SavedState
 from uavrt.supervisor.mission.tag_upload import TagUpload, check_tag
-from uavrt.supervisor.mission.tuning import UNMEASURED_TAGS, Tuning, TuningQuestion
+from uavrt.supervisor.mission.tuning import UNMEASURED_TAGS, Tuning, TuningRequest
 from uavrt.tunnel.tag_lists import searched_text
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LAST_FLIGHTS = 3
-"""Number of ended flights that connection and recorder still serve."""
+"""Number of ended flights that the connection and the recorder can still serve."""
 RESUME_WITHIN_S = 900.0
-"""Age of a flight up to which detection resumes after a restart of the computer [s]. Covers a
-battery change or a brown-out in the air, but not last week's flight."""
-_MOST_NEAR = 3
-"""Pairs of codes that are named at the beginning of a flight; the page names all."""
-_CARRIED = 0.4
-"""Half of the usable band, as a share of the radio's rate."""
+"""Largest age of a flight that resumes after a restart of the computer [s]. This covers a
+battery change or brown-out in the air, but not last week's flight."""
+_MOST_PAIRS_LISTED = 3
+"""Number of confusable code pairs listed at a flight's start; the page lists all."""
+_USABLE_HALF_BAND = 0.4
+"""Half of the usable bandwidth as a fraction of the radio's sample rate."""
 _USUAL_WINDOW_HZ = 500.0
-"""Half-width of the search for which every channel has room [Hz]."""
+"""Largest half-width of the search that fits into a channel at any tag frequency [Hz]."""
 
 Notify = Callable[[int, str], None]
-Tuner = Callable[[TuningQuestion], Tuning]
+Tuner = Callable[[TuningRequest], Tuning]
 
 
 class Flights:
-    """The present flight and the last ones.
+    """The present flight and the last ended ones.
 
-    `notify`: sends a text (severity, text) to the operator. `on_start`: called when a flight
-    begins. `tuner`: finds the radio's frequency for the tags'. `check_free`: raises
-    `UavrtError` while flights are being copied.
+    `notify`: sends (severity, text) to the operator. `on_start`: called when a flight begins.
+    `tuner`: finds a radio frequency that receives all tags. `check_free`: raises `UavrtError`
+    while flights are being copied.
     """
 
     def __init__(
@@ -61,15 +61,16 @@ class Flights:
         self.clock = Clock.start()
         self.flight: FlightInfo | None = None
         self.last: deque[str] = deque(maxlen=LAST_FLIGHTS)
-        """Directories of ended flights, the newest last."""
+        """Directories of ended flights, newest last."""
         self.ending = False
-        """Whether the flight's last pulses are on their way; no new one can begin yet."""
+        """True while the last pulses of a flight are being recorded; no flight can begin yet.
+        """
 
     def resume(self, saved: SavedState) -> SystemState | None:
-        """Continue what an earlier supervisor did; return the state, None if nothing goes on.
+        """Resume the flight of an earlier supervisor; return its state, None if none resumes.
 
-        Within the same boot the flight goes on with its clock. After a restart of the computer
-        the clock is a new one, and so is the flight; see `RESUME_WITHIN_S`.
+        Within one boot the flight keeps its clock. After a restart of the computer a new flight
+        with a new clock begins; see `RESUME_WITHIN_S`.
         """
         flight = saved.flight
         same_boot = saved.boot_id == boot_id()
@@ -100,7 +101,7 @@ class Flights:
     def _continue_capture(
         self, flight: FlightInfo, clock_offset_ns: int | None
     ) -> SystemState | None:
-        """Record the rest of a raw capture; without a clock offset report what was recorded."""
+        """Record the rest of a raw capture; after a reboot, report what was recorded."""
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
             self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return None
@@ -121,9 +122,9 @@ class Flights:
         return SystemState.DETECTING
 
     def begin(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Choose the radio's frequency (the operator's, the settings', the tuner's); begin.
+        """Begin a flight at the operator's, the configured or the computed radio frequency.
 
-        Raises `TunerError` if no radio frequency serves all the tags, `RecordingError` if the
+        Raises `TunerError` if no radio frequency receives all tags, `RecordingError` if the
         flight's directory cannot be made.
         """
         self._check_free()
@@ -139,28 +140,29 @@ class Flights:
         detection = settings.detection
         plain = detection.frequency_window_hz <= _USUAL_WINDOW_HZ
         if center_hz is None or not plain or len(tags) > UNMEASURED_TAGS:
-            tuning = self._ask_tuner(self._question(tags, center_hz))
+            tuning = self._ask_tuner(self._tuning_request(tags, center_hz))
             center_hz, warnings = tuning.center_frequency_hz, warnings + tuning.warnings
         center_hz = tuned_frequency(radio, center_hz)
         flight = self._open(tags, center_hz)
         count = len(self._upload.tags)
         words = "1 tag" if count == 1 else f"{count} tags"
         self._notify(6, f"Detecting {words} at {center_hz:.0f} Hz")
-        for warning in (*warnings, *self._words_of_near_codes(tags)):
+        for warning in (*warnings, *self._near_code_texts(tags)):
             self._notify(5, warning)
         return flight
 
-    def _words_of_near_codes(self, tags: Sequence[Tag]) -> list[str]:
-        """Name codes that may be confused, in words for a radio link."""
+    def _near_code_texts(self, tags: Sequence[Tag]) -> list[str]:
         window_hz = self._settings.now.detection.frequency_window_hz
         pairs = [(one.tag_id, two.tag_id) for one, two, _ in near_codes(tags, window_hz)]
-        words = [f"Codes {one}, {two} are easily mixed up" for one, two in pairs[:_MOST_NEAR]]
-        if len(pairs) > _MOST_NEAR:
-            words.append(f"{len(pairs) - _MOST_NEAR} more pairs of codes are as near")
+        words = [
+            f"Codes {one}, {two} are easily mixed up" for one, two in pairs[:_MOST_PAIRS_LISTED]
+        ]
+        if len(pairs) > _MOST_PAIRS_LISTED:
+            words.append(f"{len(pairs) - _MOST_PAIRS_LISTED} more pairs of codes are as near")
         return words
 
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Begin to record the band; the frequency is the operator's, or as in a flight.
+        """Begin recording the band at the given, the configured or the computed frequency.
 
         Raises `UavrtError` if no frequency is known, the disk is nearly full, or flights are
         being copied.
@@ -172,7 +174,7 @@ class Flights:
         if center_hz is None and not self._upload.tags:
             raise UavrtError("no frequency: send tags first, or set RADIO_FREQ_KHZ")
         if center_hz is None:
-            question = self._question(tuple(self._upload.tags.values()), None)
+            question = self._tuning_request(tuple(self._upload.tags.values()), None)
             center_hz = self._ask_tuner(question).center_frequency_hz
         center_hz = tuned_frequency(radio, center_hz)
         with suppress(OSError):
@@ -186,7 +188,6 @@ class Flights:
     def _open(
         self, tags: tuple[Tag, ...], center_hz: float, capture_s: float | None = None
     ) -> FlightInfo:
-        """Make the flight's directory, and begin."""
         self.clock = Clock.start()
         self._settings.begin_flight()
         self.flight = new_flight(
@@ -199,10 +200,10 @@ class Flights:
         self._on_start(self.flight)
         return self.flight
 
-    def _question(self, tags: tuple[Tag, ...], center_hz: float | None) -> TuningQuestion:
+    def _tuning_request(self, tags: tuple[Tag, ...], center_hz: float | None) -> TuningRequest:
         detection = (self._settings.in_flight if self.flight else self._settings.now).detection
         measured = len(tags) > UNMEASURED_TAGS and not detection.maximum_tags
-        return TuningQuestion(
+        return TuningRequest(
             tags=tags,
             sample_rate_hz=self._settings.now.radio.sample_rate_hz,
             detection=detection,
@@ -211,9 +212,10 @@ class Flights:
         )
 
     def correct(self, tag: Tag | None) -> tuple[FlightInfo, str, tuple[str, ...]] | None:
-        """Change a tag's values in the flight that goes on; None if it has them already.
+        """Correct a tag's values in the present flight; None if they are unchanged.
 
-        Returns (flight, words, warnings): the flight, what changed, and what it costs.
+        Returns (flight, text, warnings): the corrected flight, a description of the change, and
+        its side effects.
         """
         flight, listed = self.flight, self._upload.tags
         known = None if tag is None else listed.get(tag.tag_id)
@@ -227,7 +229,7 @@ class Flights:
             raise UavrtError("coded tags cannot be corrected in flight: send stop first")
         center_hz = flight.center_frequency_hz
         reach_hz = max(abs(one.frequency_hz - center_hz) for one in flight.tags)
-        reach_hz = max(reach_hz, _CARRIED * flight.sample_rate_hz)
+        reach_hz = max(reach_hz, _USABLE_HALF_BAND * flight.sample_rate_hz)
         if abs(tag.frequency_hz - center_hz) > reach_hz:
             raise UavrtError(f"not received at {center_hz / 1e6:.6f} MHz: send stop first")
         settings = self._settings.in_flight
@@ -236,7 +238,7 @@ class Flights:
         warnings: tuple[str, ...] = ()
         if settings.detection.frequency_window_hz > _USUAL_WINDOW_HZ:
             # What the search costs was measured at the start, when the computer was not busy.
-            question = replace(self._question(tags, center_hz), spare_cores=None)
+            question = replace(self._tuning_request(tags, center_hz), spare_cores=None)
             warnings = self._ask_tuner(question).warnings
         self._upload.correct(tag)
         self.flight = replace(flight, tags=tags)
@@ -246,13 +248,13 @@ class Flights:
             words = f"{1e3 * now_s:.0f} ms, was {1e3 * before_s:.0f}"
         return self.flight, words, warnings
 
-    def end_soon(self) -> str:
-        """Note that an end was commanded; return the flight's directory."""
+    def mark_ending(self) -> str:
+        """Mark the flight as ending; return its directory, or an empty string."""
         self.ending = True
         return self.flight.directory if self.flight else ""
 
     def ended(self) -> FlightInfo | None:
-        """Note that the last pulse is on its way; get the flight that ended."""
+        """Close the flight after its last pulse; return it, or None if there was none."""
         flight, self.flight = self.flight, None
         if flight is not None:
             self.last.append(flight.directory)

@@ -1,7 +1,7 @@
-"""Settings that an operator can change, also in flight; they survive every restart.
+"""Parameters that an operator can change, also in flight; they survive restarts.
 
-A file in the flights' folder has each parameter with the value of the settings file at the
-time. If that has changed since, the settings file wins and the stored value is dropped.
+A file stores each parameter together with the value in the settings file at that time. If the
+settings file has changed since, its value is used and the stored one dropped.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,18 +23,18 @@ PARAMETERS_NAME = "parameters.json"
 
 
 class KeptValue(msgspec.Struct, frozen=True):
-    """One parameter."""
+    """A stored parameter value and the value in the settings file that it replaces."""
 
     value: float
     instead_of: float
-    """Value in the settings file when this was set."""
+    """Value in the settings file when the operator set the parameter."""
 
 
 class SettingsInForce:
-    """The settings with the operator's parameters.
+    """The settings, with the operator's parameters applied.
 
-    `settings`: of the settings file. `on_change`: called when those for the next start have
-    changed.
+    `settings`: read from the settings file. `on_change`: called with the new settings for the
+    next flight.
     """
 
     def __init__(self, settings: Settings, on_change: Callable[[Settings], None]) -> None:
@@ -50,15 +50,15 @@ class SettingsInForce:
             try:
                 settings = with_parameter(settings, name, kept.value)
             except ConfigError as error:
-                log.warning("kept parameter not used", reason=error.message)
+                log.warning("stored parameter rejected", reason=error.message)
         self._on_change = on_change
         self.now = self.in_flight = settings
-        """Settings for the next start, and those in force in the present flight."""
+        """Settings for the next flight (`now`) and for the present flight (`in_flight`)."""
         self.gain: int | None = None
-        """Gain of the last start, in place of the settings' one."""
+        """Radio gain given with a start command; None: the settings' gain."""
 
     def resume(self, gain: int | None, waiting: Mapping[str, float]) -> None:
-        """Use a start's gain again, and in the flight the values before its last changes."""
+        """Restore a start command's gain and the present flight's older parameter values."""
         with suppress(UavrtError):
             self._use_gain(gain)
         self.in_flight = self.now
@@ -68,17 +68,17 @@ class SettingsInForce:
 
     @property
     def waiting(self) -> dict[str, float]:
-        """Present values of parameters that change at the next start."""
+        """Parameters that differ between this flight and the next; with present values."""
         now = parameter_values(self.now)
         in_flight = parameter_values(self.in_flight)
         return {name: one for name, one in in_flight.items() if one != now[name]}
 
     def begin_flight(self) -> None:
-        """Put the settings for the next start in force."""
+        """Apply the settings for the next flight."""
         self.in_flight = self.now
 
     def set(self, name: str | None, value: float | None, *, detecting: bool) -> str:
-        """Change a setting, now and for later starts; answer when it comes into force."""
+        """Set a parameter, now and for later flights; return a text on when it takes effect."""
         if name is None or value is None:
             raise UavrtError("the parameter or its value is missing")
         waits = detecting and not PARAMETERS[name].live
@@ -95,12 +95,11 @@ class SettingsInForce:
         return f"{name} = {value:.7g}{', from the next start' if waits else ''}"
 
     def use_start(self, command: Command) -> None:
-        """Use the values of a start or a capture, if the radio supports them."""
+        """Apply frequency and gain of a start command; raises `ConfigError` if invalid."""
         check_start(self.now, command.center_frequency_hz, command.gain)
         self._use_gain(command.gain)
 
     def _use_gain(self, gain: int | None) -> None:
-        """Use a start's gain, until another is set or uavrt is stopped."""
         if gain is not None:
             self._use(with_parameter(self.now, "RADIO_GAIN", gain))
             self.gain = gain

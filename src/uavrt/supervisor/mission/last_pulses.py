@@ -1,7 +1,6 @@
-"""Checks whether all pulses of the flight have their poses, so that it can be closed.
+"""Counts pulses that have no pose yet, so that a flight is closed only when all have one.
 
-A pulse passes the supervisor from its detector, and again with its pose; the difference is on
-its way.
+The supervisor forwards each pulse twice: from its detector, and again with its pose.
 """
 
 import asyncio
@@ -10,7 +9,7 @@ FOUND, POSED = "pulse", "pulse_pose"
 
 
 class LastPulses:
-    """Counts the pulses still waiting for their poses."""
+    """Counts the pulses that still wait for their poses."""
 
     def __init__(self) -> None:
         self._waiting = 0
@@ -19,16 +18,16 @@ class LastPulses:
 
     @property
     def waiting(self) -> int:
-        """Number of pulses without their pose, also those lost with a killed process."""
+        """Number of pulses without a pose, including those lost with a killed process."""
         return self._waiting
 
     def flight_started(self) -> None:
-        """Reset for a new flight; late pulses of the last are not counted."""
+        """Reset the count for a new flight."""
         self._waiting = 0
         self._posed.set()
 
     def passed(self, topic: str) -> None:
-        """Note a record that passes."""
+        """Count a forwarded pulse, with or without pose; ignore other topics."""
         if topic == FOUND:
             self._waiting += 1
             self._posed.clear()
@@ -38,7 +37,7 @@ class LastPulses:
                 self._posed.set()
 
     async def posed_within(self, limit_s: float) -> bool:
-        """Wait until all pulses have poses; False if not after `limit_s`."""
+        """Wait until all pulses have poses; False if some have none after `limit_s`."""
         try:
             async with asyncio.timeout(limit_s):
                 await self._posed.wait()

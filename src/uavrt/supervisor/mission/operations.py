@@ -1,7 +1,7 @@
-"""Jobs that outlast a command: copying flights to a drive, removing them.
+"""Jobs that take longer than a command: copying flights to a drive, and removing flights.
 
-They run one at a time, in a thread, and report progress as `Operation` records and as texts.
-The original's ground station speaks a text that begins with ``#`` aloud.
+One job runs at a time, in a thread. It reports progress as `Operation` records and texts; the
+original ground station reads texts that begin with ``#`` aloud.
 """
 
 import asyncio
@@ -20,23 +20,22 @@ from uavrt.messages import Operation
 from uavrt.recording.flight_order import flights_in_order
 from uavrt.supervisor.mission.background import in_background
 from uavrt.supervisor.mission.copying import Step, remove_flights, save_flights
-from uavrt.supervisor.mission.flight_removal import REPEATED_S, SecondStep, removable
+from uavrt.supervisor.mission.flight_removal import RETRY_WITHIN_S, SecondStep, removable
 
 log = get_logger()
 
 MOUNTS = Path("/proc/self/mounts")
 REMOVABLE = ("/media/", "/run/media/")
-"""Directories where desktops and udiskie mount drives (udisks2)."""
+"""Directories below which desktops and udiskie mount removable drives."""
 
 END_S = 1.5
-"""Longest wait for a job when the system ends [s]. It writes 8 MB at most before it ends, and
-the whole stop may take 3 s."""
+"""Longest wait for a running job when the system ends [s]; the whole stop may take 3 s."""
 
 _ESCAPED = re.compile(r"\\([0-7]{3})")
 
 
 class Operations:
-    """Runs one operation at a time; `publish` gets each step, `notify` each text."""
+    """Runs one job at a time; `publish` gets its progress, `notify` its texts."""
 
     def __init__(
         self,
@@ -56,21 +55,21 @@ class Operations:
         return not self._ending.is_set()
 
     async def end(self) -> None:
-        """Stop the job because the system ends; a drive that hangs is abandoned."""
+        """Stop the job because the system ends; do not wait for a drive that hangs."""
         self._ending.set()
         if self._task is not None:
             await asyncio.wait([self._task], timeout=END_S)
 
     def check_free(self) -> None:
-        """Raise `UavrtError` while an operation goes on."""
+        """Raise `UavrtError` while a job runs."""
         if self.running is not None:
             raise UavrtError(f"busy: {words(self.running.name)} in progress")
 
     def begin(self, name: CommandName, source: str = "") -> str:
-        """Begin to save or clean; return the answer.
+        """Begin to copy or remove flights; return the answer for the operator.
 
-        `source`: the sender: to clean needs two steps of the same one. Raises `UavrtError` if
-        another job runs, no drive is there, or it was the first step.
+        `source`: the sender, who must confirm a removal by a second request. Raises
+        `UavrtError` if another job runs, no drive is plugged in, or confirmation is needed.
         """
         self.check_free()
         root = Path(self._settings.directory)
@@ -88,10 +87,10 @@ class Operations:
             stay = f"the newest and the starred stay, {whole - len(flights)} of {whole}"
             if not flights:
                 raise UavrtError(f"nothing to delete: {stay}")
-            if not self._second_step.is_meant(source):
+            if not self._second_step.is_confirmation(source):
                 raise UavrtError(
-                    f"send it again after {REPEATED_S:.0f} s to delete {len(flights)} flights: "
-                    f"{stay}"
+                    f"send it again after {RETRY_WITHIN_S:.0f} s to delete {len(flights)} "
+                    f"flights: {stay}"
                 )
             start, end = "#Deleting logs", "#Logs deleted"
             work = lambda step: remove_flights(flights, step, self._wanted)  # noqa: E731
@@ -133,14 +132,14 @@ class Operations:
 
 
 def words(name: CommandName) -> str:
-    """Name a command for people."""
+    """Text for a job's name."""
     return name.replace("_", " ")
 
 
 def save_directory(settings: RecordingSettings) -> Path:
-    """Directory to copy flights to: as set, or on the only drive that is plugged in.
+    """Directory to copy flights to: the configured one, or one on the only removable drive.
 
-    Raises `RecordingError` if there is none, or several.
+    Raises `RecordingError` if there is no drive, or several.
     """
     if settings.save_directory is not None:
         path = Path(settings.save_directory)
@@ -160,7 +159,7 @@ def save_directory(settings: RecordingSettings) -> Path:
 
 
 def removable_drives(mounts: Iterable[str]) -> list[Path]:
-    """Mount points of plugged-in drives (proc(5), which escapes spaces)."""
+    """Mount points of plugged-in removable drives, from ``/proc/mounts``."""
     points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
     names = (_ESCAPED.sub(lambda octal: chr(int(octal[1], 8)), point) for point in points)
     return [Path(name) for name in names if name.startswith(REMOVABLE)]

@@ -1,4 +1,4 @@
-"""The operator's commands and their state: tags and flight. It knows no processes."""
+"""Decides on the operator's commands and holds their result: state, tags and flight."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from uavrt.supervisor.mission.kept_parameters import SettingsInForce
 from uavrt.supervisor.mission.operations import Operations
 from uavrt.supervisor.mission.saved_state import SavedState, StateStore
 from uavrt.supervisor.mission.tag_upload import TagUpload
-from uavrt.supervisor.mission.tuning import ask_tuner
+from uavrt.supervisor.mission.tuning import request_tuning
 from uavrt.supervisor.mission.who_commands import Commander
 from uavrt.tunnel.tag_lists import searched_text
 
@@ -27,13 +27,13 @@ REPLIES_KEPT = 64
 
 
 class Mission:
-    """State, tags and flight; every change is saved before it is acknowledged.
+    """The system's state, tags and flight; every change is saved before it is acknowledged.
 
-    `store`: keeps the state over an unclean end. `notify`: sends a text (severity, text) to the
-    operator. `on_start`, `on_stop`: called when a flight begins, and when its end was
-    commanded. `on_correction`: called when a tag of the flight has other values. `on_settings`:
-    called when an operator has changed a setting. `tuner`: finds the radio's frequency for the
-    tags'. `operations`: saves and removes flights.
+    `store`: saves the state across an unclean end. `notify`: sends (severity, text) to the
+    operator. `on_start`, `on_stop`: called when a flight begins, or its end is commanded.
+    `on_correction`: called after a tag was corrected in flight. `on_settings`: called after a
+    parameter was set. `tuner`: finds a radio frequency for all tags. `operations`: copies and
+    removes flights.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Mission:
         on_stop: Callable[[], None],
         on_correction: Callable[[FlightInfo], None] = lambda _flight: None,
         on_settings: Callable[[Settings], None] = lambda _settings: None,
-        tuner: Tuner = ask_tuner,
+        tuner: Tuner = request_tuning,
         operations: Operations | None = None,
     ) -> None:
         self._operations = operations
@@ -65,13 +65,12 @@ class Mission:
         self._notify, self._on_stop, self._on_correction = notify, on_stop, on_correction
         self._replies: dict[tuple[str, int], CommandReply] = {}
         self.refused = 0
-        """Number of refused commands."""
         self.commander = Commander(pinned=settings.mavlink.first_commands)
 
     # ------------------------------------------------------------------ memory
 
     def resume(self) -> bool:
-        """Continue after a supervisor that did not stop in good order; True if detecting."""
+        """Restore the state saved by a supervisor that was killed; True if detecting."""
         saved = self._store.read()
         if saved is None:
             return False
@@ -84,8 +83,8 @@ class Mission:
         log.info("resumed", state=self.state.value, tags=len(saved.tags))
         return self.state is SystemState.DETECTING
 
-    def forget(self) -> None:
-        """Remove the saved state after an end in good order."""
+    def delete_saved_state(self) -> None:
+        """Delete the saved state, after a clean end."""
         self._store.remove()
 
     def _save(self) -> None:
@@ -108,7 +107,7 @@ class Mission:
     # ---------------------------------------------------------------- commands
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or explain the refusal; a repeated one gets the same reply."""
+        """Carry out or refuse a command; a repeated command gets the first reply again."""
         key = (command.source, command.request_id)
         if key not in self._replies:
             self._replies[key] = reply = self._decide(command)
@@ -121,8 +120,8 @@ class Mission:
                 del self._replies[next(iter(self._replies))]
         return self._replies[key]
 
-    def forget_replies(self) -> None:
-        """Drop old replies, because a new process restarts its request numbers."""
+    def drop_replies(self) -> None:
+        """Drop stored replies, because a restarted process repeats its request numbers."""
         self._replies.clear()
 
     def _decide(self, command: Command) -> CommandReply:
@@ -131,7 +130,7 @@ class Mission:
         return self._decide_order(command)
 
     def _decide_run(self, command: Command) -> CommandReply:
-        """Start detection with the last tags, or stop it, if these commands are allowed."""
+        """Carry out the parameter that starts detection with the last tags, or stops it."""
         try:
             start = run_wanted(math.nan if command.value is None else command.value)
         except UavrtError as error:
@@ -148,7 +147,7 @@ class Mission:
             return _reply(command, False, "stopping: try again in a moment")
         if with_last_tags and self._has_no_list(command):
             try:
-                self.upload.take_last(self.settings.now.detection.maximum_tags)
+                self.upload.load_last(self.settings.now.detection.maximum_tags)
             except UavrtError as error:
                 return _reply(command, False, str(error))
             self.state = SystemState.HAS_TAGS
@@ -183,7 +182,6 @@ class Mission:
         return _reply(command, True, message)
 
     def _refusal(self, command: Command) -> str | None:
-        """Explain why a command of this sender is refused; the same for every wire."""
         mavlink = self.settings.now.mavlink
         locked = mavlink.key_file is not None and mavlink.key_required
         if locked and not command.sealed and command.source == "ros2":
@@ -192,7 +190,7 @@ class Mission:
 
     def _note_commander(self, command: Command) -> None:
         if self.commander.accepted(command):
-            log.info("commander", source=command.source, sealed=command.sealed)
+            log.info("station in command", source=command.source, sealed=command.sealed)
             self._save()
 
     def _carry_out(self, command: Command) -> str:
@@ -210,7 +208,7 @@ class Mission:
                 self.settings.use_start(command)
                 return self.flights.begin(command.center_frequency_hz).directory
             case "stop_detection":
-                directory = self.flights.end_soon()
+                directory = self.flights.mark_ending()
                 self._on_stop()
                 return directory
             case "set_parameter":
@@ -228,10 +226,9 @@ class Mission:
         return ""
 
     def _correct_tag(self, tag: Tag | None) -> str:
-        """Change a tag's values in the flight that goes on."""
         corrected = self.flights.correct(tag)
         if tag is None or corrected is None:
-            return "as it was"
+            return "unchanged"
         flight, words, warnings = corrected
         self._save()
         self._on_correction(flight)
@@ -240,10 +237,10 @@ class Mission:
         return words
 
     def _has_no_list(self, command: Command) -> bool:
-        """Whether no complete list of tags is loaded.
+        """True if the last complete list of tags must be loaded before a start.
 
-        A station may command during another's upload only with a seal, or once that one has
-        been silent for a minute: then the rest of the list will not come.
+        Another station's unfinished upload is replaced only on a sealed (authenticated)
+        command, or after that station was silent for a minute.
         """
         if self.state is SystemState.RECEIVING_TAGS:
             alone = self.settings.now.mavlink.first_commands
@@ -251,7 +248,7 @@ class Mission:
         return self.state is SystemState.IDLE
 
     def flight_ended(self) -> FlightInfo | None:
-        """Note that the last pulse is on its way; get the flight that ended."""
+        """Close the flight after its last pulse; return it, or None if there was none."""
         flight = self.flights.ended()
         self.commander.flight_ended()
         self._save()

@@ -1,6 +1,6 @@
-"""Progress of starting and ending a flight, as `Operation` records for the ground. Pure.
+"""Progress of starting and ending a flight, as `Operation` records for the ground station.
 
-A start is acknowledged before samples flow.
+A start is acknowledged before the radio delivers samples, so its success is reported here.
 """
 
 from collections.abc import Callable
@@ -10,20 +10,20 @@ from uavrt.commands import CommandName
 from uavrt.messages import FlightInfo, Health, Operation
 
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
-"""The receiver's words for a capture that is over."""
-PATIENCE_S = 30.0
-"""Time without samples after which an overdue capture has failed [s]."""
+"""Status texts by which the receiver reports the end of a raw capture."""
+NO_SAMPLES_LIMIT_S = 30.0
+"""Time without samples after which an overdue capture counts as failed [s]."""
 
 NO_SAMPLES = "the radio gives no samples. Check that it is plugged in"
 FEW_SAMPLES = "the radio gives too few samples. Check its cable, or set a lower sample rate"
 SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or less"
 
-_SLOWEST = 3.0
-"""Longest duration of a capture with samples, in its lengths."""
+_LONGEST_CAPTURE = 3.0
+"""Longest allowed duration of a capture with slow samples, as a multiple of its length."""
 
 
 class FlightProgress:
-    """Tracks one flight after the other; `publish` gets each step."""
+    """Tracks the progress of one flight or capture at a time; `publish` gets each step."""
 
     def __init__(self, publish: Callable[[Operation], None]) -> None:
         self._publish = publish
@@ -33,22 +33,22 @@ class FlightProgress:
         self._over = False
         self._fault = self._recorded = self._why = ""
         self._slow = NO_SAMPLES
-        """What delays a capture for which the receiver gives no reason."""
+        """Likely cause of a slow capture, reported if the receiver gives none."""
 
     def started(self, flight: FlightInfo) -> None:
-        """Note that a flight or a capture has begun."""
+        """Begin tracking a new flight or capture."""
         self._capture_s, self._over = flight.capture_s, False
         self._fault = self._recorded = self._why = ""
         self._slow = NO_SAMPLES
         self._name = "start_detection" if flight.capture_s is None else "raw_capture"
         self._deadline_s = float("inf")
         if flight.capture_s is not None:
-            self._deadline_s = monotonic_s() + flight.capture_s + PATIENCE_S
-            self._latest_s = self._deadline_s + _SLOWEST * flight.capture_s
+            self._deadline_s = monotonic_s() + flight.capture_s + NO_SAMPLES_LIMIT_S
+            self._latest_s = self._deadline_s + _LONGEST_CAPTURE * flight.capture_s
         self._say("running", "waiting for samples")
 
     def heard(self, health: Health) -> None:
-        """Handle the health of a process."""
+        """Update from a process's health report; only the receiver's counts."""
         if not health.process.startswith("receiver"):
             return
         if self._capture_s is not None and health.ok:
@@ -58,7 +58,7 @@ class FlightProgress:
         if self._capture_s is not None:
             self._why = health.reason
             if health.status.startswith("receiving"):  # slowly, but to its end
-                later_s = max(self._deadline_s, monotonic_s() + PATIENCE_S)
+                later_s = max(self._deadline_s, monotonic_s() + NO_SAMPLES_LIMIT_S)
                 self._deadline_s = min(later_s, self._latest_s)
                 dropped = health.counters.get("recording_samples_dropped")
                 self._slow = SLOW_DISK if dropped else FEW_SAMPLES
@@ -70,7 +70,7 @@ class FlightProgress:
             self._fault = "" if health.status == CAPTURED else "the samples were not recorded"
 
     def capture_over(self) -> bool:
-        """Whether the capture has ended by itself, or will never begin."""
+        """True if the capture has ended by itself or has failed."""
         if self._capture_s is None:
             return False
         if monotonic_s() > self._deadline_s and not self._over:
@@ -78,13 +78,13 @@ class FlightProgress:
         return self._over
 
     def stopping(self) -> None:
-        """Note that the end was commanded."""
+        """Report that the flight's end was commanded."""
         if self._capture_s is None:
             self._name = "stop_detection"
             self._say("running", "waiting for the last pulses")
 
     def ended(self, directory: str) -> str:
-        """Note that the flight is closed; return the text for the operator."""
+        """Report that the flight is closed; return the text for the operator."""
         captured = self._capture_s is not None
         failed = captured and bool(self._fault) and not self._recorded
         if failed:

@@ -1,6 +1,6 @@
-"""Checks the radio: ``python -m uavrt.supervisor.mission.radio_check``, a short-lived process.
+"""Tests the radio in a short-lived process: ``python -m uavrt.supervisor.mission.radio_check``.
 
-The module of the radios needs NumPy, and the radio's program may hang.
+A process of its own, because the radio module loads NumPy and the radio's program may hang.
 """
 
 import json
@@ -17,14 +17,15 @@ from uavrt.errors import UavrtError
 from uavrt.ipc.parent import PARENT_VARIABLE, die_with_parent
 
 TIMEOUT_S = 7.5
-"""Longest query [s]; the ground station waits 8 s, a radio that works answers within 4."""
+"""Longest wait for the radio test [s]. The ground station waits 8 s; a working radio answers in
+4 s."""
 
 
-class RadioQuestion:
-    """A query in progress.
+class RadioTest:
+    """A running test of the radio.
 
-    Create it where children are tracked, so that it does not count as an orphan, and wait for
-    its answer in a thread. Raises `OSError` if the system has no room for another process.
+    Create it where child processes are tracked, so that it is not killed as an orphan. Wait for
+    its answer in a thread. Raises `OSError` if no process can be started.
     """
 
     def __init__(self, settings: RadioSettings) -> None:
@@ -40,21 +41,21 @@ class RadioQuestion:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """Process id of the test."""
         return self._process.pid
 
     def stop(self) -> None:
-        """End it, because a flight starts and needs the radio; its answer says so."""
+        """Stop the test because a flight needs the radio; its answer then says so."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
 
     def answer(self) -> tuple[bool, str]:
-        """Wait some seconds for the result: whether the radio is there, and a text."""
+        """Wait for the result: (radio found, text for the operator)."""
         try:
             output, _ = self._process.communicate(timeout=TIMEOUT_S)
             answer = json.loads(output)
         except (OSError, subprocess.TimeoutExpired, ValueError) as error:
-            return False, f"the radio was not asked ({type(error).__name__}): try again"
+            return False, f"the radio could not be checked ({type(error).__name__}): try again"
         finally:
             # With the radio's program, which would block the radio.
             self.stop()
@@ -65,7 +66,7 @@ class RadioQuestion:
 
 
 def main() -> None:
-    """Run the query of the command line; print the answer."""
+    """Test the radio given as JSON in the arguments; print the answer."""
     from uavrt.radio.checking import check_device
 
     die_with_parent()

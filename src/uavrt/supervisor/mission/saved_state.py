@@ -1,6 +1,6 @@
-"""The supervisor's state on disk, in a file replaced atomically.
+"""The supervisor's state in a file, replaced atomically at each change.
 
-After a kill or a power cut the next supervisor resumes from it. A clean stop removes the file.
+The next supervisor resumes from it after a kill or power cut. A clean stop deletes it.
 """
 
 import os
@@ -18,27 +18,28 @@ LOCK_NAME = "supervisor.lock"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SavedState:
-    """Everything that a new supervisor needs to resume."""
+    """State that a new supervisor needs to resume a flight."""
 
     boot_id: str
     clock_offset_ns: int
-    """Clock of the flight [ns]; valid only within the same boot."""
+    """Offset of the flight's clock from the monotonic clock [ns]; valid only within one boot.
+    """
     state: SystemState
     tags: tuple[Tag, ...]
     flight: FlightInfo | None
     tags_sent: int = 0
-    """Number of tags in the last upload by its sender; 0 if not sent."""
+    """Number of tags the sender announced for the last upload; 0 if unknown."""
     last_flights: tuple[str, ...] = ()
     gain: int | None = None
-    """Gain set by an operator, in place of the settings' one."""
+    """Radio gain given with a start command; None: the settings' gain."""
     waiting: dict[str, float] = field(default_factory=dict)
-    """Present values of parameters that change at the next start."""
+    """Present values of parameters that change at the next flight."""
     commander: str | None = None
-    """Station whose commands count."""
+    """Station in command; None if every station may command."""
 
 
 class StateStore(KeptFile[SavedState]):
-    """The state file in the flights' directory, and the lock that allows one supervisor."""
+    """The state file in the flights' directory, and the lock that admits one supervisor."""
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory / STATE_NAME, SavedState, "saved state")
@@ -46,7 +47,7 @@ class StateStore(KeptFile[SavedState]):
         self._lock: int | None = None
 
     def claim(self) -> None:
-        """Lock the directory for this supervisor; raises `ConfigError` if another has it.
+        """Lock the directory; raises `ConfigError` if another supervisor holds the lock.
 
         The kernel releases the lock when this process ends.
         """

@@ -1,4 +1,4 @@
-"""The tags that the operator sent, and the last complete list of them on disk."""
+"""The list of tags being uploaded, and the last complete list on disk."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,32 +13,32 @@ from uavrt.recording.kept_file import KeptFile
 log = get_logger()
 
 LAST_TAGS_NAME = "last_tags.json"
-"""File of the last tags, for a ground station that cannot send tags (`DET_RUN`)."""
+"""File with the last complete list, for a start without an upload (parameter `DET_RUN`)."""
 _MOST_TAGS = 1000
-"""Most tags of a list, if `detection.maximum_tags` is not set."""
+"""Largest number of tags in a list unless `detection.maximum_tags` is set."""
 
 
 class TagUpload:
-    """The list of tags. Its methods raise `UavrtError` with the reason of a refusal."""
+    """The list of tags. Its methods raise `UavrtError` when they refuse."""
 
     def __init__(self, directory: Path) -> None:
         self._last = KeptFile(directory / LAST_TAGS_NAME, tuple[Tag, ...], "last tags")
         self._tags: dict[int, Tag] = {}
         self.sent = 0
-        """Number of tags in this upload by its sender; 0 if not sent."""
+        """Number of tags the sender announced for this upload; 0 if unknown."""
 
     @property
     def tags(self) -> Mapping[int, Tag]:
-        """The tags by their numbers."""
+        """The tags by tag number."""
         return self._tags
 
     def begin(self, tags: Sequence[Tag] = (), sent: int = 0) -> None:
-        """Begin a list; `tags` and `sent` are those of an upload that goes on."""
+        """Begin a new list; `tags` and `sent` restore an interrupted upload."""
         self._tags = {tag.tag_id: tag for tag in tags}
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag; the same one may come again."""
+        """Add a tag; repeating an equal one is allowed."""
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:
@@ -46,11 +46,11 @@ class TagUpload:
         check_tag(tag)
         most = maximum_tags or _MOST_TAGS
         if tag.tag_id not in self._tags and len(self._tags) >= most:
-            raise UavrtError(f"{most} tags are the most: see detection.maximum_tags")
+            raise UavrtError(f"at most {most} tags: see detection.maximum_tags")
         self._tags[tag.tag_id] = tag
 
     def end(self, tag_count: int | None) -> str:
-        """End the list, which is kept if it is complete; return its size in words."""
+        """End the list and store it if it is complete; return its size as text."""
         if not self._tags:
             raise UavrtError("no tag was sent: send TAG before END_TAGS")
         for one, two in same_codes(tuple(self._tags.values())):
@@ -62,21 +62,21 @@ class TagUpload:
         return f"{len(self._tags)} tags"
 
     def check_complete(self, tag_count: int | None) -> None:
-        """Refuse to begin with a list whose tags have not all come."""
+        """Raise `UavrtError` if fewer tags arrived than the sender announced."""
         sent = max(self.sent, tag_count or 0)
         if len(self._tags) < sent:
             raise UavrtError(f"only {len(self._tags)} of {sent} tags came: send them all again")
 
     def correct(self, tag: Tag) -> None:
-        """Replace a tag's values, also in the list on disk."""
+        """Replace a tag's values in the list and in its copy on disk."""
         self._tags[tag.tag_id] = tag
         self._last.keep(tuple(self._tags.values()))
 
-    def take_last(self, maximum_tags: int | None) -> None:
-        """Load the tags of the last upload, also before a restart."""
+    def load_last(self, maximum_tags: int | None) -> None:
+        """Load the last complete list from the disk."""
         tags = self._last.read() or ()
         if not tags:
-            raise UavrtError("no tags are known: send them once, by uavrt ground")
+            raise UavrtError("no tags known: send them once with uavrt ground")
         self.begin()
         try:
             for tag in tags:
@@ -84,11 +84,11 @@ class TagUpload:
         except UavrtError:
             self.begin()
             raise
-        log.info("last tags", tags=len(self._tags))
+        log.info("last tags loaded", tags=len(self._tags))
 
 
 def check_tag(tag: Tag) -> None:
-    """Refuse, on any wire, what the tag files refuse."""
+    """Raise `UavrtError` if a tag has values that a tag file may not contain."""
     faults = faults_of_tags([tag])
     if faults:
         raise UavrtError(faults[0])

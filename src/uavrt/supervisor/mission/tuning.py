@@ -1,7 +1,8 @@
-"""Plan a search in a short-lived process: ``python -m uavrt.supervisor.mission.tuning``.
+"""Finds the radio frequency in a short-lived process: ``python -m
+uavrt.supervisor.mission.tuning``.
 
-The plan needs NumPy, which would double the supervisor's memory for 10 ms of computing at each
-start of a flight. Forked from the nursery, which has it, it takes 20 ms.
+NumPy would double the supervisor's memory for 10 ms of computing at each start of a flight. A
+fork of the nursery, which has NumPy loaded, takes 20 ms.
 """
 
 import math
@@ -21,39 +22,38 @@ from uavrt.messages import Tag
 from uavrt.supervisor.start.launcher import Launcher
 
 TIMEOUT_S = 15.0
-"""Longest wait for the plan [s]; the imports take 0.3 s, measuring a long list 2 s. On a busy
-small computer several times that."""
+"""Longest wait for the plan [s]. Imports take 0.3 s and measuring a long list 2 s, several
+times that on a busy small computer."""
 UNMEASURED_TAGS = 100
-"""Number of tags that two cores of a small computer can always search."""
+"""Number of tags that two cores of a small computer can always search; more are measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TuningQuestion:
-    """Tags to be searched for, and how."""
+class TuningRequest:
+    """The tags and settings for which a radio frequency is wanted."""
 
     tags: tuple[Tag, ...]
     sample_rate_hz: float
     detection: DetectionSettings
     center_frequency_hz: float | None = None
-    """Set by the operator [Hz]; None: the tuner's choice."""
+    """Frequency set by the operator [Hz]; None: compute one."""
     spare_cores: int | None = None
-    """Processor cores for the detectors; None: do not check the cost."""
+    """Processor cores available for detectors; None: do not check the cost of the search."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """The radio's frequency, or why there is none."""
+    """The computed radio frequency with warnings, or the reason why there is none."""
 
     center_frequency_hz: float = 0.0
     warnings: tuple[str, ...] = ()
     error: str = ""
 
 
-def ask_tuner(question: TuningQuestion, launcher: Launcher | None = None) -> Tuning:
-    """Get the radio frequency that serves all the tags.
+def request_tuning(question: TuningRequest, launcher: Launcher | None = None) -> Tuning:
+    """Get a radio frequency that receives all the tags.
 
-    Raises `TunerError`, with the reason, if there is none, the search cannot be done, or no
-    answer came.
+    Raises `TunerError` if there is none, the search is too costly, or no answer came.
     """
     try:
         answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)
@@ -67,8 +67,8 @@ def ask_tuner(question: TuningQuestion, launcher: Launcher | None = None) -> Tun
     return answer
 
 
-def _answer(question: TuningQuestion, launcher: Launcher) -> bytes:
-    """Run this module as a program; return its output."""
+def _answer(question: TuningRequest, launcher: Launcher) -> bytes:
+    """Run this module as a program; return what it printed."""
     asked = os.memfd_create("question")  # a command line holds 128 kB
     try:
         with open(asked, "wb", closefd=False) as file:
@@ -105,7 +105,6 @@ def _run(asked: int, launcher: Launcher) -> bytes:
 
 
 def _read_all(descriptor: int) -> bytes:
-    """Read until the end, or raise TimeoutError."""
     deadline_s = time.monotonic() + TIMEOUT_S
     data = b""
     while True:
@@ -119,14 +118,14 @@ def _read_all(descriptor: int) -> bytes:
 
 
 def main() -> None:
-    """Answer the question in the descriptor of the command line on standard output."""
+    """Read a question from the descriptor named in the arguments; print the answer."""
     from uavrt.clock import cpu_s
     from uavrt.detection.search_plan import plan_search
     from uavrt.ipc.parent import die_with_parent
 
     die_with_parent()
     with open(int(sys.argv[1]), "rb") as file:
-        question = msgspec.json.decode(file.read(), type=TuningQuestion)
+        question = msgspec.json.decode(file.read(), type=TuningRequest)
     cores = math.inf if question.spare_cores is None else question.spare_cores
     try:
         plan = plan_search(

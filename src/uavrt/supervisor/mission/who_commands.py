@@ -1,9 +1,9 @@
-"""Who is in command: the first station that commanded, until silent for a minute. Pure.
+"""Decides which station may command: the first one, until it is silent for a minute.
 
-Telemetry radios are open. The first station that commands a flight is trusted from its tags to
-its end. Others can take over only with a seal, which proves the drone's key, or when the first
-has been silent for `SILENCE_S`. Senders choose their own names, so this prevents mistakes and
-mischief, not an attack (docs/how-to/lock-the-link.md).
+Telemetry radios are open to everybody. The first commanding station is accepted from its tags
+to the flight's end. Others take over only with a sealed command, which proves the drone's key,
+or after `SILENCE_S`. Senders choose their own names, so this prevents mistakes, not an attack
+(docs/how-to/lock-the-link.md).
 """
 
 from collections.abc import Callable
@@ -13,13 +13,14 @@ from uavrt.commands import COMMANDS, Who
 from uavrt.messages import Command
 
 SILENCE_S = 60.0
-"""Silence after which another station may command [s]; longer than a restart."""
+"""Silence of the commanding station after which another may command [s]; longer than a restart
+takes."""
 OWN_SOURCES = ("capture", "command line")
-"""The supervisor itself, and its starter: on the drone's side."""
+"""Command sources on the drone itself: the supervisor and the program that started it."""
 
 
 class Commander:
-    """The station in command; without `pinned` every station may command."""
+    """The station in command. Unless `pinned`, every station may command."""
 
     def __init__(
         self,
@@ -31,17 +32,17 @@ class Commander:
         self._clock_s = clock_s
         self._heard_s = clock_s()
         self.name: str | None = None
-        """Source of its commands; None before the first."""
+        """Source name of the station in command; None before the first command."""
         self.refused = 0
         self._flight_over = False
 
     def heard(self, source: str, silent_s: float) -> None:
-        """Note that a station was received, `silent_s` ago."""
+        """Record how long ago a station was last received [s]."""
         if source == self.name:
             self._heard_s = max(self._heard_s, self._clock_s() - silent_s)
 
     def refusal(self, command: Command) -> str | None:
-        """Explain why a command is refused; None if it is not."""
+        """Text that explains why a command is refused; None if it is allowed."""
         who = COMMANDS[command.name].who
         if not self._pinned or who is Who.ANYBODY or _is_own(command.source):
             return None
@@ -60,11 +61,11 @@ class Commander:
         )
 
     def flight_ended(self) -> None:
-        """Release the command to the next station that sends tags."""
+        """Allow any station to take command with its next upload of tags."""
         self._flight_over = True
 
     def accepted(self, command: Command) -> bool:
-        """Note a command that was carried out; True if it made a new commander."""
+        """Register an accepted command; True if its sender is now in command."""
         if COMMANDS[command.name].who is Who.ANYBODY or _is_own(command.source):
             return False
         changed = self.name != command.source
@@ -74,5 +75,5 @@ class Commander:
 
 
 def _is_own(source: str) -> bool:
-    """Whether a command came from this side: ``command line 4711`` has its process's number."""
+    """True for a command from the drone itself, such as ``command line 4711`` (process id)."""
     return source.startswith(OWN_SOURCES)

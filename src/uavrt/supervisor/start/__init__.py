@@ -1,5 +1,5 @@
-"""Starts and measures programs.
+"""Starts and measures processes.
 
-`launcher` starts a process, by the `nursery` if ready; `restarts` decides on restarts, `usage`
-measures.
+`launcher` starts them, by a fork of the `nursery` where possible. `restarts` decides on
+restarts and `usage` measures CPU and memory.
 """

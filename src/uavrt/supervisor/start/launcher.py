@@ -1,7 +1,7 @@
-"""Start processes: fork from the nursery when it is ready, else exec.
+"""Starts processes: forked from the nursery if it is ready, otherwise by exec.
 
-It has few imports: the supervisor's program starts the nursery before it imports the rest, so
-that both import at the same time.
+This module has few imports. The nursery starts before the supervisor imports the rest, so that
+both import at the same time.
 """
 
 import json
@@ -23,20 +23,20 @@ from uavrt.supervisor.start.usage import children_of
 log = get_logger()
 
 ANSWER_S = 1.0
-"""Longest wait for the nursery [s]; a fork takes 5 ms."""
+"""Longest wait for the nursery's answer [s]; a fork takes 5 ms."""
 PING_S = 2.0
 SILENCE_S = 3.0
-"""Time between requests for a sign of life, and silence after which it is killed [s]."""
+"""Period of the nursery's life checks, and silence after which it is killed [s]."""
 IMPORT_S = 20.0
-"""The limit during its imports, which take 0.6 s of CPU [s]."""
+"""Longest silence of the nursery during its imports [s]; they take 0.6 s of CPU time."""
 FIRST_WAIT_S = 10.0
-"""Wait for the nursery's imports when the system starts [s]."""
+"""Longest wait for the nursery's imports at the start of the system [s]."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""One thread for BLAS: detectors with several threads each would compete for few cores."""
+"""Environment that limits BLAS to one thread; more would compete for few cores."""
 
 
 class Launcher:
-    """Starts processes, with or without the nursery."""
+    """Starts processes, by the nursery if it runs."""
 
     def __init__(self) -> None:
         self._environment = blas_environment() | ENVIRONMENT
@@ -47,7 +47,7 @@ class Launcher:
         self._born_s = monotonic_s()
         self._heard_s = 0.0
         self._asked_s: float | None = None
-        """Time of the unanswered request for a sign of life [s]."""
+        """Time of the unanswered life check [s, monotonic]; None if none is pending."""
         self._fault = ""
         self._restarts = Restarts()
 
@@ -55,17 +55,17 @@ class Launcher:
 
     @property
     def pid(self) -> int | None:
-        """Process id of the nursery, if it runs."""
+        """Process id of the nursery; None if it does not run."""
         return self._process.pid if self._process is not None else None
 
     @property
     def restarts(self) -> int:
-        """Number of restarts of the nursery."""
+        """Number of times the nursery was restarted."""
         return self._restarts.total
 
     @property
-    def worth_waiting(self) -> bool:
-        """Whether the nursery is about to be ready for the first time."""
+    def importing(self) -> bool:
+        """True while the nursery is importing for the first time."""
         return (
             self._process is not None
             and not self._ever_ready
@@ -73,11 +73,11 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Descriptor that is readable when the nursery sends something, or ends."""
+        """Descriptor that becomes readable when the nursery sends or ends; None without it."""
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:
-        """Start the nursery."""
+        """Start the nursery, which then imports its modules."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             environment = {NURSERY_VARIABLE: str(theirs.fileno())}
@@ -98,7 +98,7 @@ class Launcher:
         self._restarts.started(self._asked_s)
 
     def tend(self) -> str | None:
-        """Note its readiness or end, and restart it when due; return how it ended, if so."""
+        """Check the nursery and restart it when due; return a text if it has ended."""
         now_s = monotonic_s()
         if self._process is None:
             if now_s >= self._restarts.not_before_s:
@@ -116,7 +116,6 @@ class Launcher:
         return reason
 
     def _listen(self, now_s: float) -> None:
-        """Read its signs of life, and request more."""
         while self._sock is not None and self._readable(0.0):
             if self._receive() is None:
                 return
@@ -130,7 +129,7 @@ class Launcher:
             self._send(b"{}", [])
 
     def close(self) -> None:
-        """End the nursery; other processes go on."""
+        """End the nursery; processes forked from it keep running."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -155,13 +154,13 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in a process group of its own; get its process id.
+        """Start ``python -m MODULE`` in its own process group; return its process id.
 
-        It is our child, and the caller waits for it.
+        It is a child of this process, and the caller must reap it.
 
-        `module`: with a function ``main``. `name`: for ``top``. `output`: descriptor for what
-        it prints. `fds`: descriptors that it inherits, under the same numbers. `environment`:
-        on top of ours. `arguments`: after the module.
+        `module`: has a function ``main``. `name`: shown by ``top``. `output`: descriptor for
+        printed output. `fds`: descriptors to inherit, with the same numbers. `environment`:
+        added to this process's. `arguments`: follow the module name.
         """
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
@@ -182,20 +181,20 @@ class Launcher:
     # ------------------------------------------------------- what was started
 
     def watch(self, pid: int) -> int:
-        """Get a descriptor that is readable once a process has ended; raises `OSError`."""
+        """Get a descriptor that becomes readable once the process ends; raises `OSError`."""
         return os.pidfd_open(pid)
 
     def signal(self, pid: int, number: int) -> None:
-        """Send a signal to a process's group; raises `ProcessLookupError`."""
+        """Send a signal to a process group; raises `ProcessLookupError` if it has ended."""
         os.killpg(pid, number)
 
     def reap(self, pid: int) -> tuple[int, float]:
-        """Get the exit code and the CPU time [s] of a process that has ended."""
+        """Get exit code and CPU time [s] of a process that has ended."""
         _, status, usage = os.wait4(pid, 0)
         return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
 
     def children(self) -> tuple[int, ...]:
-        """Process ids of all living processes that this program has started."""
+        """Process ids of all living children of this program."""
         return children_of(os.getpid())
 
     def _fork(
@@ -207,7 +206,6 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str],
     ) -> int | None:
-        """Fork by the nursery; None if it cannot."""
         # A process forked twice becomes our child only if we adopt orphans.
         if not self._ready or self._sock is None or not adopts_orphans():
             return None
@@ -240,7 +238,7 @@ class Launcher:
         return int(answer["pid"])
 
     def _answer(self) -> dict[str, int | str] | None:
-        """Wait for the answer to a request, after any signs of life."""
+        """Wait for the nursery's answer to a request, skipping answers to life checks."""
         deadline_s = monotonic_s() + ANSWER_S
         answer: dict[str, int | str] | None = {}
         while answer == {} and self._readable(max(0.0, deadline_s - monotonic_s())):
@@ -248,7 +246,7 @@ class Launcher:
         return answer or None
 
     def _give_up(self, fault: str) -> None:
-        """Stop using it; `tend` will find it dead."""
+        """Mark the nursery as failed; `tend` will restart it."""
         log.warning("nursery killed", reason=fault)
         self._ready = False
         self._fault = fault
@@ -256,7 +254,6 @@ class Launcher:
             self._process.kill()
 
     def _send(self, data: bytes, fds: Sequence[int]) -> bool:
-        """Send a datagram; False when it has ended."""
         assert self._sock is not None
         try:
             socket.send_fds(self._sock, [data], fds, socket.MSG_DONTWAIT)
@@ -272,7 +269,6 @@ class Launcher:
         return bool(select.select([self._sock], [], [], timeout_s)[0])
 
     def _receive(self) -> dict[str, int | str] | None:
-        """Receive a datagram of the nursery; None at its end."""
         assert self._sock is not None
         try:
             data = self._sock.recv(4096)

@@ -1,15 +1,15 @@
-"""The helper that forks the processes, with their imports already done.
+"""The nursery: a process that has all modules imported and forks the others from it.
 
 ``python -m uavrt.supervisor.start.nursery``, started by `uavrt.supervisor.start.launcher`.
-Imports take each process 0.1 to 0.4 s of CPU and 13 to 40 MB; here they are done once, in
-advance, and the pages are shared.
+Imports cost each process 0.1 to 0.4 s of CPU and 13 to 40 MB. Here they are done once, and the
+forked processes share the memory pages.
 
-A process is forked twice, so that it becomes the supervisor's own child at once (the supervisor
-adopts orphans) and outlives the nursery.
+A process is forked twice: it becomes the supervisor's own child (the supervisor adopts orphans)
+and outlives the nursery.
 
-A request is one datagram, JSON with file descriptors (``SCM_RIGHTS``), answered by the process
-id; an empty one is answered by an empty one, as a sign of life. The first datagram, empty too,
-reports that the imports are done.
+A request is one datagram: JSON with file descriptors (``SCM_RIGHTS``). The answer is the
+process id. An empty datagram is a life check, answered by an empty one. The first datagram is
+empty too, and reports that the imports are done.
 """
 
 import ctypes
@@ -35,29 +35,32 @@ MODULES = (
     "uavrt.processes.connection",
     "uavrt.processes.recorder",
 )
-"""Modules imported in advance, for every drone; other imports come after the fork."""
+"""Modules imported before the first fork, needed on every drone. The others are imported after
+the fork."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
-FREE_FD = 500
-"""Descriptors move above this number before they take their places; places are below."""
+FIRST_FREE_FD = 500
+"""Number above which descriptors move before they get their final numbers, which are lower."""
 _PR_SET_NAME = 15
-"""prctl(2): the name that ``top`` shows."""
+"""Option number of prctl(2) that sets the process name shown by ``top``."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForkedProcess:
-    """Description of a process just forked."""
+    """Data that a just forked process needs to set itself up."""
 
     request: dict[str, Any]
-    """Request of `Launcher`: module, name, arguments, environment, parent, places."""
+    """Request of `Launcher` in JSON: module, name, arguments, environment, parent, descriptors.
+    """
     fds: list[int]
-    """One for each place, then one by which the supervisor confirms the process."""
+    """Received descriptors: one per requested number, then one to confirm the fork to the
+    supervisor."""
     parent_id: int
     """Process id of the short-lived parent between the nursery and this process."""
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork on request; returns in each forked process, and None when the supervisor ends."""
+    """Fork on request; returns in each fork, and returns None when the supervisor ends."""
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:
@@ -80,7 +83,7 @@ def serve(sock: socket.socket) -> ForkedProcess | None:
 
 
 def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
-    """Fork a process that is not our child; returns its id here, its task there."""
+    """Fork a process that is not our child; returns its id here, its data in the fork."""
     reader, writer = os.pipe()
     try:
         parent_id = os.fork()
@@ -114,7 +117,7 @@ def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
 
 
 def set_up(process: ForkedProcess) -> None:
-    """Set up the forked process as if it had been executed."""
+    """Set up environment, descriptors and name of a forked process as exec would do."""
     request = process.request
     # The kernel will end us with our parent (below), so wait for the right one.
     while (parent := os.getppid()) == process.parent_id:
@@ -125,17 +128,17 @@ def set_up(process: ForkedProcess) -> None:
     if not os.read(go, 1):
         os._exit(1)  # the supervisor has not waited for us
     os.close(go)
-    take_places(fds, request["places"])
+    place_descriptors(fds, request["places"])
     os.environ.update(request["environment"])
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     random.seed()
     sys.argv = [request["module"], *request["arguments"]]
-    show_as(request["name"], request["module"])
+    set_process_name(request["name"], request["module"])
 
 
-def take_places(fds: list[int], places: list[int]) -> None:
-    """Give each descriptor its number in the supervisor; 1 is also 2."""
-    raised = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, FREE_FD) for fd in fds]
+def place_descriptors(fds: list[int], places: list[int]) -> None:
+    """Move each descriptor to its requested number; standard error becomes standard output."""
+    raised = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, FIRST_FREE_FD) for fd in fds]
     for fd in fds:
         os.close(fd)
     for fd, place in zip(raised, places, strict=True):
@@ -145,11 +148,11 @@ def take_places(fds: list[int], places: list[int]) -> None:
         os.close(fd)
 
 
-def show_as(name: str, module: str) -> None:
-    """Let ``top`` show the name, and ``ps`` the module.
+def set_process_name(name: str, module: str) -> None:
+    """Change the process name in ``top`` and the command line in ``ps``.
 
-    The arguments of a process are in its own memory (arg_start and arg_end of proc(5)); Python
-    has copied them.
+    The arguments are in the process's own memory (arg_start and arg_end of proc(5)); Python has
+    copied them.
     """
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
     with suppress(OSError, ValueError, IndexError):
@@ -162,7 +165,7 @@ def show_as(name: str, module: str) -> None:
 
 
 def main() -> None:
-    """Import, serve, and in a forked process run its main."""
+    """Import the modules and serve requests; in a forked process, run its ``main``."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sock = socket.socket(fileno=int(os.environ.pop(NURSERY_VARIABLE)))
     from uavrt.heap import fill_pools

@@ -1,51 +1,53 @@
-"""When to restart a process that ended: at once, then with growing delays, then "degraded"."""
+"""Decides when to restart an ended process: at once, then after growing delays."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestartPolicy:
-    """The rule for one row of the table of processes."""
+    """Restart delays for one row of the table of processes."""
 
     delays_s: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 5.0)
-    """Wait before the first, second, … restart in a row [s]; the last repeats."""
+    """Wait before the first, second, … consecutive restart [s]; later ones use the last value.
+    """
     settled_s: float = 10.0
-    """Time alive after which restarts in a row are counted from the beginning [s]."""
+    """Running time after which an end counts as the first one again [s]."""
     degraded_after: int = 4
-    """Ends in a row after which it is reported degraded; restarts continue."""
+    """Number of consecutive ends after which the process is reported as degraded; restarts
+    continue."""
 
     def words(self) -> str:
-        """Describe it: ``after 0, 0.5 s …; degraded after 4``."""
+        """Describe the policy as text: ``after 0, 0.5 s …; degraded after 4``."""
         delays = ", ".join(f"{delay_s:g}" for delay_s in self.delays_s)
         return f"after {delays} s …; degraded after {self.degraded_after}"
 
 
 SOON = RestartPolicy()
-"""Restart at once, for processes that a flight needs."""
+"""Policy for processes that a flight needs: first restart at once."""
 
 
 @dataclass(slots=True)
 class Restarts:
-    """The history of one process's exits."""
+    """Counts the consecutive ends of one process and computes its next start."""
 
     policy: RestartPolicy = SOON
     total: int = 0
     in_a_row: int = 0
     not_before_s: float = 0.0
-    """Monotonic time before which it is not started again."""
+    """Earliest time of the next start [s, monotonic]."""
     last_reason: str = ""
     _started_s: float = 0.0
 
     def started(self, now_s: float) -> None:
-        """Note a start."""
+        """Register a start of the process."""
         self._started_s = now_s
 
-    def forgive(self) -> None:
-        """Reset the count, because the operator ended the process's task."""
+    def reset_count(self) -> None:
+        """Reset the count after the operator ended the flight."""
         self.in_a_row, self.not_before_s = 0, 0.0
 
     def ended(self, now_s: float, reason: str) -> float:
-        """Note an unexpected end; get the wait before the restart [s]."""
+        """Register an unexpected end; return the wait before the restart [s]."""
         delays_s = self.policy.delays_s
         if now_s - self._started_s > self.policy.settled_s:
             self.in_a_row = 0
@@ -57,6 +59,6 @@ class Restarts:
         return delay_s
 
     def degraded(self, now_s: float) -> bool:
-        """Whether it ends repeatedly."""
+        """True if the process keeps ending soon after its starts."""
         often = self.in_a_row >= self.policy.degraded_after
         return often and now_s - self._started_s <= self.policy.settled_s

@@ -1,4 +1,4 @@
-"""CPU time and memory of a process and all its descendants, from ``/proc``."""
+"""CPU time and memory of a process and all its descendants, read from ``/proc``."""
 
 import os
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ class Usage:
     """CPU time and memory of a process tree."""
 
     cpu_s: float
-    """User and system time of the living, and of the dead that were waited for [s]."""
+    """User and system time of living descendants and of reaped ones [s]."""
     memory_mb: float
-    """Resident memory (RSS); shared pages are counted in each process."""
+    """Resident memory [MB]; shared pages count in each process."""
 
 
 def read_proc(path: str) -> str:
-    """Read a file of ``/proc`` below 16 kB without a file object, in a fifth of the time."""
+    """Read a file of ``/proc`` (at most 16 kB) without a file object, five times faster."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         return os.read(descriptor, MOST_BYTES).decode("utf-8", "replace")
@@ -28,7 +28,7 @@ def read_proc(path: str) -> str:
 
 
 def children_of(pid: int) -> tuple[int, ...]:
-    """Get the living children of a process; none if it is gone."""
+    """Process ids of a process's living children; empty if it has ended."""
     try:
         text = read_proc(f"/proc/{pid}/task/{pid}/children")
     except OSError:
@@ -37,7 +37,7 @@ def children_of(pid: int) -> tuple[int, ...]:
 
 
 def is_alive(pid: int) -> bool:
-    """Whether a process runs; one that only waits to be reaped does not."""
+    """True if a process runs; False for a zombie."""
     try:
         return read_proc(f"/proc/{pid}/stat").rpartition(") ")[2][:1] not in ("Z", "")
     except OSError:
@@ -45,12 +45,12 @@ def is_alive(pid: int) -> bool:
 
 
 def own_usage(pid: int) -> Usage:
-    """Measure a process without its children; zeros if it is gone."""
+    """Measure one process without its children; zeros if it has ended."""
     return _usages(pid)[0]
 
 
 def descendants_of(pid: int) -> tuple[int, ...]:
-    """Get all living descendants of a process."""
+    """Process ids of all living descendants of a process."""
     found: list[int] = []
     waiting = [pid]
     while waiting:
@@ -61,12 +61,12 @@ def descendants_of(pid: int) -> tuple[int, ...]:
 
 
 def usage_of(pid: int) -> Usage:
-    """Measure a process and its living descendants; zeros if it is gone."""
+    """Measure a process with its living descendants; zeros if it has ended."""
     return measure(pid)[1]
 
 
 def measure(pid: int) -> tuple[Usage, Usage]:
-    """Measure a process, first alone, then with its descendants; zeros if it is gone."""
+    """Measure a process without, and with, its living descendants; zeros if it has ended."""
     own, family = _usages(pid)
     cpu_s, memory_mb = family.cpu_s, family.memory_mb
     for current in descendants_of(pid):
@@ -77,9 +77,9 @@ def measure(pid: int) -> tuple[Usage, Usage]:
 
 
 def _usages(pid: int) -> tuple[Usage, Usage]:
-    """Read ``/proc/PID/stat``: the process alone, and with its dead children.
+    """Read ``/proc/PID/stat``: usage of the process alone, and with its reaped children.
 
-    After the name, state is field 0; utime, stime and those of the dead children are 11 to 14,
+    After the name, state is field 0; utime, stime and those of reaped children are 11 to 14,
     rss is 21 (proc(5)).
     """
     try:

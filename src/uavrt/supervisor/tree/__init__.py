@@ -1,6 +1,6 @@
-"""The process tree: which processes run, and how they are started, monitored and stopped.
+"""Starts, monitors, restarts and stops the processes of the drone.
 
-`table` lists the processes of the drone side and `shapes` its variants. `fleet` holds an
-`instance` per row, each with a `child`. `budget` monitors them; `waiting_records` and
+`table` lists the processes and `shapes` its variants. `fleet` holds an `instance` for each row,
+each with a `child`. `budget` monitors their use of CPU and memory; `waiting_records` and
 `child_records` carry their records.
 """

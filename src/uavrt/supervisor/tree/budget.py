@@ -1,27 +1,27 @@
-"""Check a process against its row's CPU and memory budget."""
+"""Compares a process's use of CPU and memory with the budget in the table of processes."""
 
 from collections import deque
 
 WINDOW_S = 20.0
-"""Time over which CPU is averaged [s], so that an import or a slow disk is no fault."""
-SLOWER = 4.0
-"""Factor allowed beyond the rows' figures, for a Raspberry Pi 5 core. The rows hold for the
+"""Time over which CPU use is averaged [s], so that imports or a slow disk raise no alarm."""
+CPU_ALLOWANCE = 4.0
+"""Factor by which a Raspberry Pi 5 core may exceed the CPU budgets. They are stated for the
 reference machine with 100 tags."""
 REPEAT_S = 300.0
 
 
 class BudgetWatch:
-    """Compares a process's usage with its row's budget; `name` is for the text."""
+    """Compares one process's usage with its budget; `name` appears in warnings."""
 
     def __init__(self, name: str, *, cpu_percent: float, memory_mb: float) -> None:
         self._name = name
-        self._cpu_percent = cpu_percent * SLOWER
+        self._cpu_percent = cpu_percent * CPU_ALLOWANCE
         self._memory_mb = memory_mb
         self._past: deque[tuple[float, float]] = deque()
         self._quiet_until_s = 0.0
 
     def check(self, now_s: float, cpu_s: float, memory_mb: float) -> str | None:
-        """Add a measurement; get a warning when it is too much, at most every five minutes.
+        """Add a measurement; return a warning at most every five minutes, otherwise None.
 
         `cpu_s`: CPU time since the start [s]. `memory_mb`: resident memory [MB].
         """

@@ -1,4 +1,4 @@
-"""One supervised child process: started, read, stopped, reaped."""
+"""A supervised child process: started, read from, written to, stopped and reaped."""
 
 import asyncio
 import os
@@ -20,19 +20,21 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""Bytes at a time; from 128 KiB on glibc maps memory for each read, which costs more."""
+"""Largest read [bytes]; from 128 KiB on, glibc maps new memory for each read, which is slower.
+"""
 
 
 class Child:
     """A running process of the table.
 
-    It has its own process group, a stream socket to us, and a pipe for its output.
+    It has its own process group, a stream socket to the supervisor, and a pipe for printed
+    output.
 
-    `name`: instance name, for example ``detector-1``. `intake`: reads the records. `outbox`:
-    records to be sent to it; outlives the child. `pass_fds`: sample sockets it inherits.
-    `on_line`, `on_output`: called with each record line and each printed line. `on_exit`:
-    called with the exit code, once. Raises `OSError` if the system has no room for another
-    process; one that cannot be watched is left to `Fleet`, as an orphan.
+    `name`: instance name, for example ``detector-1``. `intake`: schedules reads of records.
+    `outbox`: records to send; it outlives the child. `pass_fds`: sample sockets the child
+    inherits. `on_line`, `on_output`: called with each record and each printed line. `on_exit`:
+    called once, with the exit code. Raises `OSError` if the process cannot be started; one that
+    cannot be watched is left to `Fleet`, as an orphan.
     """
 
     def __init__(
@@ -51,7 +53,7 @@ class Child:
         self.name = name
         self.exit_code: int | None = None
         self.heard = False
-        """Whether it has sent something, so that its imports are done."""
+        """True once the process has sent a record, so its imports are done."""
         self.killed = False
         self.last_heard_s = monotonic_s()
         self.cpu_s = self.own_cpu_s = 0.0
@@ -92,7 +94,7 @@ class Child:
         self.pump()
 
     def pump(self) -> None:
-        """Send waiting records, as far as the socket takes them."""
+        """Send waiting records until the socket is full."""
         if self.exit_code is not None:
             return
         try:
@@ -106,16 +108,16 @@ class Child:
         self._writing = not done
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Send SIGTERM to the process."""
         self._signal_group(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it and everything in its process group now."""
+        """Send SIGKILL to the process and its whole process group."""
         self.killed = True
         self._signal_group(signal.SIGKILL)
 
     def measure(self) -> float:
-        """Measure it; get the resident memory [MB], with that of its children."""
+        """Measure CPU time and memory; return resident memory, children included [MB]."""
         if self.exit_code is not None:
             return 0.0
         own, usage = measure(self.pid)
@@ -131,7 +133,6 @@ class Child:
             log.debug("already gone", child=self.name)
 
     def _read_records(self) -> bool:
-        """Read records; False at the end of the stream."""
         try:
             data = self._sock.recv(READ_BYTES)
         except BlockingIOError:
@@ -148,7 +149,6 @@ class Child:
         return True
 
     def _read_output(self) -> bool:
-        """Read printed lines; False at the end of the stream."""
         try:
             data = os.read(self._stdout, READ_BYTES)
         except BlockingIOError:
@@ -172,7 +172,6 @@ class Child:
         self._on_exit(exit_code)
 
     def _drain(self) -> None:
-        """Read its last records and output, and close our ends."""
         self._loop.remove_writer(self._sock)
         while select.select([self._sock], [], [], 0)[0] and self._read_records():
             pass

@@ -1,8 +1,8 @@
-"""Keeps everything the children print, each line with its time.
+"""Stores each line that the processes print, with its time.
 
-During a flight the files are in the flight directory, in the thesis's layout
-(`uavrt.recording.layout`), with the radio program's output apart from the receiver's. Otherwise
-they are in ``system_log/`` in the flights' folder.
+During a flight the files are in the flight's directory, in the layout of the thesis
+(`uavrt.recording.layout`); the radio program's output gets a file of its own. Otherwise they
+are in ``system_log/`` of the flights' folder.
 """
 
 import json
@@ -15,15 +15,14 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.recording.process_log import ProcessLog
 
 RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
-"""Log events of the receiver for a line of the radio program, and for its command."""
+"""Receiver log events that carry a line printed by the radio program, or its command line."""
 
 _SEVERITY = {"warning": 4, "error": 3, "critical": 2}
-"""Log level to MAVLink severity."""
 _PLAIN_KEYS = {"event", "level", "timestamp", "process"}
 
 
 def warning_text(process: str, line: bytes) -> StatusText | None:
-    """Make an operator's text of a printed line, when it is a warning or worse."""
+    """Convert a printed line to an operator's text; None unless a warning or worse."""
     try:
         event = json.loads(line)
         severity = _SEVERITY[event["level"]]
@@ -37,8 +36,7 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
 class OutputLog:
     """Files for the lines that the processes print.
 
-    A file that cannot be written (full disk) loses lines and counts them; it never stops a
-    process.
+    Lines that cannot be written (full disk) are dropped and counted; the process continues.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -47,21 +45,21 @@ class OutputLog:
         self._logs: dict[Path, ProcessLog] = {}
 
     def open_flight(self, directory: Path) -> None:
-        """Write to a flight's directory."""
+        """Write to files in a flight's directory from now on."""
         self._flight = FlightLayout(directory)
 
     def close_flight(self) -> None:
-        """Write to the flights' folder again."""
+        """Write to files in the flights' folder from now on."""
         self._flight = None
         self._logs.clear()
 
     @property
     def lost_lines(self) -> int:
-        """Lines that could not be written to the files now open."""
+        """Number of lines that could not be written to the open files."""
         return sum(log.lost_lines for log in self._logs.values())
 
     def write(self, process: str, line: bytes) -> None:
-        """Write a line with the time it was printed."""
+        """Write a printed line with the present time."""
         path = self._path("radio" if any(e in line for e in RADIO_EVENTS) else process)
         log = self._logs.setdefault(path, ProcessLog(path))
         stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())

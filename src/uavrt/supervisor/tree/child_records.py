@@ -1,8 +1,8 @@
-"""Read the processes' records: at once after a pause, in batches under load.
+"""Schedules reads of the processes' records: at once when idle, in batches under load.
 
-With a hundred tags there are forty messages a second, and each wake-up of the supervisor costs
-0.1 to 0.2 ms, more than the records. So the next read comes `PERIOD_S` after the last; after a
-pause records are read at once, so that an operator's command does not wait.
+A hundred tags cause forty messages a second. Each wake-up of the supervisor costs 0.1 to 0.2
+ms, more than the records themselves, so reads are at least `PERIOD_S` apart. After a pause,
+records are read at once, so that an operator's command is not delayed.
 """
 
 import asyncio
@@ -10,18 +10,17 @@ import select
 from collections.abc import Callable
 
 PERIOD_S = 0.05
-"""Time between two reads under load [s]. A pulse passes here three times on its way to the
-ground, so it is delayed by 0.15 s at most and by half of it in the mean; a radio block is 87
-ms."""
+"""Time between two reads under load [s]. A pulse passes the supervisor three times on its way
+to the ground, so its delay is 0.15 s at most; a block of radio samples lasts 87 ms."""
 
 
 class Intake:
     """Reads the processes' sockets in turn.
 
-    One epoll descriptor stands for all of them in the event loop, so a single call pauses
+    One epoll descriptor represents all sockets in the event loop, so a single call pauses
     reading.
 
-    `period_s`: between two reads under load [s].
+    `period_s`: time between two reads under load [s].
     """
 
     def __init__(self, period_s: float = PERIOD_S) -> None:
@@ -32,21 +31,20 @@ class Intake:
         self._timer: asyncio.TimerHandle | None = None
 
     def add(self, fd: int, read: Callable[[], object]) -> None:
-        """Call `read` when a descriptor is readable."""
+        """Call `read` whenever a descriptor is readable."""
         self._readers[fd] = read
         self._epoll.register(fd, select.EPOLLIN)
         if self._timer is None:
             self._listen(True)
 
     def remove(self, fd: int) -> None:
-        """Remove a descriptor, before it is closed; an unknown one is ignored."""
+        """Stop reading a descriptor, before it is closed; an unknown one is ignored."""
         if self._readers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
         if not self._readers:
-            self._rest()
+            self._unregister()
 
-    def _rest(self) -> None:
-        """Leave the event loop, so that it can end."""
+    def _unregister(self) -> None:
         self._listen(False)
         if self._timer is not None:
             self._timer.cancel()
@@ -63,7 +61,7 @@ class Intake:
         self._listening = wanted
 
     def _take(self) -> None:
-        """Read all that waits; then pause, or wait for input when nothing came."""
+        """Read all waiting records; then pause, or wait for input if there were none."""
         self._timer = None
         ready = self._epoll.poll(0)
         try:

@@ -1,4 +1,4 @@
-"""The processes that should run: started, monitored, restarted, stopped, by their table."""
+"""The running processes of the table: started, monitored, restarted and stopped."""
 
 import asyncio
 import contextlib
@@ -30,17 +30,16 @@ log = get_logger()
 LineHandler = Callable[[Instance, bytes], None]
 
 SILENCE_REPORT_S = 4.0
-"""Silence after which the operator is warned of a process that may be silent for longer [s]."""
+"""Silence after which the operator is warned of a process with a longer silence limit [s]."""
 
 
 class Fleet:
     """All instances of the table's rows.
 
     `rows`: in start order. `mission`: source of state, tags, flight, settings and clock.
-    `launcher`: starts them, and its nursery is restarted here. `workers`: detector processes at
-    most. `notify`: sends a text (severity, text) to the operator. `on_line`, `on_output`: get
-    each record and each printed line of an instance. `wake`: called when a process has ended,
-    so that `ensure` comes soon.
+    `launcher`: starts processes; its nursery is restarted here. `workers`: most detector
+    processes. `notify`: sends (severity, text) to the operator. `on_line`, `on_output`: called
+    with each record and printed line. `wake`: called when a process has ended.
     """
 
     def __init__(
@@ -64,27 +63,26 @@ class Fleet:
         self._on_line, self._on_output, self._wake = on_line, on_output, wake
         self._intake = Intake()
         self._instances: dict[str, Instance] = {}
-        self._strangers = set(launcher.children())
-        """Children of this program from before its start, which are not our orphans."""
-        self._spared: set[int] = set()
+        self._earlier_children = set(launcher.children())
+        """Children that this program had before the fleet was created; they are not orphans."""
+        self._exempt: set[int] = set()
         self._ending: set[int] = set()
-        """Orphans that were killed and have not gone yet."""
-        self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
+        self._sockets: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
         self._window_hz = mission.settings.now.detection.frequency_window_hz
-        """Search half-width when the tags were distributed [Hz]; it may change in flight."""
+        """Search half-width at the last assignment of tags [Hz]."""
         self._receiver: Receiver | None = None
-        """Radio settings when the tags were distributed."""
+        """Radio frequency and sample rate at the last assignment of tags."""
         self._restarting = asyncio.Lock()
         self._restarts_waiting = 0
-        """Number of restarts of the search under way; its processes start after them."""
+        """Number of pending restarts of the search; processes start after the last one."""
 
     @property
     def instances(self) -> Iterable[Instance]:
-        """Every instance that ever ran or was sent something."""
+        """All instances that ever ran or had a record to receive."""
         return self._instances.values()
 
     def instance_of(self, row: ProcessRow) -> Instance:
-        """Get the only instance of a row, running or not."""
+        """Get the instance of a row that has only one, running or not."""
         return self._instance(row.name, row, 0)
 
     def _instance(self, name: str, row: ProcessRow, worker: int) -> Instance:
@@ -96,10 +94,10 @@ class Fleet:
     # ------------------------------------------------------------------ running
 
     def ensure(self) -> None:
-        """Start what should run and does not; kill silent or orphaned processes."""
-        self._tend_nursery()
+        """Start missing processes that should run; kill silent and orphaned ones."""
+        self._check_nursery()
         self._end_orphans()
-        if self._launcher.worth_waiting:
+        if self._launcher.importing:
             return
         now_s = monotonic_s()
         for instance in self._wanted():
@@ -108,8 +106,7 @@ class Fleet:
             elif instance.child is not None:
                 self._watch(instance, instance.child, now_s)
 
-    def _tend_nursery(self) -> None:
-        """Restart the nursery when needed; no running process depends on it."""
+    def _check_nursery(self) -> None:
         reason = self._launcher.tend()
         if reason is not None:
             self._notify(4, f"nursery {reason}: restarting it")
@@ -120,11 +117,11 @@ class Fleet:
                 # It is closed, and its number may be used again.
                 loop.remove_reader(self._nursery_fd)
             self._nursery_fd = nursery_fd
-            if nursery_fd is not None and self._launcher.worth_waiting:
-                loop.add_reader(nursery_fd, self._nursery_spoke, nursery_fd)
+            if nursery_fd is not None and self._launcher.importing:
+                loop.add_reader(nursery_fd, self._on_nursery, nursery_fd)
 
-    def _nursery_spoke(self, nursery_fd: int) -> None:
-        """React at once when its imports are done or it has ended."""
+    def _on_nursery(self, nursery_fd: int) -> None:
+        """Wake the supervisor when the nursery has finished its imports or has ended."""
         asyncio.get_running_loop().remove_reader(nursery_fd)
         self._wake()
 
@@ -143,14 +140,13 @@ class Fleet:
         return len(self._shares((*self._mission.upload.tags.values(),)))
 
     def _shares(self, tags: tuple[Tag, ...]) -> tuple[tuple[Tag, ...], ...]:
-        """Tags of each detector worker."""
         return share_tags(
             tags, self._workers, window_hz=self._window_hz, receiver=self._receiver
         )
 
     def _start(self, instance: Instance) -> None:
-        instance.outbox.forget("assignment")
-        instance.outbox.forget("settings")  # older than those of the assignment
+        instance.outbox.remove_topic("assignment")
+        instance.outbox.remove_topic("settings")  # older than those of the assignment
         assignment = self._assignment(instance)
         instance.outbox.put_first(encode_record("assignment", assignment))
         instance.pace.started(len(assignment.tags))
@@ -159,7 +155,7 @@ class Fleet:
         instance.stop_asked_s = None
         instance.health = None
         if "command" in instance.row.produces:
-            self._mission.forget_replies()
+            self._mission.drop_replies()
         instance.restarts.started(monotonic_s())
         try:
             instance.child = Child(
@@ -180,7 +176,6 @@ class Fleet:
         log.info("started", child=instance.name, pid=instance.child.pid)
 
     def _watch(self, instance: Instance, child: Child, now_s: float) -> None:
-        """Kill a child that has been silent for too long."""
         if instance.stop_asked_s is not None or child.killed:
             return
         limit_s = instance.row.silence_limit_s if child.heard else instance.row.start_limit_s
@@ -190,7 +185,7 @@ class Fleet:
             self._notify(4, f"{instance.name} is silent: the disk may be slow or failing")
         instance.silence_reported = late
         if silent_s > limit_s:
-            instance.last_words = f"silent for {silent_s:.0f} s"
+            instance.last_error = f"silent for {silent_s:.0f} s"
             child.kill()
 
     def _on_exit(self, instance: Instance, exit_code: int) -> None:
@@ -204,9 +199,9 @@ class Fleet:
         if instance.stop_asked_s is not None:
             log.info("stopped", child=instance.name, exit_code=exit_code)
             return
-        reason = f"{how_it_ended(exit_code)}{instance.last_words and ': '}{instance.last_words}"
+        reason = f"{exit_text(exit_code)}{instance.last_error and ': '}{instance.last_error}"
         self._report_restart(instance, reason)
-        instance.last_words = ""
+        instance.last_error = ""
         self._wake()
 
     def _report_restart(self, instance: Instance, reason: str) -> None:
@@ -222,23 +217,23 @@ class Fleet:
             )
 
     @contextlib.contextmanager
-    def sparing(self, pid: int) -> Iterator[None]:
-        """Exempt a child of this program that belongs to no row from the search for orphans."""
-        self._spared.add(pid)
+    def exempt(self, pid: int) -> Iterator[None]:
+        """While in this context, do not kill a child process that belongs to no row."""
+        self._exempt.add(pid)
         try:
             yield
         finally:
-            self._spared.discard(pid)
+            self._exempt.discard(pid)
 
     def _end_orphans(self) -> None:
-        """Kill processes that a killed child has left, above all a radio program.
+        """Kill processes that a killed child has left behind, such as a radio program.
 
-        One that hangs in the kernel, as over a USB device, ends later: it is not waited for.
+        One that hangs in the kernel, as on a USB device, ends later and is not waited for.
         """
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
             known.add(self._launcher.pid)
-        orphans = set(self._launcher.children()) - known - self._strangers - self._spared
+        orphans = set(self._launcher.children()) - known - self._earlier_children - self._exempt
         for pid in orphans:
             with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
                 if pid not in self._ending:
@@ -250,20 +245,20 @@ class Fleet:
     # ----------------------------------------------------------------- stopping
 
     async def stop_flight(self) -> None:
-        """Stop what runs only while detecting: the receiver first, then the detectors."""
+        """Stop the processes that run only while detecting: receiver first, then detectors."""
         for row in reversed(self._rows):
             if not row.runs(SystemState.HAS_TAGS):
                 await self._stop_row(row)
-        for road in self._roads.values():
+        for road in self._sockets.values():
             for sockets in road:
                 for sock in sockets:
                     sock.close()
-        self._roads = {}
+        self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
         """Restart receiver and detectors with the flight's present tags.
 
-        Returns the flight; None if it has ended meanwhile.
+        Returns the flight; None if it has ended in the meantime.
         """
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
@@ -280,17 +275,16 @@ class Fleet:
             self._wake()
 
     async def stop_all(self) -> None:
-        """Stop everything, in reverse order."""
+        """Stop all processes, in reverse order of the table."""
         for row in reversed(self._rows):
             await self._stop_row(row)
 
     async def _stop_row(self, row: ProcessRow) -> None:
-        """Stop all instances of a row: SIGTERM, then SIGKILL."""
         instances = [i for i in self._instances.values() if i.row is row]
         running = [instance for instance in instances if instance.child is not None]
         for instance in instances:
             # Ends in this flight do not count in the next.
-            instance.restarts.forgive()
+            instance.restarts.reset_count()
         for instance in running:
             instance.stop_asked_s = monotonic_s()
             if instance.child is not None:
@@ -308,13 +302,13 @@ class Fleet:
     # --------------------------------------------------------------- assignment
 
     def make_sample_sockets(self) -> None:
-        """Make a new flight's sockets for samples, to each instance of a row that gets them."""
+        """Create a new flight's sample sockets, one for each receiving instance."""
         self._window_hz = self._mission.settings.in_flight.detection.frequency_window_hz
         flight = self._mission.flights.flight
         if flight is not None and math.isfinite(flight.center_frequency_hz):
             self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
         targets = {row.samples_to for row in self._rows}
-        self._roads = {
+        self._sockets = {
             row.name: [
                 make_sample_sockets()
                 for _ in range(self._worker_count() if row.per_worker else 1)
@@ -324,19 +318,18 @@ class Fleet:
         }
 
     def _fds_of(self, instance: Instance) -> tuple[int, ...]:
-        """Descriptors of an instance: where it receives, then those by which it sends."""
         row = instance.row
         fds = []
-        if row.name in self._roads:
-            fds.append(self._roads[row.name][instance.worker][1].fileno())
+        if row.name in self._sockets:
+            fds.append(self._sockets[row.name][instance.worker][1].fileno())
         if row.samples_to is not None:
-            fds += [sender.fileno() for sender, _ in self._roads.get(row.samples_to, ())]
+            fds += [sender.fileno() for sender, _ in self._sockets.get(row.samples_to, ())]
         return tuple(fds)
 
     async def taken(self, topic: str, limit_s: float) -> bool:
-        """Wait until every process that reports it has taken all records of a topic."""
+        """Wait until processes with `acks_taken` took a topic's records; False if late."""
         deadline_s = monotonic_s() + limit_s
-        takers = [i for i in self._instances.values() if i.row.says_taken]
+        takers = [i for i in self._instances.values() if i.row.acks_taken]
         while any(instance.outbox.holds(topic) for instance in takers):
             if monotonic_s() > deadline_s:
                 return False
@@ -349,7 +342,7 @@ class Fleet:
         settings = mission.settings.in_flight if in_flight_only else mission.settings.now
         # Untaken records of an earlier flight come before the present one.
         taken = instance.outbox.flight
-        flight: FlightInfo | None = taken if instance.row.says_taken else mission.flights.flight
+        flight: FlightInfo | None = taken if instance.row.acks_taken else mission.flights.flight
         tags: tuple[Tag, ...] = flight.tags if flight else (*mission.upload.tags.values(),)
         shares = self._shares(tags)
         return Assignment(
@@ -366,8 +359,8 @@ class Fleet:
         )
 
 
-def how_it_ended(exit_code: int) -> str:
-    """Describe how a process ended, from its exit code (negative: the signal)."""
+def exit_text(exit_code: int) -> str:
+    """Describe how a process ended by its exit code; negative codes are signals."""
     if exit_code >= 0:
         return f"ended (exit {exit_code})"
     try:

@@ -1,4 +1,4 @@
-"""One process of the table, running or not; outlives its child."""
+"""The state of one process of the table, kept across restarts."""
 
 import os
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from uavrt.supervisor.tree.waiting_records import Outbox
 
 @dataclass(slots=True)
 class Instance:
-    """One process of the table, running or not; outlives its child."""
+    """One process of the table, running or not; kept across restarts."""
 
     name: str
     row: ProcessRow
@@ -31,19 +31,19 @@ class Instance:
     health: Health | None = None
     stop_asked_s: float | None = None
     cpu_s_before: float = 0.0
-    """CPU time of its earlier children, with their own children."""
+    """CPU time of its earlier runs, including their child processes [s]."""
     own_cpu_s_before: float = 0.0
-    """CPU time of its earlier processes, without their child processes."""
+    """CPU time of its earlier runs, without their child processes [s]."""
     memory_mb: float = 0.0
     silence_reported: bool = False
-    """Whether its silence was reported to the operator."""
+    """True if the operator was warned that the process is silent."""
     tag_ids: tuple[int, ...] = ()
-    """Tags whose pulses it finds, since its last start."""
-    last_words: str = ""
-    """The last warning or error it printed, for the operator if it ends."""
+    """Numbers of the tags assigned to it at its last start."""
+    last_error: str = ""
+    """Last warning or error it printed; shown to the operator if the process ends."""
 
     def __post_init__(self) -> None:
-        self.outbox = Outbox(self.row.backlog, keeps=self.row.says_taken)
+        self.outbox = Outbox(self.row.backlog, keeps=self.row.acks_taken)
         self.restarts = Restarts(self.row.restart)
         self.pace = PaceWatch(self.name, self.row.produces)
         self.budget = BudgetWatch(
@@ -53,7 +53,7 @@ class Instance:
         )
 
     def status(self) -> ProcessStatus:
-        """Describe it now; measures the child."""
+        """Describe the process now; measures its CPU time and memory."""
         child, health = self.child, self.health
         if child is not None:
             self.memory_mb = child.measure()
@@ -73,12 +73,12 @@ class Instance:
             cpu_s=self.cpu_s_before + (child.cpu_s if child is not None else 0.0),
             memory_mb=self.memory_mb,
             counters=health.counters if health else {},
-            reason="" if ok else (health.reason if health else "") or self.last_words,
+            reason="" if ok else (health.reason if health else "") or self.last_error,
             tag_ids=self.tag_ids,
         )
 
     def over_budget(self, now_s: float) -> str | None:
-        """Compare its recent usage with its row; a text when it is too much."""
+        """Return a warning if it uses more than its row's budget, otherwise None."""
         child = self.child
         if child is None:
             return None
@@ -90,7 +90,7 @@ class Instance:
 def self_status(
     state: SystemState, instances: Iterable[Instance], usage: Usage, counters: dict[str, float]
 ) -> ProcessStatus:
-    """Describe the supervisor itself, with the records that its outboxes dropped."""
+    """Describe the supervisor itself, including records dropped from its queues."""
     return ProcessStatus(
         process="supervisor",
         running=True,

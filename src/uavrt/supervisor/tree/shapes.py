@@ -1,7 +1,7 @@
-"""Variants of the table of processes: which stage runs in which process.
+"""Variants of the table of processes, which differ in how many stages share a process.
 
-The stages are the same in each. `PROCESSES` is the one that flies; ``one`` is for a computer
-with a single core. ``uavrt experiment resources --shapes`` compares their cost.
+The stages are the same in each. `PROCESSES` is the normal table; ``one`` is for a computer with
+a single core. ``uavrt experiment resources --shapes`` compares their cost.
 """
 
 from dataclasses import replace
@@ -31,9 +31,9 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
         ),
     ),
 }
-"""Rows in start order, by the name of the setting ``detection.shape``."""
+"""Table of processes for each value of the setting ``detection.shape``."""
 
 
 def rows_for(settings: Settings) -> tuple[ProcessRow, ...]:
-    """Get the rows for these settings."""
+    """Rows of the table that these settings need."""
     return tuple(row for row in SHAPES[settings.detection.shape] if row.configured(settings))

@@ -1,4 +1,4 @@
-"""Reports to systemd that the system is ready and alive (sd_notify(3)), if it runs under it."""
+"""Reports to systemd that the system is ready and alive (sd_notify(3)), if it runs it."""
 
 import contextlib
 import os
@@ -6,41 +6,41 @@ import socket
 
 
 class SystemdNotifier:
-    """Sends states to the socket that systemd names in the environment."""
+    """Sends state messages to the socket that systemd names in the environment."""
 
     def __init__(self) -> None:
         address = os.environ.get("NOTIFY_SOCKET", "")
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._sock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
         self.watchdog_s = _watchdog_s()
-        """How often to call `alive` at least; None when systemd does not watch."""
+        """Longest allowed time between calls of `alive` [s]; None without systemd's watchdog.
+        """
 
     def ready(self) -> None:
-        """Report that start-up is over."""
+        """Report that the start is complete."""
         self._send("READY=1")
 
     def alive(self, status: str) -> None:
-        """Report that the main loop runs, and what the system does."""
+        """Report that the main loop runs, with the system's state."""
         self._send(f"WATCHDOG=1\nSTATUS={status}")
 
     def stopping(self) -> None:
-        """Report that the end was commanded."""
+        """Report that the system is stopping."""
         self._send("STOPPING=1")
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket to systemd."""
         if self._sock is not None:
             self._sock.close()
 
     def _send(self, state: str) -> None:
-        """Send, ignoring a manager that is gone or busy."""
         if self._sock is not None:
             with contextlib.suppress(OSError):
                 self._sock.sendto(state.encode(), socket.MSG_DONTWAIT, self._address)
 
 
 def _watchdog_s() -> float | None:
-    """Half of systemd's watchdog time [s], when it is meant for this process."""
+    """Half of systemd's watchdog time [s]; None if it does not watch this process."""
     microseconds = os.environ.get("WATCHDOG_USEC", "")
     pid = os.environ.get("WATCHDOG_PID", str(os.getpid()))
     if not microseconds.isdigit() or pid != str(os.getpid()):

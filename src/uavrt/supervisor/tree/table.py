@@ -1,8 +1,8 @@
-"""The table of processes: the shape of the drone side.
+"""The table of processes, which defines the drone side.
 
-One row a process. Start order, stop order (reverse), routing of records, silence limits and
-budgets derive from it; consumers stand before their producers, so that they run first. Modules
-are named by string: the table imports none of them.
+One row is one process. Start order, stop order (reverse), routing of records, silence limits
+and budgets derive from it. Consumers precede their producers, so that they run first. Modules
+are named by string; the table imports none of them.
 """
 
 from collections.abc import Callable
@@ -16,75 +16,76 @@ Predicate = Callable[[SystemState], bool]
 
 
 def always(state: SystemState) -> bool:
-    """Run in every state."""
+    """True in every state."""
     return state in SystemState
 
 
 def while_detecting(state: SystemState) -> bool:
-    """Run between start and stop of detection."""
+    """True between start and stop of detection."""
     return state is SystemState.DETECTING
 
 
 def while_receiving(state: SystemState) -> bool:
-    """Run while the radio is needed: for detection or for a raw capture."""
+    """True while the radio is needed, for detection or a raw capture."""
     return state in (SystemState.DETECTING, SystemState.CAPTURING)
 
 
 def on_every_drone(settings: Settings) -> bool:
-    """Run whatever the settings."""
+    """True with any settings."""
     return isinstance(settings, Settings)
 
 
 def with_bearings_on_drone(settings: Settings) -> bool:
-    """Run if the settings ask for bearings on the drone."""
+    """True if the settings ask for bearings computed on the drone."""
     return settings.bearings.on_drone
 
 
 def with_integration_on_drone(settings: Settings) -> bool:
-    """Run if the settings ask for judging the flight on the drone, by its kept channels."""
+    """True if the settings ask for a search of the whole flight's samples on the drone."""
     return settings.integration.on_drone and settings.recording.channels
 
 
 def with_ros2(settings: Settings) -> bool:
-    """Run if the settings ask for the gateway to ROS 2."""
+    """True if the settings enable the ROS 2 gateway."""
     return settings.ros2.enabled
 
 
 def with_guide(settings: Settings) -> bool:
-    """Run if the settings allow motion commands."""
+    """True if the settings allow motion commands."""
     return settings.guidance.enabled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessRow:
-    """One row of the table."""
+    """One process in the table of processes."""
 
     name: str
     module: str
     meaning: str
     runs: Predicate
     consumes: tuple[str, ...]
-    """Topics that the supervisor passes on to it."""
+    """Topics that the supervisor forwards to the process."""
     produces: tuple[str, ...]
     configured: Callable[[Settings], bool] = on_every_drone
-    """Whether these settings need it at all."""
+    """Function of the settings: True if the process is needed."""
     backlog: int | None = None
-    """Most records of a topic that are queued for it, also of otherwise lossless topics. Give
-    more than arrive at once: groups of a hundred tags have hundreds of pulses."""
-    says_taken: bool = False
-    """Whether it reports its progress by `taken`; the rest is sent again to its successor."""
+    """Most records of one topic queued for the process; None: no limit. It must hold a burst: a
+    hundred tags with pulses at the same time give hundreds of records."""
+    acks_taken: bool = False
+    """True if it reports how many records it has taken; after its end the rest is sent again.
+    """
     per_worker: bool = False
-    """Whether there is one instance for each detector worker."""
+    """True if each detector worker gets its own instance."""
     samples_to: str | None = None
-    """Row that gets samples from it, each instance by a socket of its own."""
+    """Name of the row that receives samples from it, by one socket for each instance."""
     silence_limit_s: float = 5.0
-    """Silence after which a process is killed [s]; each reports once a second."""
+    """Silence after which the process is killed [s]; a healthy one reports once a second."""
     start_limit_s: float = 20.0
-    """Longest wait for the first report, which comes after the imports [s]."""
+    """Longest wait for its first report after the start, which includes its imports [s]."""
     restart: RestartPolicy = SOON
-    """Policy for restarts after it has ended by itself."""
+    """Delays of restarts after it ended unexpectedly."""
     cpu_budget_percent: float
-    """Budget in percent of one core of the reference machine, with 100 tags."""
+    """CPU budget [% of one core of the reference machine], with 100 tags."""
     memory_limit_mb: float
     stop_timeout_s: float = 5.0
     """Time from SIGTERM to SIGKILL [s]."""
@@ -113,7 +114,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "health",
         ),
         produces=("pulse_pose", "recorded", "taken", "health", "status_text"),
-        says_taken=True,
+        acks_taken=True,
         cpu_budget_percent=2.0,
         memory_limit_mb=60.0,
         # A memory card may need seconds for an fsync; killing the writer would not help.
@@ -253,11 +254,10 @@ PROCESSES: tuple[ProcessRow, ...] = (
 )
 
 SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
-"""Topics that the supervisor itself reads."""
 
 
 def consumers_of(
     topic: str, rows: tuple[ProcessRow, ...] = PROCESSES
 ) -> tuple[ProcessRow, ...]:
-    """Get the rows that consume a topic."""
+    """Rows that consume a topic."""
     return tuple(row for row in rows if topic in row.consumes)

@@ -1,10 +1,10 @@
-"""Records waiting to be sent to one process; the queue outlives the process.
+"""Queue of records to be sent to one process; it outlives the process.
 
-Lossless records are kept however long the process is away; of other topics the newest are kept
-and the rest counted.
+Lossless records wait until the process takes them. Of other topics the newest are kept and the
+dropped ones counted.
 
-A process may die with records that were sent: unread, or not yet on the disk. If it reports its
-progress (`ProcessRow.says_taken`), these are kept and sent again to its successor.
+A process may end before it has read or stored records that were sent. If it reports its
+progress (`ProcessRow.acks_taken`), these are sent again to its next run.
 """
 
 import socket
@@ -15,32 +15,36 @@ from uavrt.messages import FlightInfo
 
 BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
-"""Most lines kept in addition to waiting ones: 10 MB, half an hour of a disk that fails."""
-BARREN_LIVES = 3
-"""Ends of a process without progress after which kept lines are dropped: one may be the
-cause."""
+"""Largest number of sent lines kept until they are taken: 10 MB, half an hour of failing disk.
+"""
+RUNS_WITHOUT_PROGRESS = 3
+"""Consecutive runs without progress after which kept lines are dropped; one of them may crash
+the process."""
 
 Line = tuple[str, bytes]
-"""Topic and the whole line."""
+"""Topic and the whole line with its newline."""
 
 
 class Outbox:
-    """Lines for a process instance, at most `backlog` a topic; `keeps` them until taken."""
+    """Queue of record lines to be sent to one process.
+
+    `backlog`: largest number per topic. `keeps`: keep sent lines until reported as taken.
+    """
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
         self._keeps = keeps
         self._lines: deque[Line] = deque()
         self._kept: deque[Line] = deque()
-        """Lines sent to the present process, and not yet taken by it."""
+        """Lines sent to the present run and not yet taken."""
         self._taken = 0
-        """Number of lines that the present process has taken, kept or not."""
-        self._barren = 0
+        self._runs_without_progress = 0
         self._flight: bytes | None = None
-        """The flight in progress when the first waiting or kept line was added."""
+        """Record of the flight to which the first waiting or kept line belongs; None outside of
+        flights."""
         self._waiting: Counter[str] = Counter()
         self._written = 0
-        """Bytes of the first line that the present process has already got."""
+        """Number of bytes already sent of the first waiting line."""
         self.dropped: Counter[str] = Counter()
 
     def __len__(self) -> int:
@@ -48,15 +52,15 @@ class Outbox:
 
     @property
     def flight(self) -> FlightInfo | None:
-        """The flight of the first line that is not yet taken."""
+        """Flight to which the first line not yet taken belongs; None outside of flights."""
         return None if self._flight is None else decode_record(self._flight)[1]
 
     def holds(self, name: str) -> bool:
-        """Whether a line of a topic is not yet sent, or not yet taken."""
+        """True if a line of the topic is not yet sent or not yet taken."""
         return any(topic == name for lines in (self._kept, self._lines) for topic, _ in lines)
 
     def put(self, line: bytes) -> None:
-        """Add a line (newline included); make room by the topic's rule."""
+        """Add a line with its newline; drop the topic's oldest line if there are too many."""
         name = topic_of(line)
         newest = TOPICS[name].newest
         self._lines.append((name, line))
@@ -66,29 +70,31 @@ class Outbox:
             self._drop_oldest(name)
 
     def put_first(self, line: bytes) -> None:
-        """Add a line in front of all others, for a process that has just been started."""
+        """Add a line before all others, for a process that has just been started."""
         self._written = 0
         self._lines.appendleft((topic_of(line), line))
         self._waiting[topic_of(line)] += 1
 
-    def forget(self, name: str) -> None:
-        """Remove all lines of a topic; an old assignment must not reach a new process."""
+    def remove_topic(self, name: str) -> None:
+        """Remove all lines of a topic, such as an outdated assignment."""
         self._lines = deque(item for item in self._lines if item[0] != name)
         self._waiting[name] = 0
         self._written = 0
 
     def taken(self, count: int) -> None:
-        """Handle the present process's report of how many lines it has taken."""
+        """Remove kept lines after the process reported how many it has taken."""
         while self._taken < count and self._kept:
             self._taken += 1
-            self._leave(*self._kept.popleft())
+            self._update_flight(*self._kept.popleft())
 
     def process_ended(self, *, by_itself: bool) -> None:
-        """Queue the lines that the process has not taken, before all that waits."""
-        self._barren = self._barren + 1 if by_itself and not self._taken else 0
+        """Queue the lines that the process has not taken before all waiting ones."""
+        self._runs_without_progress = (
+            self._runs_without_progress + 1 if by_itself and not self._taken else 0
+        )
         self._taken = 0
-        if self._barren >= BARREN_LIVES:
-            self._barren = 0
+        if self._runs_without_progress >= RUNS_WITHOUT_PROGRESS:
+            self._runs_without_progress = 0
             while self._kept:
                 self._give_up()
         self._written = 0
@@ -97,7 +103,7 @@ class Outbox:
         self._kept.clear()
 
     def write_to(self, sock: socket.socket) -> bool:
-        """Write as much as the socket takes; True when nothing is left."""
+        """Send lines until the socket is full; True if none is left."""
         while self._lines:
             try:
                 sent = sock.send(self._next_bytes())
@@ -113,14 +119,13 @@ class Outbox:
         return True
 
     def _keep(self, name: str, line: bytes) -> None:
-        """Keep what was sent; the oldest makes room."""
         self._kept.append((name, line))
         if len(self._kept) > MOST_KEPT:
             self._give_up()
             self._taken += 1
 
     def _next_bytes(self) -> bytes:
-        """Join lines for one call: a burst of pulses wakes the receiver once."""
+        """Join lines for one call, because each call wakes the receiving process."""
         size, lines = 0, []
         for _, line in self._lines:
             lines.append(line)
@@ -132,10 +137,9 @@ class Outbox:
     def _give_up(self) -> None:
         name, line = self._kept.popleft()
         self.dropped[name] += 1
-        self._leave(name, line)
+        self._update_flight(name, line)
 
-    def _leave(self, name: str, line: bytes) -> None:
-        """Drop a line; the next line belongs to the flight in progress after it."""
+    def _update_flight(self, name: str, line: bytes) -> None:
         if name == "flight":
             self._flight = line
         elif name == "flight_end":

@@ -1,4 +1,4 @@
-"""Texts when a tag is received for the first time in a flight, and when it is found again."""
+"""Texts for the operator when a tag is first received in a flight, or received again."""
 
 from collections.abc import Iterable, Mapping
 
@@ -7,14 +7,14 @@ from uavrt.units import s_from_ns
 
 SILENCE_S = 30.0
 SILENCE_INTERVALS = 10
-"""Silence after which a tag counts as found again [pulse intervals; s], the longer one. Longer
-than the antenna's back takes in a turn, or one or two lost groups."""
+"""Silence after which a tag counts as received again [pulse intervals; s], whichever is longer.
+Longer than a turn's time behind the antenna, or one or two lost groups."""
 
 
-class HeardTags:
+class TagTexts:
     """Decides which text is due; one that could not be sent is due again with the next pulse.
 
-    `tags`: of the flight, for their names and intervals.
+    `tags`: tags of the flight, for their names and intervals.
     """
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:
@@ -25,9 +25,9 @@ class HeardTags:
         self._tags = {tag.tag_id: tag for tag in tags}
         self._last_ns: dict[int, int] = {}
         self._due: dict[int, float | None] = {}
-        """Tags with a text due, and the silence before [s]; None for the first time."""
+        """Tags with a text due, and the preceding silence [s]; None for the first reception."""
 
-    def heard_before(self, ends_ns: Mapping[int, int]) -> None:
+    def restore(self, ends_ns: Mapping[int, int]) -> None:
         """Set when tags were last received in this flight, before this process started."""
         for tag_id, end_ns in ends_ns.items():
             self._last_ns[tag_id] = max(end_ns, self._last_ns.get(tag_id, end_ns))
@@ -35,7 +35,7 @@ class HeardTags:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Add a pulse; get the text that is due. Only confirmed pulses count."""
+        """Register a pulse; return the text that is due. Only confirmed pulses count."""
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id
@@ -50,7 +50,7 @@ class HeardTags:
         return self._words(pulse) if tag_id in self._due else None
 
     def reported(self, tag_id: int) -> None:
-        """Note that the text was sent."""
+        """Note that the text about a tag was sent."""
         self._due.pop(tag_id, None)
 
     def _silence_s(self, tag_id: int) -> float:

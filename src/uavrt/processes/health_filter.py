@@ -1,7 +1,7 @@
 """Selects the health reports to record: every change, and one in thirty of the rest.
 
-Each process reports once a second, some 450 bytes of rising counters. Arming and landing count
-as changes: they separate turns in flight from carrying.
+Each process reports once a second, with 450 bytes of counters. Arming and landing count as
+changes, because they separate turns in flight from carrying the drone.
 """
 
 from uavrt.messages import Health
@@ -12,17 +12,17 @@ PERIOD_NS = ns_from_s(30.0)
 
 
 class HealthFilter:
-    """Selects reports; never loses the last one of a process."""
+    """Selects health reports to record; always includes the last one of a process."""
 
     def __init__(self) -> None:
         self._recorded: dict[str, Health] = {}
         self._last: dict[str, Health] = {}
-        """Last report of each process, if not recorded."""
+        """Last report of each process, if it was not recorded."""
         self.left_out = 0
-        """Reports that were not recorded."""
+        """Number of reports that were not recorded."""
 
     def to_record(self, health: Health) -> list[Health]:
-        """Get the reports to record now: on a change also the last before it."""
+        """Get the reports to record now; after a change also the last one before it."""
         process = health.process
         before, last = self._recorded.get(process), self._last.pop(process, None)
         same = before is not None and _state(before) == _state(health)
@@ -37,7 +37,7 @@ class HealthFilter:
         return [last, health]
 
     def last(self) -> list[Health]:
-        """Get each process's last report, at the end of a flight, and reset."""
+        """Get each process's last report at the end of a flight, and reset."""
         last = list(self._last.values())
         self._last.clear()
         self._recorded.clear()

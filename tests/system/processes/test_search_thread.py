@@ -11,7 +11,7 @@ from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.seeker import Choice
 from uavrt.messages import SearchNote
-from uavrt.processes.thinker import Failed, Thinker
+from uavrt.processes.search_thread import SearchFailed, SearchThread
 
 
 class Slow:
@@ -39,13 +39,13 @@ def now_at(time_s: float) -> VehicleNow:
 
 def test_nothing_waits_for_a_slow_decision() -> None:
     slow: Any = Slow()
-    thinker = Thinker(slow)
+    planner = SearchThread(slow)
     for time_s in (100.0, 101.0, 120.0):
-        thinker.ask(0, now_at(time_s), idle=True)
-        thinker.pulse(None)  # type: ignore[arg-type]
-        assert thinker.thoughts() == []
+        planner.ask(0, now_at(time_s), idle=True)
+        planner.pulse(None)  # type: ignore[arg-type]
+        assert planner.results() == []
     slow.go.set()
-    (choice,) = until(thinker.thoughts)
+    (choice,) = until(planner.results)
     assert isinstance(choice, Choice)
     assert choice.said == "idle True"
     assert slow.asked == 1
@@ -54,21 +54,21 @@ def test_nothing_waits_for_a_slow_decision() -> None:
 def test_decisions_under_way_are_a_cycle_apart() -> None:
     slow: Any = Slow()
     slow.go.set()
-    thinker = Thinker(slow)
+    planner = SearchThread(slow)
     early_s, late_s = (100.0 + share * SEARCH_RULES.cycle_s for share in (0.9, 1.1))
     for time_s in (100.0, early_s, late_s):
-        thinker.ask(0, now_at(time_s), idle=False)
+        planner.ask(0, now_at(time_s), idle=False)
         if time_s != early_s:
-            until(thinker.thoughts)
+            until(planner.results)
     assert slow.asked == 2
 
 
 def test_a_fault_of_ours_ends_the_search() -> None:
     broken: Any = object()
-    thinker = Thinker(broken)
-    thinker.ask(0, now_at(100.0), idle=True)
-    (failed,) = until(thinker.thoughts)
-    assert isinstance(failed, Failed)
+    planner = SearchThread(broken)
+    planner.ask(0, now_at(100.0), idle=True)
+    (failed,) = until(planner.results)
+    assert isinstance(failed, SearchFailed)
     assert "has failed" in failed.reason
 
 
@@ -76,9 +76,9 @@ def test_the_last_thought_sums_up() -> None:
     search = Searched("px4", [Animal(50.0, 0.0)])
     search.begin()
     search.run(3.0)
-    thinker = Thinker(search.seeker)
-    thinker.end(search.time_ns, now_at(search.flown.time_s), "a pilot took over")
-    (note,) = until(thinker.thoughts)
+    planner = SearchThread(search.seeker)
+    planner.end(search.time_ns, now_at(search.flown.time_s), "a pilot took over")
+    (note,) = until(planner.results)
     assert isinstance(note, SearchNote)
     assert (note.event, note.reason) == ("ended", "a pilot took over")
-    until(lambda: thinker.over)
+    until(lambda: planner.over)
