@@ -130,6 +130,33 @@ def test_a_parameter_whose_answer_was_lost_is_asked_for_with_a_new_seal(tmp_path
     assert gate.refused == 0
 
 
+def test_two_changes_of_one_parameter_are_confirmed_one_after_the_other() -> None:
+    protocol = GroundProtocol(*GROUND)
+    protocol.drone = Peer(*DRONE)
+    tries: list[float] = []
+
+    def drone(message: Message) -> None:
+        assert isinstance(message, dialect.ParamSet)
+        tries.append(message.param_value)
+        value = dialect.ParamValue(
+            param_id="DET_K",
+            param_value=message.param_value,
+            param_type=9,
+            param_count=9,
+            param_index=4,
+        )
+        (frame,) = FrameParser().feed(FrameWriter(*DRONE).encode(value))
+        asyncio.get_running_loop().call_soon(parameters.take, frame)
+
+    async def set_both() -> list[float]:
+        return await asyncio.gather(*(parameters.set("DET_K", k) for k in (4.0, 5.0)))
+
+    parameters = DroneParameters(protocol, drone, 0.5)
+    parameters._bytewise = True
+    assert asyncio.run(set_both()) == [4.0, 5.0]
+    assert tries == [4.0, 5.0], "no change was sent twice"
+
+
 def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: Path) -> None:
     path = key_file(tmp_path)
     gate, asked = Gate((), str(path)), list[Any]()

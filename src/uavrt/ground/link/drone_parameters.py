@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -41,6 +42,7 @@ class DroneParameters:
         self._heard_s = 0.0
         self._news = asyncio.Event()
         self._awaited: dict[str, asyncio.Future[bool]] = {}
+        self._setting: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     def take(self, frame: Frame) -> None:
         """Handle a frame of the link."""
@@ -81,6 +83,10 @@ class DroneParameters:
         """Set a parameter; return its value. Raises `CommandRefused` if it did not change."""
         drone = self._drone()
         await self._learn_encoding(drone)
+        async with self._setting[name]:
+            return await self._set(name, value, drone)
+
+    async def _set(self, name: str, value: float, drone: Peer) -> float:
         for _ in range(TRIES):
             answer = self._awaited[name] = asyncio.get_running_loop().create_future()
             # Sealed for each try: a drone takes no seal twice.
