@@ -112,10 +112,10 @@ video: $(STAMP) browser  ## captioned films of a flight and of a search through 
 
 setup: $(STAMP)         ## only the environment
 
-$(STAMP): pyproject.toml hatch_build.py $(wildcard native/*) src/uavrt/mavlink/dialect.toml src/uavrt/mavlink/extra.xml $(PAGE)
+$(STAMP): pyproject.toml claims/pyproject.toml hatch_build.py $(wildcard native/*) src/uavrt/link/mavlink/dialect.toml src/uavrt/link/mavlink/extra.xml $(PAGE)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,batch,ros2,dev]'
+	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,batch,ros2,dev]' -e claims
 	@# GPL: only run as a separate program, by one test, which is skipped without it.
 	-$(BIN)/python -m pip install --quiet --no-deps 'MAVProxy==1.8.75'
 	@# Lists the system's fonts once by a program, which unit tests may not start.

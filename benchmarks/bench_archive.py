@@ -22,16 +22,23 @@ import pyarrow.parquet as pq
 
 from benchmarks.bench_page import pss_mb
 from benchmarks.harness import Table
-from uavrt.batch.flight_search import find_flights
-from uavrt.batch.ledger import Ledger
-from uavrt.batch.months import gather_months, write_index
-from uavrt.batch.questions import QUESTIONS, ask, keep_answers
-from uavrt.batch.seals import sealed
-from uavrt.batch.tables import DONE, PULSES, RECORDINGS, RecordingRow, schema_of, write_rows
-from uavrt.ground.store.flights import PREPARED_MOST, FlightLibrary
+from uavrt.analysis.archive.parquet.flight_search import find_flights
+from uavrt.analysis.archive.parquet.ledger import Ledger
+from uavrt.analysis.archive.parquet.months import gather_months, write_index
+from uavrt.analysis.archive.parquet.parquet_tables import (
+    DONE,
+    PULSES,
+    RECORDINGS,
+    RecordingRow,
+    schema_of,
+    write_rows,
+)
+from uavrt.analysis.archive.parquet.questions import QUESTIONS, ask, keep_answers
+from uavrt.analysis.archive.parquet.seals import sealed
+from uavrt.core.messages import FlightInfo, Pulse, Tag
+from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.ground.store.known_flights import FlightChoice
-from uavrt.messages import FlightInfo, Pulse, Tag
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.ground.store.stored_flights import PREPARED_MOST, FlightLibrary
 
 FLIGHTS, PULSES_EACH, TAGS, DAYS = 5000, 2000, 40, 1096
 START_NS, DAY_NS = 1_577_836_800 * 10**9, 86_400 * 10**9

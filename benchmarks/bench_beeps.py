@@ -7,9 +7,9 @@ import numpy as np
 
 from benchmarks.harness import Case, Table, compare
 from uavrt.config.ghost_places import Receiver
-from uavrt.detection.beeps.search import BeepSearch
-from uavrt.messages import IQBlock, Tag
-from uavrt.units import ns_from_s
+from uavrt.core.messages import IQBlock, Tag
+from uavrt.core.units import ns_from_s
+from uavrt.detection.beeps.beep_search import BeepSearch
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
 
 RADIO_HZ, BAND_HZ = 3e6, 375e3

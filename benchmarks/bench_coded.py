@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.harness import Case, Table, compare
-from uavrt.clock import cpu_s
-from uavrt.detection.coded.detector import CodedDetector
+from uavrt.core.clock import cpu_s
+from uavrt.detection.coded.coded_detector import CodedDetector
 from uavrt_experiments.detection.coded import RATE_HZ, WINDOW_HZ, add_burst, mistake, some_codes
 from uavrt_experiments.detection.signals import START_NS, noise
 from uavrt_experiments.statistics import count_interval

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness import Case, Table, compare
+from uavrt.core.messages import Tag
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.group import DetectorGroup
-from uavrt.messages import Tag
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 
 Samples = NDArray[np.complex64]

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from benchmarks import peers
 from benchmarks.harness import Case, Table, compare
+from uavrt.core.messages import IQBlock
 from uavrt.dsp.channelizer import Channelizer
 from uavrt.dsp.decimator import Decimator
 from uavrt.dsp.filters import compatible_decimator_taps
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.tuner import tune
-from uavrt.messages import IQBlock
 
 Samples = NDArray[np.complex64]
 RATE_HZ = 3e6

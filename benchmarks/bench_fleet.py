@@ -20,17 +20,17 @@ import numpy as np
 from websockets.asyncio.client import connect
 
 from benchmarks.harness import Table
-from uavrt.commands import SystemState
-from uavrt.config.tag_files import write_tags
-from uavrt.demo.programs import free_udp_port
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import Pose, Pulse, PulsePose, Tag
-from uavrt.supervisor.start.usage import usage_of
-from uavrt.supervisor.tree import pss_mb
-from uavrt.tangent_plane import TangentPlane
-from uavrt.tunnel.convert import heartbeat_to_wire, pulse_to_wire
-from uavrt.tunnel.wire import PAYLOAD_TYPE
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.core.commands import SystemState
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.drone.supervisor.start.usage import usage_of
+from uavrt.drone.supervisor.tree import pss_mb
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
+from uavrt.link.tunnel.tunnel_records import heartbeat_to_wire, pulse_to_wire
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 VEHICLES, TAGS, PULSES_HZ = 5, 20, 8.0
 TURN_S, MOVE_S = 40.0, 5.0

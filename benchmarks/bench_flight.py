@@ -11,8 +11,8 @@ import time
 from pathlib import Path
 
 from benchmarks.harness import Table
-from uavrt.demo.search import SearchDemo, SearchSummary
-from uavrt.demo.worlds import search_world
+from uavrt.simulation.demo.demo_search import SearchDemo, SearchSummary
+from uavrt.simulation.demo.worlds import search_world
 from uavrt_experiments.resources.flight import Reading, SteadyFlight
 from uavrt_experiments.resources.report import by_process
 from uavrt_experiments.resources.run import run_shapes

@@ -11,9 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Table
-from uavrt import native
-from uavrt.integration.energy_grid import SlotEnergies
-from uavrt.integration.whole_flight import Weights, low_rank_weights, search_flight
+from uavrt.core.runtime import native
+from uavrt.localization.whole_flight.energies.energy_grid import SlotEnergies
+from uavrt.localization.whole_flight.flight_judgement import (
+    Weights,
+    low_rank_weights,
+    search_flight,
+)
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,
     Course,

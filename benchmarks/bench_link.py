@@ -12,12 +12,12 @@ import sys
 import time
 
 from benchmarks.harness import Table
-from uavrt.clock import Clock
-from uavrt.mavlink import dialect
-from uavrt.mavlink.component import Handlers
-from uavrt.mavlink.connection import Connection
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.mavlink.transport import open_link
+from uavrt.core.clock import Clock
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.component import Handlers
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.mavlink.links.transport import open_link
+from uavrt.link.mavlink.mavlink_connection import Connection
 
 SECONDS = 12.0
 SETTLE_S = 3.0

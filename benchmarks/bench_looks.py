@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness import Table
-from uavrt.analysis.flight_so_far import FlightSoFar
-from uavrt.analysis.whole_flight import JudgeAs
+from uavrt.analysis.integrated.flight_so_far import FlightSoFar
+from uavrt.analysis.whole_flights.judged_flights import JudgeAs
+from uavrt.core.messages import ChannelBlock, FlightInfo, Pose, Poses
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.samples.channel_recorder import ChannelRecorder
 from uavrt.localization.antenna import PATTERNS
-from uavrt.messages import ChannelBlock, FlightInfo, Pose, Poses
-from uavrt.recording.channel_recorder import ChannelRecorder
-from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
 
 RATE_HZ = 7500.0

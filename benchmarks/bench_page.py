@@ -21,15 +21,15 @@ from playwright.sync_api import Page, sync_playwright
 
 import uavrt.ground
 from benchmarks.harness import Table
-from uavrt.clock import Clock
-from uavrt.demo.programs import free_udp_port
+from uavrt.core.clock import Clock
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pose, Pulse, PulsePose, Tag
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import Pose, Pulse, PulsePose, Tag
-from uavrt.tangent_plane import TangentPlane
-from uavrt.tunnel.convert import pulse_to_wire
-from uavrt.tunnel.wire import PAYLOAD_TYPE
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
+from uavrt.link.tunnel.tunnel_records import pulse_to_wire
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 PULSES, TAGS, FLIGHT_S = 100_000, 20, 7200.0
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)

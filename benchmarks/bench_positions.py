@@ -9,10 +9,10 @@ import time
 import numpy as np
 
 from benchmarks.harness import Table
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.power_evidence import PowerTrack
-from uavrt.localization.position.stations import Stations
-from uavrt.tangent_plane import TangentPlane
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt_experiments.localization.circle_bars import Strengths, strengths_heard
 from uavrt_experiments.localization.position_bars import survey
 

@@ -10,13 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.harness import Table
-from uavrt.clock import Clock
-from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings, Settings
-from uavrt.ipc.assignment import Assignment
-from uavrt.ipc.link import LINK_VARIABLE
-from uavrt.ipc.topics import encode_record
-from uavrt.messages import (
+from uavrt.core.clock import Clock
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import (
     FlightInfo,
     Pose,
     Poses,
@@ -26,6 +23,9 @@ from uavrt.messages import (
     SystemStatus,
     Tag,
 )
+from uavrt.drone.ipc.record_link import LINK_VARIABLE
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.ipc.topics import encode_record
 
 START_S, MEASURE_S = 3.0, 30.0
 INTERVAL_S = 1.254
@@ -38,8 +38,8 @@ from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
-from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.dds import cyclone_config, dds_type
+from uavrt.link.ros2.graph import TOPICS
+from uavrt.link.ros2.network.dds import cyclone_config, dds_type
 domain = int(sys.argv[1])
 config = Domain(domain, cyclone_config(()))
 participant = DomainParticipant(domain)
@@ -118,7 +118,7 @@ def measure(tag_count: int, watched: bool) -> Cost:
     ours, theirs = socket.socketpair()
     with ours, theirs:
         gateway = subprocess.Popen(
-            [sys.executable, "-m", "uavrt.processes.ros2_gateway"],
+            [sys.executable, "-m", "uavrt.drone.processes.ros2_gateway"],
             pass_fds=(theirs.fileno(),),
             env=os.environ | {LINK_VARIABLE: str(theirs.fileno())},
             stderr=subprocess.DEVNULL,

@@ -10,12 +10,12 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.harness import Table
-from uavrt.messages import Tag
-from uavrt.planning.coverage import coverage_of, listening_way
-from uavrt.planning.link_budget import LinkBudget
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.squares import GroundGrid
-from uavrt.terrain.viewshed import terrain_loss_map
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Tag
+from uavrt.localization.terrain.squares import GroundGrid
+from uavrt.localization.terrain.viewshed import terrain_loss_map
+from uavrt.planning.detectability.detection_coverage import coverage_of, listening_way
+from uavrt.planning.detectability.link_budget import LinkBudget
 from uavrt_experiments.search.terrain import Hills
 
 CELL_M = 5.0

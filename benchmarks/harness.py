@@ -16,9 +16,12 @@ from datetime import UTC, datetime
 
 from uavrt_experiments.measured import measured_now, processor
 
-FOLDERS = ("detection", "dsp", "localization", "tunnel")
+FOLDERS = ("detection", "dsp", "localization", "link/tunnel")
 """Of the package: code whose changes may change a figure here …"""
-FOLDERS_OF = {"search": ("localization", "planning"), "terrain": ("planning", "terrain")}
+FOLDERS_OF = {
+    "search": ("localization", "planning"),
+    "terrain": ("planning", "localization/terrain"),
+}
 """… and of sections that time something else."""
 
 
@@ -107,7 +110,7 @@ def machine() -> str:
     import numpy as np
     import scipy
 
-    from uavrt import native
+    from uavrt.core.runtime import native
 
     load = os.getloadavg()[0]
     return (

@@ -80,7 +80,7 @@ fi
 python=${PYTHON:-python3}
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
     fail "Python 3.11 or newer is needed; this is $("$python" --version)"
-# A version of its own (uavrt.computer.versions): `uavrt update` puts others beside it.
+# A version of its own (uavrt.drone.computer.versions): `uavrt update` puts others beside it.
 environment=$root$prefix/versions/source link=$root$prefix/venv
 mkdir -p "$root$prefix/versions"
 if [ -d "$link" ] && [ ! -L "$link" ]; then

@@ -26,7 +26,14 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.computer.update_file import FORMAT, MANIFEST, SIGNATURE, WHEELS, Manifest, Wheel
+from uavrt.drone.computer.update_file import (
+    FORMAT,
+    MANIFEST,
+    SIGNATURE,
+    WHEELS,
+    Manifest,
+    Wheel,
+)
 
 LOCK = Path(__file__).parent / "locks" / "drone-page.txt"
 """With the page: a drone whose image serves it must still do so with the next version."""

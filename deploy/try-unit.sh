@@ -16,8 +16,8 @@ inside "$python" - <<'PYTHON'
 """The world, the tags, and settings with a stand-in radio and a serial port."""
 import os, time
 from pathlib import Path
-from uavrt.config.tag_files import write_tags
-from uavrt.simulation.demo_world import demo_scenario; from uavrt.simulation.scenario_file import write_scenario
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.simulation.scene.demo_world import demo_scenario; from uavrt.simulation.scene.scenario_file import write_scenario
 place = Path("/var/lib/uavrt")
 scenario = demo_scenario(300.0, 1).starting_at(time.time_ns())
 write_scenario(scenario, place / "scenario.toml")

@@ -31,8 +31,8 @@ make_wheel() { # VERSION [FILE SED-SCRIPT]: a wheel of this source, spoilt if to
 }
 good=$present.post1 poseless=$present.post2 dying=$present.post3 older=0.0.1
 make_wheel "$good"
-make_wheel "$poseless" src/uavrt/processes/connection.py 's/frame\.send("poses", poses)/None/'
-make_wheel "$dying" src/uavrt/supervisor/program.py 's/^    gc\.freeze().*/    os._exit(1)/'
+make_wheel "$poseless" src/uavrt/drone/processes/connection.py 's/frame\.send("poses", poses)/None/'
+make_wheel "$dying" src/uavrt/drone/supervisor/supervisor_program.py 's/^    gc\.freeze().*/    os._exit(1)/'
 make_wheel "$older"
 sign() { python "$source/deploy/make-update.py" --key "$work/release.pem" "$@"; }
 minor=$(/usr/bin/python3 -c 'import sys; print(f"{sys.version_info[0]}.{sys.version_info[1]}")')
@@ -59,7 +59,7 @@ printf '[mavlink]\naddress = "udpin://127.0.0.1:%s"\n' "$port" | give /var/lib/u
 python - "$work/scenario.toml" <<'PYTHON'
 import sys, time
 from pathlib import Path
-from uavrt.simulation.demo_world import demo_scenario; from uavrt.simulation.scenario_file import write_scenario
+from uavrt.simulation.scene.demo_world import demo_scenario; from uavrt.simulation.scene.scenario_file import write_scenario
 write_scenario(demo_scenario(3600.0, 1).starting_at(time.time_ns()), Path(sys.argv[1]))
 PYTHON
 vehicle=

@@ -1,7 +1,7 @@
-/* Kernels for what NumPy does at several times the price: module uavrt._native.
+/* Kernels for what NumPy does at several times the price: module uavrt.core._native.
 
    Each does what a function of the package does in NumPy, which stays and is used where this
-   module is not there; `uavrt.native` says which. Buffers only, no NumPy, CPython's stable
+   module is not there; `uavrt.core.runtime.native` says which. Buffers only, no NumPy, CPython's stable
    interface: one build serves every Python from 3.11 on. Sizes are checked against the buffers
    before anything is read or written; the work is done in loops that are compiled for several
    processors (loops.h). */
@@ -34,13 +34,13 @@ static PyMethodDef methods[] = {
     {"decimate", (PyCFunction)(void (*)(void))decimate, METH_FASTCALL,
      "Filter and keep every D-th sample: uavrt.dsp.decimator."},
     {"edges", (PyCFunction)(void (*)(void))edges, METH_FASTCALL,
-     "Profiles of the ground to all cells: uavrt.terrain.viewshed."},
+     "Profiles of the ground to all cells: uavrt.localization.terrain.viewshed."},
     {"folds", (PyCFunction)(void (*)(void))folds, METH_FASTCALL,
      "Best sums of several bursts: uavrt.detection.coded.sums."},
     {"follow", (PyCFunction)(void (*)(void))follow, METH_FASTCALL,
      "Levels that change: uavrt.detection.search.levelling."},
     {"largest", (PyCFunction)(void (*)(void))largest, METH_FASTCALL,
-     "Largest part of any sample: uavrt.detection.signal.samples."},
+     "Largest part of any sample: uavrt.detection.signal.sample_buffer."},
     {"level", (PyCFunction)(void (*)(void))level, METH_FASTCALL,
      "Divide new columns by their level: uavrt.detection.search.levelling."},
     {"narrow", (PyCFunction)(void (*)(void))narrow, METH_FASTCALL,
@@ -54,13 +54,13 @@ static PyMethodDef methods[] = {
     {"seeds", (PyCFunction)(void (*)(void))seeds, METH_FASTCALL,
      "Sums of the cells of bursts: uavrt.detection.coded.sums."},
     {"train_peaks", (PyCFunction)(void (*)(void))train_peaks, METH_FASTCALL,
-     "Highest sums of trains for each place: uavrt.integration.folding."},
+     "Highest sums of trains for each place: uavrt.localization.whole_flight.energies.folding."},
     {"train_sums", (PyCFunction)(void (*)(void))train_sums, METH_FASTCALL,
-     "Sums of trains at all intervals: uavrt.integration.folding."},
+     "Sums of trains at all intervals: uavrt.localization.whole_flight.energies.folding."},
     {NULL, NULL, 0, NULL},
 };
 
-/* The number that uavrt/native.py asks for: raised when arguments of a kernel change. */
+/* The number that uavrt/core/runtime/native.py asks for: raised when arguments of a kernel change. */
 #define INTERFACE 6
 
 static int fill(PyObject *module)

@@ -1,7 +1,7 @@
 /* Profiles of the ground from one place to every cell of a grid. */
 #include "loops.h"
 
-/* The parameter of the one edge that stands for a profile (uavrt.terrain.diffraction). */
+/* The parameter of the one edge that stands for a profile (uavrt.localization.terrain.diffraction). */
 static float edge_of(const view_t *view, double dx, double dy, float foot)
 {
     const double far = sqrt(dx * dx + dy * dy);

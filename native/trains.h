@@ -1,4 +1,4 @@
-/* Sums over all pulses of a flight, and the highest of them: uavrt.integration.folding. */
+/* Sums over all pulses of a flight, and the highest of them: uavrt.localization.whole_flight.energies.folding. */
 #include "loops.h"
 
 #define MOST_LEVELS 20

@@ -17,9 +17,9 @@ from depth import count
 from hypothesis import HealthCheck, settings
 from ros_peer import GatewayProcess, RosPeer
 
-from uavrt import native
 from uavrt.config.settings import Ros2Settings, Settings
-from uavrt.messages import FlightInfo
+from uavrt.core.messages import FlightInfo
+from uavrt.core.runtime import native
 
 # The same examples in each run; `make claims` sets UAVRT_NEW_EXAMPLES: others, and more.
 # An example is not wrong because a shared machine is late.

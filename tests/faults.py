@@ -30,12 +30,12 @@ PACKAGES = (
     "dsp",
     "ground",
     "guidance",
-    "integration",
+    "localization/whole_flight",
     "localization",
-    "mavlink",
+    "link/mavlink",
     "planning",
-    "recording",
-    "tunnel",
+    "flight",
+    "link/tunnel",
 )
 MOST_TESTS = 12
 """Tests that are tried for a fault while the forty are chosen."""

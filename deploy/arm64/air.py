@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.clock import Clock
-from uavrt.simulation.scenario_file import load_scenario
+from uavrt.core.clock import Clock
+from uavrt.simulation.scene.scenario_file import load_scenario
 from uavrt.simulation.synthesis import IQSynthesizer
 
 BLOCK = 8192

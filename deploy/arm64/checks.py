@@ -22,14 +22,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uavrt.clock import Clock
-from uavrt.config.tag_files import write_tags
-from uavrt.demo.programs import free_udp_port
-from uavrt.messages import SystemStatus
-from uavrt.monitor.reader import StatusReader
-from uavrt.recording.flight_reader import read_flight
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.scenario_file import write_scenario
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.core.clock import Clock
+from uavrt.core.messages import SystemStatus
+from uavrt.drone.status_reader import StatusReader
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.scenario_file import write_scenario
 
 HERE = Path(__file__).parent
 PYTHON = "/opt/uavrt/venv/bin/python"
@@ -134,7 +134,7 @@ def check_doctor(there: Emulated) -> str:
 
 def check_kernels(there: Emulated) -> str:
     """Are the compiled kernels for this processor, and loaded?"""
-    ask = "from uavrt import native; print(native.description())"
+    ask = "from uavrt.core.runtime import native; print(native.description())"
     done = there.run(PYTHON, "-c", ask)
     said = done.stdout.strip()
     require("compiled kernels for aarch64" in said, f"detection by {said}{done.stderr}")

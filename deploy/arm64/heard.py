@@ -9,8 +9,8 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from uavrt.ros2.dds import cyclone_config, dds_type
-from uavrt.ros2.graph import TOPICS
+from uavrt.link.ros2.graph import TOPICS
+from uavrt.link.ros2.network.dds import cyclone_config, dds_type
 
 TOPIC = "pulse"
 DOMAIN = 64
@@ -23,8 +23,8 @@ THERE = """\
 SPEAK = f"""\
 import importlib.metadata, time
 from uavrt.config.settings import Ros2Settings
-from uavrt.ros2.convert import heartbeat
-from uavrt.ros2.dds import Participant
+from uavrt.link.ros2.ros_records import heartbeat
+from uavrt.link.ros2.network.dds import Participant
 
 print("cyclonedds", importlib.metadata.version("cyclonedds"), flush=True)
 ours = Participant(Ros2Settings(domain_id={DOMAIN}))

@@ -42,8 +42,8 @@ def table() -> str:
             whole = module is package
             rows.append(f"| {level} | `{name}` | {text_of(module, whole=whole)} |")
             if whole:
-                for folder in sorted((SOURCE / name).glob("*/__init__.py")):
-                    below = f"{name}/{folder.parent.name}"
+                for folder in sorted((SOURCE / name).glob("**/*/__init__.py")):
+                    below = folder.parent.relative_to(SOURCE).as_posix()
                     rows.append(f"| | `{below}` | {text_of(folder, whole=False)} |")
     return "\n".join(rows) + "\n"
 

@@ -7,9 +7,22 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from uavrt.ros2.graph import LOG_MESSAGE, LOG_TOPIC, NODES, SERVICE_BURST, SERVICE_PER_S, TOPICS
-from uavrt.ros2.interface import definition
-from uavrt.ros2.messages import RosBurst, RosCodedTag, RosPulse, RosPulsePose, RosTag
+from uavrt.link.ros2.graph import (
+    LOG_MESSAGE,
+    LOG_TOPIC,
+    NODES,
+    SERVICE_BURST,
+    SERVICE_PER_S,
+    TOPICS,
+)
+from uavrt.link.ros2.types.interface import definition
+from uavrt.link.ros2.types.ros_messages import (
+    RosBurst,
+    RosCodedTag,
+    RosPulse,
+    RosPulsePose,
+    RosTag,
+)
 
 Rows = list[tuple[str, ...]]
 OWN = (RosPulse, RosPulsePose, RosTag, RosBurst, RosCodedTag)

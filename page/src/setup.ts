@@ -20,7 +20,7 @@ interface Field {
   choices?: Record<string, Words>;
 }
 
-/** As `DEFAULT_FALSE_ALARM_PROBABILITY` in uavrt/messages.py; a test compares them. */
+/** As `DEFAULT_FALSE_ALARM_PROBABILITY` in uavrt/core/messages.py; a test compares them. */
 const DEFAULT_FALSE_ALARM_PERCENT = 1;
 const MOST_WARNINGS = 5;
 

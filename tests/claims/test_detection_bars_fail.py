@@ -10,11 +10,11 @@ import made
 import pytest
 from tests.unit.experiments.test_detection_bars import CASES, missed
 
-from uavrt.detection.coded.detector import CodedDetector
+from uavrt.core.messages import Pulse
+from uavrt.detection.coded.coded_detector import CodedDetector
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.track.judging import Judge
-from uavrt.messages import Pulse
 from uavrt_experiments.detection import trials
 from uavrt_experiments.detection.campaign import short_rows
 

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
+from uavrt.planning.drone_model.drone_motion import VehicleState
 from uavrt.planning.stopping import HonestStop, StopRule
-from uavrt.planning.vehicle import VehicleState
 from uavrt_experiments.search.bounds import (
     LeastErrors,
     after_a_second,

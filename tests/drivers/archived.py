@@ -8,10 +8,10 @@ import made
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.batch.flight_work import FlightTask, PlacingSettings
+from uavrt.analysis.archive.steps.flight_work import FlightTask, PlacingSettings
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pose, Tag
 from uavrt.localization.antenna import PATTERNS
-from uavrt.messages import Pose, Tag
-from uavrt.tangent_plane import TangentPlane
 
 RATE_HZ, CENTER_HZ = 24_000.0, 148.7e6
 START_NS = 1_777_615_200_000_000_000

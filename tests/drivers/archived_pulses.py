@@ -5,10 +5,17 @@ from typing import Any
 
 import made
 
-from uavrt.batch.ledger import Ledger
-from uavrt.batch.months import gather_months, read_index, write_index
-from uavrt.batch.questions import keep_answers
-from uavrt.batch.tables import DONE, PULSES, RECORDINGS, RecordingRow, write_pulses, write_rows
+from uavrt.analysis.archive.parquet.ledger import Ledger
+from uavrt.analysis.archive.parquet.months import gather_months, read_index, write_index
+from uavrt.analysis.archive.parquet.parquet_tables import (
+    DONE,
+    PULSES,
+    RECORDINGS,
+    RecordingRow,
+    write_pulses,
+    write_rows,
+)
+from uavrt.analysis.archive.parquet.questions import keep_answers
 
 DAY_NS = 86_400 * 10**9
 

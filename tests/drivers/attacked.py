@@ -14,17 +14,17 @@ from typing import Any
 import made
 
 from uavrt.config.settings import GuidanceSettings
+from uavrt.core.messages import MotionOffer, MotionRequest, VehicleReport, VehicleWish
 from uavrt.guidance.autopilot_behaviour import behaviour_of
-from uavrt.guidance.orders import Limits, Order
+from uavrt.guidance.operator_orders import Limits, Order
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
-from uavrt.guidance.reports import now_of
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.udp import MAX_PEERS
-from uavrt.messages import MotionOffer, MotionRequest, VehicleReport, VehicleWish
-from uavrt.tunnel.motion import (
+from uavrt.guidance.vehicle_reports import now_of
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.mavlink.links.udp import MAX_PEERS
+from uavrt.link.mavlink.message import Message
+from uavrt.link.tunnel.own_messages.motion_messages import (
     MotionConfirmation,
     MotionState,
     MotionStop,
@@ -32,7 +32,7 @@ from uavrt.tunnel.motion import (
     encode_state,
     encode_stop,
 )
-from uavrt.tunnel.private import (
+from uavrt.link.tunnel.own_messages.private import (
     MOTION_STATE_TYPE,
     MOTION_TYPE,
     RECEIPT_TYPE,

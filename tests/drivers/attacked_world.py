@@ -17,12 +17,13 @@ import pytest
 from authority_world import BEAT_S, EVENTS, KEYS, ORDERS, World, nonce
 from explored import copied
 
-from uavrt.errors import CommandRefused, LinkError, TunnelError
-from uavrt.guidance.authority import Standing
-from uavrt.messages import MotionRequest
-from uavrt.tunnel import gate, seal
-from uavrt.tunnel.gate import ECHO_S, Gate, Sealer
-from uavrt.tunnel.motion import (
+from uavrt.core.errors import CommandRefused, LinkError, TunnelError
+from uavrt.core.messages import MotionRequest
+from uavrt.guidance.control.authority import Standing
+from uavrt.link.tunnel import gate
+from uavrt.link.tunnel.gate import ECHO_S, Gate, Sealer
+from uavrt.link.tunnel.own_messages import seal
+from uavrt.link.tunnel.own_messages.motion_messages import (
     MotionConfirmation,
     MotionState,
     MotionStop,
@@ -34,8 +35,15 @@ from uavrt.tunnel.motion import (
     encode_stop,
     number_of,
 )
-from uavrt.tunnel.private import MOTION_TYPE, PROVEN_STATE_TYPE, SESSION_TYPE
-from uavrt.tunnel.seal import ALIVE_INSIDE, Key, SealKeeper, Session, read_keepalive, session_of
+from uavrt.link.tunnel.own_messages.private import MOTION_TYPE, PROVEN_STATE_TYPE, SESSION_TYPE
+from uavrt.link.tunnel.own_messages.seal import (
+    ALIVE_INSIDE,
+    Key,
+    SealKeeper,
+    Session,
+    read_keepalive,
+    session_of,
+)
 
 KEY = Key(bytes(range(32)))
 GROUND, DRONE = (254, 190), (1, 191)

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 
 from explored import Keys, copied
 
-from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Authority, Standing
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import FlyThere, GoHome
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.observed import (
+from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.observed import (
     BootTimeSeen,
     HomeSeen,
     LandedSeen,
@@ -20,11 +21,10 @@ from uavrt.guidance.observed import (
     PositionSeen,
     TargetSeen,
 )
-from uavrt.guidance.order_watch import OrderWatch
-from uavrt.guidance.vehicle_commands import CommandWriter
-from uavrt.messages import FlyThere, GoHome
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.flying import MODES
+from uavrt.guidance.control.order_watch import OrderWatch
+from uavrt.guidance.control.vehicle_commands import CommandWriter
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 HOME_DEG, HOME_AMSL_M, HEIGHT_M = (47.1, 8.5), 430.0, 40.0
 BEAT_S, STEP_M = 1.0, 10.0

@@ -15,16 +15,16 @@ from flown import Flown
 from searched import Animal, Searched
 from some import some
 
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.orders import Limits
+from uavrt.core.units import wrap_degrees_180
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.safety import SAFETY
-from uavrt.mavlink.dialect import MavCmd
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
-from uavrt.simulation.vehicle_telemetry import target_message
-from uavrt.units import wrap_degrees_180
+from uavrt.link.mavlink.dialect import MavCmd
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.message import Message
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
+from uavrt.simulation.vehicle.vehicle_telemetry import target_message
 
 LONGEST_S = 1500.0
 WELL = ("done", "returning: the autopilot flies home")

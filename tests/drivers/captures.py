@@ -12,10 +12,10 @@ from typing import Any
 
 from radio_world import SERIALS, TAG_HZ, RadioWorld
 
-from uavrt.clock import monotonic_s
 from uavrt.config.loader import load_settings
-from uavrt.messages import Command, CommandReply, ProcessStatus, StatusText, SystemStatus
-from uavrt.monitor.reader import StatusReader, status_socket_path
+from uavrt.core.clock import monotonic_s
+from uavrt.core.messages import Command, CommandReply, ProcessStatus, StatusText, SystemStatus
+from uavrt.drone.status_reader import StatusReader, status_socket_path
 from uavrt.radio.opening import open_recording
 
 RATE_HZ = 250e3

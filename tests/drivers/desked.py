@@ -8,17 +8,16 @@ from flown import Flown, nonce_of
 from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.orders import Order, VehicleNow
-from uavrt.guidance.reports import now_of
-from uavrt.mavlink import dialect
-from uavrt.mavlink.address import parse_address
-from uavrt.messages import Command, CommandReply, MotionOffer, VehicleReport, VehicleWish
-from uavrt.processes.motion_control import Outlets
-from uavrt.processes.motion_desk import MotionDesk
-from uavrt.simulation.airframe import Flavour
-from uavrt.tunnel.motion import (
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import Command, CommandReply, MotionOffer, VehicleReport, VehicleWish
+from uavrt.drone.processes.motions.motion_control import Outlets
+from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.operator_orders import Order, VehicleNow
+from uavrt.guidance.vehicle_reports import now_of
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.links.address import parse_address
+from uavrt.link.tunnel.own_messages.motion_messages import (
     MotionConfirmation,
     MotionState,
     MotionStop,
@@ -26,6 +25,7 @@ from uavrt.tunnel.motion import (
     encode_confirmation,
     encode_stop,
 )
+from uavrt.simulation.vehicle.airframe import Flavour
 
 STATION = (254, 190)
 SLOWEST_STEPS = 3

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import made
 
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import FileServer
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.services.ftp_files import FileTree
+from uavrt.link.mavlink.services.ftp_server import FileServer
 
 
 class FileDrone:

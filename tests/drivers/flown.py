@@ -7,24 +7,24 @@ from typing import Any
 
 import made
 
-from uavrt.errors import CommandRefused, PlanError
-from uavrt.guidance.authority import Authority, Standing
+from uavrt.core.errors import CommandRefused, PlanError
+from uavrt.core.messages import VehicleReport
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
+from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.vehicle_commands import CommandWriter
 from uavrt.guidance.energy_learning import EnergyLearning
-from uavrt.guidance.orders import Limits, Order, VehicleNow
+from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
-from uavrt.guidance.reports import now_of
-from uavrt.guidance.vehicle_commands import CommandWriter
-from uavrt.mavlink import dialect
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.vehicle_messages import command_message, observations
-from uavrt.mavlink.wind import wind_of
-from uavrt.messages import VehicleReport
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, FlyingVehicle
-from uavrt.simulation.geometry import TangentPlane
-from uavrt.simulation.vehicle_telemetry import (
+from uavrt.guidance.vehicle_reports import now_of
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.autopilot.vehicle_messages import command_message, observations
+from uavrt.link.mavlink.autopilot.wind import wind_of
+from uavrt.link.mavlink.message import Message
+from uavrt.simulation.scene.geometry import TangentPlane
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import DO_PAUSE_CONTINUE, MODES, FlyingVehicle
+from uavrt.simulation.vehicle.vehicle_telemetry import (
     home_message,
     landed_message,
     position_message,

@@ -37,8 +37,8 @@ from typing import Any
 
 from sql import sql
 
-from uavrt.errors import UavrtError
-from uavrt.foreign import CPU_S, MEMORY_BYTES, MOST_FAULTS
+from uavrt.core.errors import UavrtError
+from uavrt.core.foreign import CPU_S, MEMORY_BYTES, MOST_FAULTS
 
 PROGRAM_BYTES = 70_000_000
 """Memory of a command before it reads its file; the fuzzer's own is larger."""
@@ -296,8 +296,8 @@ def dataflash(count: int = 60) -> bytes:
 
 
 def tlog(count: int = 60) -> bytes:
-    from uavrt.mavlink import dialect
-    from uavrt.mavlink.frame import FrameWriter
+    from uavrt.link.mavlink import dialect
+    from uavrt.link.mavlink.frame import FrameWriter
 
     writer = FrameWriter(1, 1)
     out = b""
@@ -650,27 +650,27 @@ def reader(place: str) -> Callable[[Path], object]:
 
 read_settings = reader("uavrt.config.loader.load_settings")
 read_any_track = reader("uavrt.analysis.tracks.recognised.read_track")
-read_pulses = reader("uavrt.recording.formats.recognise.read_pulse_log")
-read_detector = reader("uavrt.recording.detector_configs.read_detector_config")
-read_bearings = reader("uavrt.recording.formats.bearings_csv.read_bearing_file")
-read_positions = reader("uavrt.recording.formats.positions_csv.read_position_file")
-read_report_facts = reader("uavrt.analysis.facts.read_facts")
-read_manifest = reader("uavrt.batch.recordings.read_manifest")
-read_estimates = reader("uavrt.recording.formats.ucsd.read_ucsd_estimates")
+read_pulses = reader("uavrt.flight.reading.recognise.read_pulse_log")
+read_detector = reader("uavrt.flight.logs.detector_configs.read_detector_config")
+read_bearings = reader("uavrt.formats.bearings_csv.read_bearing_file")
+read_positions = reader("uavrt.formats.positions_csv.read_position_file")
+read_report_facts = reader("uavrt.analysis.inputs.flight_facts.read_facts")
+read_manifest = reader("uavrt.analysis.archive.recordings.read_manifest")
+read_estimates = reader("uavrt.formats.pulses.ucsd.read_ucsd_estimates")
 read_antenna_file = reader("uavrt.analysis.measure.antenna_files.read_antenna")
-read_scenario_file = reader("uavrt.simulation.scenario_file.load_scenario")
+read_scenario_file = reader("uavrt.simulation.scene.scenario_file.load_scenario")
 
 
 def read_tag_file(path: Path) -> object:
-    from uavrt.config.code_rules import words_of_near_codes
     from uavrt.config.settings import DetectionSettings
-    from uavrt.config.tag_files import read_tags
+    from uavrt.config.tags.code_rules import words_of_near_codes
+    from uavrt.config.tags.tag_files import read_tags
 
     return words_of_near_codes(read_tags(path), DetectionSettings().frequency_window_hz)
 
 
 def import_tags(path: Path) -> object:
-    from uavrt.foreign import TAGS, read_file
+    from uavrt.core.foreign import TAGS, read_file
     from uavrt.ground.store import tag_table
 
     files = {path.name: read_file(path, TAGS).decode("utf-8", "replace")}
@@ -681,11 +681,11 @@ def import_tags(path: Path) -> object:
 
 
 def read_shape(path: Path) -> object:
-    from uavrt.analysis.coverage import read_places
+    from uavrt.analysis.covered.coverage_maps import read_places
     from uavrt.config.text_files import read_text
-    from uavrt.foreign import SHAPES
-    from uavrt.ground.link.flying import area_of_file
-    from uavrt.guidance.area_text import keep_out_in
+    from uavrt.core.foreign import SHAPES
+    from uavrt.ground.link.motions.page_motions import area_of_file
+    from uavrt.guidance.files.area_text import keep_out_in
 
     text = read_text(path, SHAPES)
     found: list[object] = [read_places(path, 60.0)]
@@ -697,13 +697,13 @@ def read_shape(path: Path) -> object:
 
 
 def read_heights(path: Path) -> object:
-    from uavrt.terrain.elevation_files import open_elevation
+    from uavrt.localization.terrain.elevation_files import open_elevation
 
     return open_elevation(path).heights_m([47.5, 47.51], [8.5, 8.9])
 
 
 def read_map_file(path: Path) -> object:
-    from uavrt.analysis.map_files import maps_in, read_map
+    from uavrt.analysis.inputs.map_files import maps_in, read_map
 
     maps_in(path.parent)
     found = read_map(path)
@@ -725,7 +725,7 @@ def read_samples(path: Path) -> object:
 
 
 def recorded_tag(frequency_hz: float) -> Any:
-    from uavrt.messages import Tag
+    from uavrt.core.messages import Tag
 
     return Tag(
         tag_id=2, frequency_hz=frequency_hz, pulse_width_s=0.02, pulse_intervals_s=(1.254,)
@@ -743,8 +743,8 @@ def read_certificate(path: Path) -> None:
 
 
 def read_secret(path: Path) -> object:
-    from uavrt.mavlink.signing import read_signing_key
-    from uavrt.tunnel.seal import read_key
+    from uavrt.link.mavlink.sending.signing import read_signing_key
+    from uavrt.link.tunnel.own_messages.seal import read_key
 
     path.chmod(0o600)
     return read_key(path), read_signing_key(path)
@@ -754,8 +754,8 @@ def start_ground(path: Path) -> object:
     """Start a ground station in whose directory one file is another."""
     from uavrt.ground.store.drone_directory import flight_under_way
     from uavrt.ground.store.event_log import EventLog
-    from uavrt.ground.store.flights import FlightLibrary
-    from uavrt.ground.store.settings import GroundStore
+    from uavrt.ground.store.ground_settings import GroundStore
+    from uavrt.ground.store.stored_flights import FlightLibrary
 
     store = GroundStore(path.parent)
     library = FlightLibrary(path.parent)
@@ -767,12 +767,12 @@ def start_ground(path: Path) -> object:
 def start_drone(path: Path) -> object:
     """Start a drone side in whose directory one file is another."""
     from uavrt.config.settings import RecordingSettings, Settings
-    from uavrt.mavlink.signing import Signing, SigningKey
-    from uavrt.messages import Tag
-    from uavrt.processes.signing_memory import SigningMemory
-    from uavrt.recording.kept_file import KeptFile
-    from uavrt.supervisor.mission.kept_parameters import SettingsInForce
-    from uavrt.supervisor.mission.saved_state import StateStore
+    from uavrt.core.messages import Tag
+    from uavrt.drone.processes.connection_parts.signing_memory import SigningMemory
+    from uavrt.drone.supervisor.mission.kept_parameters import SettingsInForce
+    from uavrt.drone.supervisor.mission.saved_state import StateStore
+    from uavrt.flight.kept_file import KeptFile
+    from uavrt.link.mavlink.sending.signing import Signing, SigningKey
 
     settings = Settings(recording=RecordingSettings(directory=str(path.parent)))
     if path.name == "signing_times.json":
@@ -784,7 +784,7 @@ def start_drone(path: Path) -> object:
 
 
 def read_update_file(path: Path) -> object:
-    from uavrt.computer.update_file import read_update
+    from uavrt.drone.computer.update_file import read_update
 
     keys = path.with_name("keys.pem")
     keys.write_text(
@@ -810,14 +810,14 @@ def each(*calls: Callable[[], object]) -> None:
 
 def read_whole_flight(path: Path) -> None:
     """Read a flight as the page, a report's and an export's survey, and a season do."""
-    from uavrt.analysis.flight_noise import flight_noise_of
+    from uavrt.analysis.covered.silence import silent_map
+    from uavrt.analysis.inputs.flight_noise import flight_noise_of
     from uavrt.analysis.measure.bag import export_bag
     from uavrt.analysis.season import read_season
-    from uavrt.analysis.silence import silent_map
+    from uavrt.flight.reading import flight_reader
     from uavrt.ground.store.estimates import AntennaChoice, Estimator
-    from uavrt.ground.store.flights import FlightLibrary
-    from uavrt.ground.web.exports import EXPORTS, export
-    from uavrt.recording import flight_reader
+    from uavrt.ground.store.stored_flights import FlightLibrary
+    from uavrt.ground.web.work.exports import EXPORTS, export
 
     above = path.parent
     directory = above / "flight_log_1"
@@ -860,8 +860,8 @@ def read_whole_flight(path: Path) -> None:
 
 
 def read_verdicts(path: Path) -> object:
-    from uavrt.ground.web.flight_maps import integrated_record
-    from uavrt.ground.web.integration_jobs import fold_pictures
+    from uavrt.ground.web.work.flight_maps import integrated_record
+    from uavrt.ground.web.work.integration_jobs import fold_pictures
 
     place = path.parent / "flight/integrated"
     place.mkdir(parents=True)
@@ -875,10 +875,10 @@ def small_archive() -> Path:
     from past_flight import TAG as LYNX
     from past_flight import write_flight
 
+    from uavrt.analysis.archive.batch_run import run_batch
+    from uavrt.analysis.archive.recordings import find_recordings
+    from uavrt.analysis.archive.steps.batch_settings import BatchSettings
     from uavrt.analysis.measure.tag_source import TagSource
-    from uavrt.batch.recordings import find_recordings
-    from uavrt.batch.run import run_batch
-    from uavrt.batch.settings import BatchSettings
 
     name = tempfile.TemporaryDirectory()
     atexit.register(name.cleanup)
@@ -900,11 +900,11 @@ def archive_with(place: str) -> Callable[[Path], object]:
     """Have a reader ask an archive of which one file is another."""
 
     def read(path: Path) -> None:
-        from uavrt.batch.exporting import export_archive
-        from uavrt.batch.flight_search import find_flights
-        from uavrt.batch.ledger import Ledger
-        from uavrt.batch.questions import QUESTIONS, ask
-        from uavrt.batch.tables import RecordingRow
+        from uavrt.analysis.archive.exporting import export_archive
+        from uavrt.analysis.archive.parquet.flight_search import find_flights
+        from uavrt.analysis.archive.parquet.ledger import Ledger
+        from uavrt.analysis.archive.parquet.parquet_tables import RecordingRow
+        from uavrt.analysis.archive.parquet.questions import QUESTIONS, ask
 
         archive = path.with_name("archive")
         shutil.copytree(small_archive(), archive)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.clock import iso_utc
+from uavrt.core.clock import iso_utc
 
 GAP_S = 0.7
 DRIFT_S = 0.18

@@ -2,7 +2,7 @@
 
 import time
 
-from uavrt.errors import TagFileError, UsageError
+from uavrt.core.errors import TagFileError, UsageError
 
 
 def spin(seconds: float) -> str:

@@ -4,9 +4,9 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
+from uavrt.core.messages import PulsePose, StatusText
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.messages import PulsePose, StatusText
 
 SOON_S = 60.0
 

@@ -12,13 +12,10 @@ from typing import Any, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.attitude import from_euler_deg
-from uavrt.commands import SystemState
 from uavrt.config.settings import Settings
-from uavrt.detection.detector import PulseDetector
-from uavrt.guidance.mission import MissionItem
-from uavrt.mavlink import dialect
-from uavrt.messages import (
+from uavrt.core.commands import SystemState
+from uavrt.core.earth.attitude import from_euler_deg
+from uavrt.core.messages import (
     Beep,
     BeepKind,
     ChannelBlock,
@@ -36,15 +33,18 @@ from uavrt.messages import (
     SystemStatus,
     Tag,
 )
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.flight import Flight
-from uavrt.simulation.flying import NOT_GIVEN
-from uavrt.simulation.propagation import Propagation
-from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
-from uavrt.tunnel.g1 import TagG1
+from uavrt.detection.detector import PulseDetector
+from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.drone.supervisor.mission.saved_state import StateStore
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.guidance.files.mission import MissionItem
+from uavrt.link.mavlink import dialect
+from uavrt.link.tunnel.generations.g1 import TagG1
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.flight import Flight
+from uavrt.simulation.scene.propagation import Propagation
+from uavrt.simulation.scene.scenario import Radio, Scenario, SimulatedTag
+from uavrt.simulation.vehicle.simulated_flying import NOT_GIVEN
 from uavrt_experiments.detection.signals import TruePulse, pulse_train
 
 FREQUENCY_HZ = 148.71e6

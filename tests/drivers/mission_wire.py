@@ -3,11 +3,11 @@
 import random
 from collections.abc import Callable
 
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.mission_transfer import MissionTransfer
-from uavrt.simulation.fake_autopilot import Flavour
-from uavrt.simulation.mission_store import MissionStore
+from uavrt.link.mavlink.autopilot.mission_transfer import MissionTransfer
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.message import Message
+from uavrt.simulation.vehicle.fake_autopilot import Flavour
+from uavrt.simulation.vehicle.mission_store import MissionStore
 
 VEHICLE, OWN = Peer(1, 1), (254, 190)
 STEP_S, DELAY_S = 0.05, 0.1

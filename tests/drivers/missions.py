@@ -8,10 +8,10 @@ import numpy as np
 from flown import HOME
 from searched import Animal, Searched
 
-from uavrt.guidance.orders import Limits
-from uavrt.messages import KeepOut
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
+from uavrt.core.messages import KeepOut
+from uavrt.guidance.operator_orders import Limits
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 FENCE_M = 400.0
 LOWEST_M, HIGHEST_M = 25.0, 80.0

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import made
 
-from uavrt.messages import FlightInfo, Pose, Pulse, PulsePose
+from uavrt.core.messages import FlightInfo, Pose, Pulse, PulsePose
 
 START_NS = 1_700_205_419_230_494_976
 

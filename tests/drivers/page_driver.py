@@ -22,7 +22,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from sql import write_mbtiles
 from willing_drone import WillingDrone
 
-from uavrt.demo.programs import free_udp_port
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 ARGUMENTS = (

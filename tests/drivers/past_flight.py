@@ -8,11 +8,11 @@ import made
 import numpy as np
 from sql import sql
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pulse, PulsePose, Tag
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.localization.antenna import PATTERNS
-from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.tangent_plane import TangentPlane
 
 TAG = made.tag(2, 148_712_000.0, 1.2, name="lynx")
 GAIN_DB = PATTERNS["RA-23K"].e_plane_db

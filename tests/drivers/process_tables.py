@@ -2,8 +2,8 @@
 
 import sys
 
-from uavrt.ipc.topics import TOPICS, Topic
-from uavrt.supervisor.tree.table import (
+from uavrt.drone.ipc.topics import TOPICS, Topic
+from uavrt.drone.supervisor.tree.table import (
     PROCESSES,
     ProcessRow,
     consumers_of,

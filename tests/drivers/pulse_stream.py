@@ -17,17 +17,17 @@ import made
 from pulses import pulse_at
 from some import some
 
-from uavrt.clock import Clock
-from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.messages import PulseKey, PulsePose
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.pulse_files import read_pulse_file
-from uavrt.tunnel.convert import pulse_from_wire, pulse_to_wire
-from uavrt.tunnel.g1 import PulseG1
-from uavrt.tunnel.private import RECEIPT_TYPE, Receipt, payload_hash
+from uavrt.core.clock import Clock
+from uavrt.core.messages import PulseKey, PulsePose
+from uavrt.flight.logs.pulse_files import read_pulse_file
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.ground.link.vehicles.vehicle_identity import DRONE_COMPONENT
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.message import Message
+from uavrt.link.tunnel.generations.g1 import PulseG1
+from uavrt.link.tunnel.own_messages.private import RECEIPT_TYPE, Receipt, payload_hash
+from uavrt.link.tunnel.tunnel_records import pulse_from_wire, pulse_to_wire
 
 REPEAT_S = 0.4
 BEAT_S = 0.3
@@ -36,7 +36,7 @@ STATIONS = """
 import asyncio, os, sys
 from pathlib import Path
 from uavrt.ground.station import Station, StationSettings
-from uavrt.ground.web.page import PageSettings, PageStation
+from uavrt.ground.web.page_program import PageSettings, PageStation
 from uavrt.ground.web.server import ServerSettings
 
 def serve(kind, port, directory):

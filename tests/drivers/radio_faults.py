@@ -25,18 +25,18 @@ from command_line import python
 from radio_world import DRIVERS, SERIALS, TAG_HZ, RadioWorld
 from rich.console import Console
 
-from uavrt.cli.doctor import doctor as whole_doctor
-from uavrt.clock import Clock
-from uavrt.computer.checks import check_radio
+from uavrt.cli.computer.doctor import doctor as whole_doctor
+from uavrt.cli.system.monitor_view import MonitorView
+from uavrt.cli.system.start_stop import start_detection
 from uavrt.config.loader import load_settings
 from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RadioSettings, Settings
-from uavrt.demo.programs import free_udp_port
+from uavrt.core.clock import Clock
+from uavrt.core.messages import Pulse, StatusText, SystemStatus
+from uavrt.drone.computer.computer_checks import check_radio
+from uavrt.drone.status_reader import StatusReader, status_socket_path
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.messages import Pulse, StatusText, SystemStatus
-from uavrt.monitor.operate import start_detection
-from uavrt.monitor.reader import StatusReader, status_socket_path
-from uavrt.monitor.view import MonitorView
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 ANSWER_S = 40.0
 """Longest wait for a state; only a test that has failed waits so long."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.radio.channel_datagram import encode_channel_datagram
+from uavrt.radio.channels.channel_datagram import encode_channel_datagram
 
 RATE_HZ, CENTRE_HZ, START_NS = 375_000.0, 148_700_000.0, 1_700_000_000_000_000_000
 

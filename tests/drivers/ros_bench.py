@@ -7,15 +7,15 @@ from typing import Any
 import made
 from pulses import pulse_at
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings, Settings
-from uavrt.messages import ProcessStatus, SystemStatus, Tag
-from uavrt.ros2.cdr import encode
-from uavrt.ros2.gateway import Gateway
-from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.inbox import Inbox
-from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, RosMessage
-from uavrt.ros2.senders import Arrival, Sender
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import ProcessStatus, SystemStatus, Tag
+from uavrt.link.ros2.gateway import Gateway
+from uavrt.link.ros2.graph import TOPICS
+from uavrt.link.ros2.inbox import Inbox
+from uavrt.link.ros2.ros_senders import Arrival, Sender
+from uavrt.link.ros2.types.cdr import encode
+from uavrt.link.ros2.types.ros_messages import DiagnosticArray, DiagnosticStatus, RosMessage
 
 S = 10**9
 OPERATOR = Sender(key="operator")

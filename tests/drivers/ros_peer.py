@@ -1,7 +1,8 @@
 """The ROS 2 gateway process, and a participant on its network that shares no code with ours.
 
 The participant takes the messages from the ament package's files and from `rosbags`, which also
-makes and reads its bytes; ours are made by `uavrt.ros2.cdr`. Everything stays on the loopback.
+makes and reads its bytes; ours are made by `uavrt.link.ros2.types.cdr`. Everything stays on the
+loopback.
 """
 
 import os
@@ -15,13 +16,13 @@ from typing import Any
 
 from until import until
 
-from uavrt.clock import Clock
 from uavrt.config.settings import Settings
-from uavrt.ipc.assignment import Assignment
-from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
-from uavrt.ipc.topics import decode_record, encode_record
-from uavrt.messages import FlightInfo
-from uavrt.ros2.messages import RosTag
+from uavrt.core.clock import Clock
+from uavrt.core.messages import FlightInfo
+from uavrt.drone.ipc.record_link import LINK_VARIABLE, LineBuffer
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.ipc.topics import decode_record, encode_record
+from uavrt.link.ros2.types.ros_messages import RosTag
 
 INTERFACES = Path(__file__).parents[2] / "ros" / "uavrt_interfaces" / "msg"
 LOOPBACK = (
@@ -283,7 +284,7 @@ class GatewayProcess:
         self.clock = Clock.start()
         with theirs:
             self.process = subprocess.Popen(
-                [*prefix, sys.executable, "-m", "uavrt.processes.ros2_gateway"],
+                [*prefix, sys.executable, "-m", "uavrt.drone.processes.ros2_gateway"],
                 pass_fds=(theirs.fileno(),),
                 env=os.environ | {LINK_VARIABLE: str(theirs.fileno())} | environment,
             )

@@ -4,7 +4,7 @@ import heapq
 import random
 from collections.abc import Iterable, Iterator
 
-from uavrt.mavlink.message import Message
+from uavrt.link.mavlink.message import Message
 
 
 class Rough:

@@ -2,9 +2,9 @@
 
 from some import some
 
-from uavrt.tunnel.gate import Gate, Sealer
-from uavrt.tunnel.seal import SealKeeper, read_keepalive
-from uavrt.tunnel.wire import Ids
+from uavrt.link.tunnel.gate import Gate, Sealer
+from uavrt.link.tunnel.generations.wire import Ids
+from uavrt.link.tunnel.own_messages.seal import SealKeeper, read_keepalive
 
 
 def introduce(sealer: Sealer, drone: Gate | SealKeeper, station: Ids, place: Ids) -> None:

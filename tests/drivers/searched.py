@@ -10,17 +10,17 @@ import numpy as np
 from flown import HOME, STEP_S, Flown
 from some import some
 
-from uavrt.geodesy import distance_m
-from uavrt.guidance.authority import Standing
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.orders import Limits, Order, VehicleNow
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
-from uavrt.guidance.search_task import Equipment
-from uavrt.guidance.seeker import Choice, Seeker
+from uavrt.guidance.search.search_task import Equipment
+from uavrt.guidance.search.seeker import Choice, Seeker
 from uavrt.localization.antenna import PATTERNS
-from uavrt.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import FlyingVehicle
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import FlyingVehicle
 
 PATTERN = PATTERNS["RA-23K"]
 HEARD_DB = 9.2

@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from uavrt.demo.programs import free_udp_port
-from uavrt.mavlink.frame import FrameParser
+from uavrt.link.mavlink.frame import FrameParser
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 BAUD = 57_600
 BYTE_S = 10 / BAUD

@@ -10,18 +10,18 @@ import numpy as np
 from flown import STEP_S
 from searched import Animal, Searched
 
-from uavrt.ground.link.path_assignments import PathAssignments
-from uavrt.guidance.orders import Limits, Order, VehicleNow
-from uavrt.guidance.seeker import Choice
-from uavrt.guidance.shared_search import SharedSearch
-from uavrt.messages import Course, Neighbour
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.tunnel.neighbours import (
+from uavrt.core.messages import Course, Neighbour
+from uavrt.ground.link.motions.path_assignments import PathAssignments
+from uavrt.guidance.operator_orders import Limits, Order, VehicleNow
+from uavrt.guidance.search.seeker import Choice
+from uavrt.guidance.search.shared_search import SharedSearch
+from uavrt.link.tunnel.own_messages.neighbour_messages import (
     decode_course,
     decode_neighbour,
     encode_course,
     encode_neighbour,
 )
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
 
 HOME_M = 30.0
 """Nearer to the home of all they come down."""

@@ -8,9 +8,9 @@ import made
 import numpy as np
 
 from uavrt.config.settings import Settings
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pose, PulsePose, Tag
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
-from uavrt.messages import Pose, PulsePose, Tag
-from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 START_NS = 1_700_000_000_123_456_789

@@ -16,10 +16,10 @@ from typing import Any, TypeVar
 
 import pytest
 
-from uavrt import clock
-from uavrt.recording.disk_thread import DiskThread
-from uavrt.simulation.datagrams import DatagramPort
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.core import clock
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.database.disk_thread import DiskThread
+from uavrt.simulation.vehicle.datagrams import DatagramPort
 
 T = TypeVar("T")
 START_S = 100_000.0
@@ -35,7 +35,7 @@ THREAD_PAUSE_S = 0.0005
 
 
 class VirtualClock:
-    """Stands in for the module `time` in `uavrt.clock`; one for each test."""
+    """Stands in for the module `time` in `uavrt.core.clock`; one for each test."""
 
     process_time = staticmethod(time.process_time)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from made import pose
 
-from uavrt.commands import SystemState
+from uavrt.core.commands import SystemState
 from uavrt_experiments.autopilots.measures import is_motion
 from world import THESIS_TAG, World
 

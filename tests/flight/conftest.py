@@ -10,11 +10,11 @@ import made
 import pytest
 
 from uavrt.config.settings import Settings
-from uavrt.demo.programs import DemoPaths, Program
-from uavrt.demo.rig import Rig, starting_in
-from uavrt.monitor.reader import StatusReader
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio, Scenario
+from uavrt.drone.status_reader import StatusReader
+from uavrt.simulation.demo.demo_programs import DemoPaths, Program
+from uavrt.simulation.demo.rig import Rig, starting_in
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Radio, Scenario
 
 THESIS_TAG = made.simulated_tag(
     interval_uncertainty_s=0.06,

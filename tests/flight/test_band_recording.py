@@ -13,8 +13,8 @@ from tests.system.cli.test_original_halves import detect, ended
 from until import until
 
 from uavrt.config.settings import RecordingSettings, UdpChannelSettings
-from uavrt.recording.detector_configs import read_detector_config
-from uavrt.recording.flight_reader import read_flight
+from uavrt.flight.logs.detector_configs import read_detector_config
+from uavrt.flight.reading.flight_reader import read_flight
 
 
 @pytest.mark.timeout(150)

@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from uavrt.clock import Clock
 from uavrt.config.settings import BearingSettings
-from uavrt.errors import LinkError
+from uavrt.core.clock import Clock
+from uavrt.core.errors import LinkError
+from uavrt.core.messages import LiveBearing, PulsePose
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.localization.angles import difference_deg
-from uavrt.messages import LiveBearing, PulsePose
-from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scene.flight import Flight, Leg
 
 
 @pytest.mark.timeout(150)

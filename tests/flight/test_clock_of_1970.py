@@ -9,8 +9,8 @@ import msgspec
 import pytest
 from listening import Listening
 
-from uavrt.recording.flight_order import flights_in_order
-from uavrt.recording.flight_reader import read_flight
+from uavrt.flight.flight_order import flights_in_order
+from uavrt.flight.reading.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(150)
 

@@ -14,13 +14,13 @@ import made
 import pytest
 from until import until_async as until
 
-from uavrt.clock import Clock
-from uavrt.commands import SystemState
-from uavrt.errors import LinkError
+from uavrt.core.clock import Clock
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import LinkError
+from uavrt.core.messages import BurstInside, PulsePose
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.messages import BurstInside, PulsePose
-from uavrt.recording.flight_reader import read_flight
 
 CODED_TAG = made.simulated_tag(
     30,

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from command_line import started
 
-from uavrt.errors import UavrtError
-from uavrt.recording.flight_reader import read_flight
+from uavrt.core.errors import UavrtError
+from uavrt.flight.reading.flight_reader import read_flight
 
 CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
 

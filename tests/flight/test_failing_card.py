@@ -10,7 +10,7 @@ import pytest
 from listening import Listening
 from loop_card import LoopCard, loop_card
 
-from uavrt.recording.flight_reader import read_flight
+from uavrt.flight.reading.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(240)
 

@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 from until import until_async as until
 
-from uavrt.clock import Clock
-from uavrt.commands import SystemState
+from uavrt.core.clock import Clock
+from uavrt.core.commands import SystemState
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store.settings import GroundStore
-from uavrt.recording.flight_reader import read_flight
+from uavrt.ground.store.ground_settings import GroundStore
 
 WITHIN_S = 5.0
 

@@ -21,12 +21,12 @@ from some import some
 from tests.flight.conftest import Drone, DroneBay, hovering_scenario
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.demo.programs import Program, free_udp_port
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.flying import MODES
-from uavrt.simulation.scenario import Scenario
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.simulation.demo.demo_programs import Program, free_udp_port
+from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 pytestmark = pytest.mark.timeout(240)
 OURS = "1/191"

@@ -13,11 +13,11 @@ import sigmf
 from command_line import started
 
 from uavrt.config.settings import IntegrationSettings
-from uavrt.recording.flight_reader import read_flight, read_health
-from uavrt.recording.integrated import read_integrated
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
-from uavrt.simulation.world import World
+from uavrt.flight.integrated import read_integrated
+from uavrt.flight.reading.flight_reader import read_flight, read_health
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Radio, Scenario, SimulatedTag
+from uavrt.simulation.scene.world import World
 
 pytestmark = pytest.mark.full_rate
 

@@ -8,13 +8,13 @@ import pytest
 from command_line import started
 from rich.console import Console
 
-from uavrt.commands import SystemState
+from uavrt.cli.system.monitor_view import MonitorView
+from uavrt.cli.system.start_stop import start_detection, stop_detection
 from uavrt.config.settings import MavlinkSettings, RecordingSettings
-from uavrt.config.tag_files import write_tags
-from uavrt.errors import CommandRefused
-from uavrt.monitor.operate import start_detection, stop_detection
-from uavrt.monitor.view import MonitorView
-from uavrt.recording.flight_reader import read_flight
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import CommandRefused
+from uavrt.flight.reading.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(150)
 

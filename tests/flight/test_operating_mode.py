@@ -11,8 +11,8 @@ import pytest
 from until import until
 
 from uavrt.config.settings import DetectionSettings, Shape
-from uavrt.recording.detector_configs import read_detector_config
-from uavrt.recording.layout import FlightLayout
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.logs.detector_configs import read_detector_config
 
 pytestmark = pytest.mark.timeout(90)
 

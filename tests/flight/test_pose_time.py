@@ -17,15 +17,15 @@ from sql import sql
 from tests.flight.conftest import FLIGHT_RATE_HZ
 from until import until_async as until
 
-from uavrt.attitude import euler_deg
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
+from uavrt.core.earth.attitude import euler_deg
+from uavrt.core.messages import PulsePose
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import PulsePose
-from uavrt.recording.flight_reader import read_flight
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio, Scenario
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Radio, Scenario
 
 SITE = """
 import os, sys, time

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from until import until_async as until
 
-from uavrt.clock import Clock
-from uavrt.commands import CommandId, SystemState
-from uavrt.errors import CommandRefused
+from uavrt.core.clock import Clock
+from uavrt.core.commands import CommandId, SystemState
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import PulsePose, StatusText
+from uavrt.drone.supervisor.start.usage import children_of
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.protocol import DroneHeartbeat, GroundEvent, OperationStep
-from uavrt.mavlink.signing import read_signing_key
-from uavrt.messages import PulsePose, StatusText
-from uavrt.simulation.scenario import Scenario
-from uavrt.supervisor.start.usage import children_of
-from uavrt.tunnel.g2 import COMPLETE
-from uavrt.tunnel.seal import read_key
+from uavrt.link.mavlink.sending.signing import read_signing_key
+from uavrt.link.tunnel.generations.g2 import COMPLETE
+from uavrt.link.tunnel.own_messages.seal import read_key
+from uavrt.simulation.scene.scenario import Scenario
 
 CAPTURE_S = 1.0
 

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from uavrt.config.settings import RadioSettings
-from uavrt.messages import ProcessStatus, StatusText, SystemStatus
+from uavrt.core.messages import ProcessStatus, StatusText, SystemStatus
 
 FAULTS = {
     "works, then is unplugged": "no radio is plugged in",

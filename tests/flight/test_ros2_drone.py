@@ -14,11 +14,11 @@ from some import some
 from tests.flight.test_delivery import CODED_TAG
 from until import until
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings
-from uavrt.messages import SystemStatus
-from uavrt.recording.flight_reader import read_flight
-from uavrt.ros2.convert import tag_to_ros
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import SystemStatus
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.link.ros2.ros_records import tag_to_ros
 
 pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(150)]
 
@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(150)]
 SUBSCRIBER = """
 import sys
 from uavrt.config.settings import Ros2Settings
-from uavrt.ros2.dds import Participant
+from uavrt.link.ros2.network.dds import Participant
 Participant(Ros2Settings(domain_id=int(sys.argv[1])))
 print("listening", flush=True)
 sys.stdin.read()

@@ -26,13 +26,13 @@ import numpy as np
 import pytest
 from until import until
 
-from uavrt.clock import Clock
 from uavrt.config.settings import Ros2Settings
-from uavrt.config.tag_files import write_tags
-from uavrt.demo.programs import free_udp_port
-from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus
-from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
-from uavrt.recording.flight_reader import read_flight
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.core.clock import Clock
+from uavrt.core.messages import PulseKey, PulsePose, Recorded, SystemStatus
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.radio.channels.channel_datagram import SAMPLES, encode_channel_datagram
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(150)
 

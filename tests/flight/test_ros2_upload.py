@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from until import until
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings
-from uavrt.messages import SystemStatus, Tag
-from uavrt.ros2.convert import tag_to_ros
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import SystemStatus, Tag
+from uavrt.link.ros2.ros_records import tag_to_ros
 
 pytestmark = [pytest.mark.timeout(150)]
 

@@ -16,10 +16,10 @@ import pytest
 from command_line import launched
 from some import some
 
+from uavrt.flight.flight_order import flights_in_order
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.store.tag_table import rows_from_tags
-from uavrt.recording.flight_order import flights_in_order
-from uavrt.recording.flight_reader import read_flight
-from uavrt.simulation.scenario_file import write_scenario
+from uavrt.simulation.scene.scenario_file import write_scenario
 
 pytest.importorskip("starlette")
 

@@ -21,13 +21,13 @@ from tests.flight.conftest import FLIGHT_RATE_HZ, THESIS_TAG, DroneBay
 from tests.flight.test_fly import Field
 from until import until
 
-from uavrt.geodesy import distance_m
-from uavrt.messages import SearchNote
-from uavrt.recording.flight_reader import read_search_notes
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.flight import Flight
-from uavrt.simulation.scenario import Radio, Scenario
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.messages import SearchNote
+from uavrt.flight.reading.flight_reader import read_search_notes
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.flight import Flight
+from uavrt.simulation.scene.scenario import Radio, Scenario
+from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt_experiments.resources.usage import pss_mb
 
 pytestmark = pytest.mark.timeout(300)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from until import until
 
-from uavrt.demo.programs import free_udp_port
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 TAG = "1, 148715000, 1000, 15, 20, 20, 3, 0.01\n"
 BAD = re.compile(r"Traceback|Exception ignored|KeyboardInterrupt|never awaited|leaked")

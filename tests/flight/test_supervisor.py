@@ -12,9 +12,9 @@ import pytest
 from until import until
 
 from uavrt.config.settings import MavlinkSettings
-from uavrt.messages import SystemStatus
-from uavrt.recording.flight_reader import read_flight
-from uavrt.supervisor.start.usage import children_of
+from uavrt.core.messages import SystemStatus
+from uavrt.drone.supervisor.start.usage import children_of
+from uavrt.flight.reading.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(150)
 

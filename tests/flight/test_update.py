@@ -21,10 +21,10 @@ from update_maker import (
     write_wheel,
 )
 
-from uavrt.clock import Clock
-from uavrt.demo.programs import free_udp_port
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.scenario_file import write_scenario
+from uavrt.core.clock import Clock
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.scenario_file import write_scenario
 
 pytestmark = pytest.mark.timeout(240)
 
@@ -126,7 +126,7 @@ def _unchanged(_name: str, text: str) -> str:
 
 def _poseless(name: str, text: str) -> str:
     """Spoil it so that only a flight shows it: no poses are reported any more."""
-    if name != "uavrt/processes/connection.py":
+    if name != "uavrt/drone/processes/connection.py":
         return text
     spoilt = text.replace('frame.send("poses", poses)', "None")
     assert spoilt != text

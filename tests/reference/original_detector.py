@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.messages import Tag
+from uavrt.core.messages import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 
 _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]

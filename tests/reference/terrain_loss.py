@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.terrain.diffraction import EARTH_M, beyond_level_db, edge_parameters
-from uavrt.units import SPEED_OF_LIGHT_M_S
+from uavrt.core.units import SPEED_OF_LIGHT_M_S
+from uavrt.localization.terrain.diffraction import EARTH_M, beyond_level_db, edge_parameters
 
 _Floats = NDArray[np.floating]
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from command_line import python
 
-from uavrt.blas import blas_environment
-from uavrt.supervisor.start.launcher import Launcher
+from uavrt.core.runtime.blas import blas_environment
+from uavrt.drone.supervisor.start.launcher import Launcher
 
 
 def test_processes_of_a_flight_compute_as_the_command_line_does(
@@ -19,7 +19,7 @@ def test_processes_of_a_flight_compute_as_the_command_line_does(
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     for name in names:
         monkeypatch.delenv(name, raising=False)
-    here = python("-c", f"import uavrt.cli.one_thread\n{tell}", check=True).stdout
+    here = python("-c", f"import uavrt.cli.shown.one_thread\n{tell}", check=True).stdout
     there = tmp_path / "there"
     with there.open("wb") as output:
         pid = Launcher().start(

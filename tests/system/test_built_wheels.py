@@ -5,8 +5,8 @@ from pathlib import Path
 
 from update_maker import TINY, make_installation, make_key, write_update, write_wheel
 
-from uavrt.computer import update
-from uavrt.computer.versions import Installation
+from uavrt.drone.computer import update
+from uavrt.drone.computer.versions import Installation
 
 INFO = "cyclonedds-0.10.5.dist-info"
 BINDING = {

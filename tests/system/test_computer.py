@@ -8,9 +8,9 @@ import pytest
 from command_line import program
 from tests.unit.test_computer import PLAN, bench_settings
 
-from uavrt.computer.checks import examine
-from uavrt.computer.service import unit_text
-from uavrt.demo.programs import free_udp_port
+from uavrt.drone.computer.computer_checks import examine
+from uavrt.drone.computer.service import unit_text
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
@@ -27,7 +27,7 @@ def test_systemd_finds_the_unit_well_confined_and_without_faults(tmp_path: Path)
 def test_another_link_is_listened_to_where_one_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavrt.computer.checks.LISTEN_S", 0.2)
+    monkeypatch.setattr("uavrt.drone.computer.computer_checks.LISTEN_S", 0.2)
     port = free_udp_port()
     address = f"udpin://127.0.0.1:{port}"
     findings = {f.what: f for f in examine(bench_settings(tmp_path), None, mavlink=address)}

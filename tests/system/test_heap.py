@@ -7,8 +7,8 @@ from command_line import python
 
 BUSY_MOMENT = """
 import os
-from uavrt.heap import TRIM_PERIOD_S, HeapKeeper
-from uavrt.supervisor.start.usage import own_usage
+from uavrt.core.runtime.heap import TRIM_PERIOD_S, HeapKeeper
+from uavrt.drone.supervisor.start.usage import own_usage
 
 kept = 2_000  # bytes; too large for Python's own pools, too small to be mapped by itself
 keeper = HeapKeeper(0.0)
@@ -34,7 +34,7 @@ def test_holes_in_the_heap_go_back_to_the_system() -> None:
 
 
 NEW_OBJECTS = """
-from uavrt.heap import fill_pools
+from uavrt.core.runtime.heap import fill_pools
 
 
 def pools_of_new_ones():

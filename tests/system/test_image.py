@@ -15,10 +15,10 @@ import pytest
 from command_line import program
 from update_maker import make_key
 
-from uavrt.cli.run_ground import OWN_COMPONENT
-from uavrt.computer.first_setup import FirstSetup
+from uavrt.cli.system.run_ground import OWN_COMPONENT
 from uavrt.config.loader import load_settings, write_default_settings
 from uavrt.config.radios import RADIOS
+from uavrt.drone.computer.first_setup import FirstSetup
 
 IMAGE = Path(__file__).parents[2] / "deploy/image"
 TOOLS = ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs")

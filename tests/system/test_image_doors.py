@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.cli import update as command
-from uavrt.computer.first_setup import FirstSetup
+from uavrt.cli.computer import update as command
 from uavrt.config.loader import write_default_settings
+from uavrt.drone.computer.first_setup import FirstSetup
 
 CONFIGURE = Path(__file__).parents[2] / "deploy/image/configure-root.sh"
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIEaKyE+4fVp0Z3mB0xwPq1nQ7aBcDeFgHiJkLmNoPqRs tom@hut"

@@ -9,7 +9,12 @@ TOOLS = "'numpy.f2py', 'numpy.testing'"
 
 
 @pytest.mark.parametrize(
-    "module", ["localization.flight_estimates", "processes.estimator", "processes.guide"]
+    "module",
+    [
+        "localization.estimates.flight_estimates",
+        "drone.processes.estimator",
+        "drone.processes.guide",
+    ],
 )
 def test_a_process_of_the_drone_loads_no_tools_of_numpy(module: str) -> None:
     code = (
@@ -20,7 +25,7 @@ def test_a_process_of_the_drone_loads_no_tools_of_numpy(module: str) -> None:
 
 def test_the_tools_are_the_true_ones_when_they_are_used_later() -> None:
     code = (
-        "import numpy as np; from uavrt.lean_scipy import fft, special\n"
+        "import numpy as np; from uavrt.core.runtime.lean_scipy import fft, special\n"
         "np.testing.assert_allclose(special.ndtr(0.0), 0.5); np.f2py.get_include()\n"
         "np.testing.assert_allclose(fft.irfft(fft.rfft([1.0, 2.0])), [1.0, 2.0])"
     )

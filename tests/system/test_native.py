@@ -13,7 +13,7 @@ from by_path import module_at
 from command_line import python
 from tests.unit.test_native import ROOT
 
-from uavrt import native
+from uavrt.core.runtime import native
 
 
 def run_python(*lines: str, pure: str) -> str:
@@ -23,9 +23,12 @@ def run_python(*lines: str, pure: str) -> str:
 
 
 def test_the_environment_leaves_the_kernels_aside() -> None:
-    lines = ("from uavrt import native", "print(native.kernels(), native.description())")
+    lines = (
+        "from uavrt.core.runtime import native",
+        "print(native.kernels(), native.description())",
+    )
     assert run_python(*lines, pure="1") == "None NumPy alone, as UAVRT_PURE says"
-    there = importlib.util.find_spec("uavrt._native") is not None
+    there = importlib.util.find_spec("uavrt.core._native") is not None
     assert ("NumPy alone" in run_python(*lines, pure="")) != there
 
 

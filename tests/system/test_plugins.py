@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 from command_line import started
 
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
+from uavrt.core.plugins import Registry
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.localization.antenna import PATTERNS, AntennaPattern
-from uavrt.plugins import Registry
-from uavrt.recording.flight_reader import read_flight
 
 EXTENSION = Path(__file__).parents[1] / "extension"
 Uavrt = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -165,7 +165,7 @@ def test_our_own_names_cannot_be_taken_and_wrong_things_are_refused(
         EntryPoint(name="RA-2A", value="json:dumps", group="uavrt.antennas"),
         EntryPoint(name="number", value="math:pi", group="uavrt.antennas"),
     ]
-    monkeypatch.setattr("uavrt.plugins.entry_points", lambda **_: added)
+    monkeypatch.setattr("uavrt.core.plugins.entry_points", lambda **_: added)
     registry: Registry[Any] = Registry(
         "uavrt.antennas", {"RA-2A": PATTERNS["RA-2A"]}, AntennaPattern
     )

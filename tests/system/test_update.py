@@ -29,13 +29,13 @@ from update_maker import (
     write_wheel,
 )
 
-from uavrt.commands import SystemState
-from uavrt.computer import update
-from uavrt.computer.trial import ARMED, Needs, Seen, Trial, Verdict, require_still
-from uavrt.computer.update_file import read_update, unpack_wheels, version_key
-from uavrt.computer.versions import Installation
-from uavrt.errors import FormatError, UavrtError, UsageError
-from uavrt.messages import Poses, SystemStatus
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import FormatError, UavrtError, UsageError
+from uavrt.core.messages import Poses, SystemStatus
+from uavrt.drone.computer import update
+from uavrt.drone.computer.trial import ARMED, Needs, Seen, Trial, Verdict, require_still
+from uavrt.drone.computer.update_file import read_update, unpack_wheels, version_key
+from uavrt.drone.computer.versions import Installation
 
 ALL = Needs(heartbeat=True, poses=True)
 

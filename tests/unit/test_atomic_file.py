@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.atomic_file import replacing, write_atomically
+from uavrt.core.atomic_file import replacing, write_atomically
 
 
 def test_a_link_stays_and_what_it_leads_to_is_replaced(tmp_path: Path) -> None:

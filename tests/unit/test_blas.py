@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from uavrt.blas import blas_environment
+from uavrt.core.runtime.blas import blas_environment
 
 WIDE = "processor : 0\nflags\t\t: fpu sse2 avx2 avx512f avx512cd avx512bw avx512dq avx512vl\n"
 

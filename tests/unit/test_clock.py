@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.clock import Clock, iso_utc, parse_iso_utc, wall_ns
+from uavrt.core.clock import Clock, iso_utc, parse_iso_utc, wall_ns
 
 
 def test_the_clock_counts_utc_nanoseconds() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.columns import chosen_rows, joined_rows
+from uavrt.core.columns import chosen_rows, joined_rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from typing import get_args
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.commands import COMMANDS, Accepted, CommandName, Refused, SystemState, outcome
-from uavrt.tunnel import g0, g1, g2
+from uavrt.core.commands import COMMANDS, Accepted, CommandName, Refused, SystemState, outcome
+from uavrt.link.tunnel.generations import g0, g1, g2
 
 NAMES: tuple[CommandName, ...] = get_args(CommandName)
 

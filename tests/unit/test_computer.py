@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from virtual_time import VirtualClock
 
 from uavrt.cli.app import app
-from uavrt.computer import checks
-from uavrt.computer.service import (
+from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
+from uavrt.core.messages import ProcessStatus
+from uavrt.drone.computer import computer_checks as checks
+from uavrt.drone.computer.service import (
     RULE_PATH,
     UNIT_PATH,
     WANTED_PATH,
@@ -24,8 +26,6 @@ from uavrt.computer.service import (
     status,
     unit_text,
 )
-from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import ProcessStatus
 
 PLAN = ServicePlan(
     program=Path("/opt/uavrt/.venv/bin/uavrt"), user="pi", directory=Path("/home/pi")

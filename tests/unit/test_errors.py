@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from uavrt.analysis.report.style import styled
-from uavrt.analysis.tracks.ulog import read_ulog
-from uavrt.errors import RecordingError, UsageError, needs_extra, os_errors_as
+from uavrt.core.errors import RecordingError, UsageError, needs_extra, os_errors_as
+from uavrt.formats.tracks.ulog import read_ulog
 
 
 @pytest.mark.parametrize(

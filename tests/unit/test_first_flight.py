@@ -6,10 +6,10 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.commands import SystemState
-from uavrt.computer.bench import Bench, FlightFacts, first_flight
-from uavrt.computer.finding import Finding
-from uavrt.messages import Pose, Poses, PulsePose, SearchReport
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Pose, Poses, PulsePose, SearchReport
+from uavrt.drone.computer.bench import Bench, FlightFacts, first_flight
+from uavrt.drone.computer.finding import Finding
 
 SECOND = 1_000_000_000
 NOW_NS = 1_000 * SECOND

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.gpsd import LONGEST, GpsdParser
+from uavrt.formats.gpsd import LONGEST, GpsdParser
 
 TPV = {"class": "TPV", "device": "/dev/ttyACM0", "mode": 3, "lat": 46.501, "lon": -8.002}
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from uavrt.heap import HeapKeeper
+from uavrt.core.runtime.heap import HeapKeeper
 
 
 def test_it_is_done_once_in_a_period() -> None:

@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from uavrt import lean_scipy
+from uavrt.core.runtime import lean_scipy
 
 
 def test_a_scipy_that_needs_the_tools_gets_them(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.log import configure_logging, get_logger
+from uavrt.core.log import configure_logging, get_logger
 
 
 @pytest.fixture(autouse=True)

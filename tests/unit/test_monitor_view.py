@@ -6,10 +6,10 @@ from dataclasses import replace
 import made
 from rich.console import Console
 
-from uavrt.ipc.topics import decode_record, encode_record
-from uavrt.messages import Pulse
-from uavrt.monitor.view import MonitorView
-from uavrt.recording.outline import HeardTag
+from uavrt.cli.system.monitor_view import MonitorView
+from uavrt.core.messages import Pulse
+from uavrt.drone.ipc.topics import decode_record, encode_record
+from uavrt.flight.reading.outline import HeardTag
 
 PULSE = made.pulse(
     1_700_000_000_000_000_000,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt import native
+from uavrt.core.runtime import native
 from uavrt.dsp.channelizer import Channelizer
 from uavrt.dsp.decimator import Decimator
 

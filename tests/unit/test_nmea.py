@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uavrt.formats.nmea import LONGEST, SentenceParser
 from uavrt.ground.link.my_place import SILENCE_S, MyPlace
-from uavrt.nmea import LONGEST, SentenceParser
 
 
 def sentence(body: str) -> bytes:

@@ -61,9 +61,9 @@ CALLED = {
 """By the name: parameters that it has."""
 
 READ = {
-    "flights of older versions": "unit/recording/test_older_flights.py",
-    "flights that are damaged": "unit/recording/test_damaged_flights.py",
-    "pulse files, field by field": "unit/recording/test_pulse_files.py",
+    "flights of older versions": "unit/flight/test_older_flights.py",
+    "flights that are damaged": "unit/flight/test_damaged_flights.py",
+    "pulse files, field by field": "unit/flight/test_pulse_files.py",
     "logs of other programs": "unit/golden/test_foreign_logs.py",
     "the original's pulses with poses": "unit/golden/test_pulse_pose_log.py",
     "bytes of the tunnel": "unit/golden/test_tunnel_bytes.py",

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from command_line import uavrt
 
-from uavrt.cli import service
-from uavrt.computer.service import UNIT_PATH, ServicePlan, unit_text, update_unit_text
+from uavrt.cli.computer import service
+from uavrt.drone.computer.service import UNIT_PATH, ServicePlan, unit_text, update_unit_text
 
 
 @pytest.fixture

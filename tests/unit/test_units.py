@@ -3,7 +3,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt import units
+from uavrt.core import units
 
 
 @given(st.floats(-1e6, 1e6))

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.foreign_worker import ForeignWorker
-from uavrt.ground.web.page import PageSettings, PageStation
+from uavrt.ground.web.page_program import PageSettings, PageStation
 from uavrt.ground.web.server import ServerSettings
+from uavrt.ground.web.work.foreign_worker import ForeignWorker
 from world import until
 
 

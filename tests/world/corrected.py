@@ -5,8 +5,8 @@ from typing import Any
 import made
 from asked_page import Answer, AskedPage
 
-from uavrt.config.tag_files import read_tags
-from uavrt.messages import Beep, Tag
+from uavrt.config.tags.tag_files import read_tags
+from uavrt.core.messages import Beep, Tag
 from world import THESIS_TAG, World
 
 HERE_HZ, AWAY_HZ = 148_710_000.0, 148_710_640.0

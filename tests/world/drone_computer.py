@@ -14,14 +14,14 @@ import socket
 from collections.abc import Awaitable, Callable, Mapping
 
 from uavrt.config.settings import Settings
-from uavrt.ipc.link import LINK_VARIABLE, ChildLink
-from uavrt.ipc.process import ProcessFrame
-from uavrt.processes.connection import ConnectionProcess
-from uavrt.processes.guide import TICK_S, Guide
-from uavrt.processes.recorder import TURN_S, Recorder
-from uavrt.processes.search_thread import SearchThread
-from uavrt.supervisor.core import Supervisor
-from uavrt.supervisor.start.launcher import Launcher
+from uavrt.drone.ipc.process import ProcessFrame
+from uavrt.drone.ipc.record_link import LINK_VARIABLE, ChildLink
+from uavrt.drone.processes.connection import ConnectionProcess
+from uavrt.drone.processes.guide import TICK_S, Guide
+from uavrt.drone.processes.recorder import TURN_S, Recorder
+from uavrt.drone.processes.search_thread import SearchThread
+from uavrt.drone.supervisor.core import Supervisor
+from uavrt.drone.supervisor.start.launcher import Launcher
 
 Program = Callable[[ProcessFrame], Awaitable[None]]
 """Serves as one process of the table until its frame stops."""
@@ -175,11 +175,11 @@ class DroneComputer:
     ) -> None:
         self.launcher = TaskLauncher(
             {
-                "uavrt.processes.recorder": record,
-                "uavrt.processes.connection": connect,
-                "uavrt.processes.guide": guide,
-                "uavrt.processes.receiver": receive,
-                "uavrt.processes.detector": detect,
+                "uavrt.drone.processes.recorder": record,
+                "uavrt.drone.processes.connection": connect,
+                "uavrt.drone.processes.guide": guide,
+                "uavrt.drone.processes.receiver": receive,
+                "uavrt.drone.processes.detector": detect,
             }
         )
         self._settings, self._on_record = settings, on_record

@@ -7,7 +7,7 @@ import socket
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
-from uavrt.demo.programs import free_udp_port
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 
 class Relay:

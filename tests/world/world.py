@@ -39,7 +39,6 @@ from relay import Relay
 from searched import Animal, pulse, report, snr_db
 from until import until_async
 
-from uavrt.clock import Clock
 from uavrt.config.settings import (
     BearingSettings,
     GuidanceSettings,
@@ -48,16 +47,17 @@ from uavrt.config.settings import (
     RecordingSettings,
     Settings,
 )
-from uavrt.demo.programs import free_udp_port
+from uavrt.core.clock import Clock
+from uavrt.core.messages import Beep, Command, Health, Pose, Pulse, Tag, VehicleReport
+from uavrt.drone.ipc.process import ProcessFrame
+from uavrt.drone.ipc.topics import decode_record
+from uavrt.drone.supervisor.supervisor_program import start_commands
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store.settings import GroundStore
-from uavrt.guidance.authority import Standing
-from uavrt.ipc.process import ProcessFrame
-from uavrt.ipc.topics import decode_record
-from uavrt.messages import Beep, Command, Health, Pose, Pulse, Tag, VehicleReport
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.supervisor.program import start_commands
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.guidance.control.authority import Standing
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 HOME = (35.178241, -111.656587)
 AUTOPILOT_S = 0.05
@@ -177,7 +177,10 @@ class World:
         self.autopilot = FakeAutopilot(self.vehicle, self.settings, self.clock)
         numbers = random.Random(self.settings.seed)
         with pytest.MonkeyPatch.context() as patch:
-            for module in ("uavrt.processes.guide", "uavrt.ground.link.motion"):
+            for module in (
+                "uavrt.drone.processes.guide",
+                "uavrt.ground.link.motions.motion_requests",
+            ):
                 patch.setattr(f"{module}.secrets.randbits", numbers.getrandbits)
             async with self.alive(script):
                 yield self.autopilot

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.analysis.export.geotiff import geotiff_bytes
-from uavrt.analysis.export.png import chance, png_bytes
-from uavrt.analysis.silence import SilentMap
+from uavrt.analysis.covered.silence import SilentMap
+from uavrt.analysis.export.geotiff_export import geotiff_bytes
+from uavrt.flight.reading.flight_reader import Flight
+from uavrt.formats.png import chance, png_bytes
+from uavrt.formats.whole_file import write_whole
 from uavrt.localization.results import PositionGrid
-from uavrt.planning.coverage import Coverage
-from uavrt.recording.flight_reader import Flight
-from uavrt.recording.formats.whole_file import write_whole
+from uavrt.planning.detectability.detection_coverage import Coverage
 
 
 def write_maps(

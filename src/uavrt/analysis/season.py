@@ -9,11 +9,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from uavrt.analysis.flight_copies import CopiesOfFlight, may_be_one_vehicle, without_copies
-from uavrt.errors import FormatError
-from uavrt.messages import Tag
-from uavrt.recording.outline import FlightOutline, read_outline
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.analysis.inputs.flight_copies import (
+    CopiesOfFlight,
+    may_be_one_vehicle,
+    without_copies,
+)
+from uavrt.core.errors import FormatError
+from uavrt.core.messages import Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.reading.outline import FlightOutline, read_outline
 
 CHANGED_PERCENT = 10
 """Least rise of the charge that indicates a changed battery [percentage points]."""

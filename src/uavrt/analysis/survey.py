@@ -8,29 +8,18 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from uavrt.analysis.bearings import (
+from uavrt.analysis.estimates.bearings import (
     NO_BEARINGS_FROM_THESE,
     Recorded,
     past_turns,
     pattern_origin,
     read_recorded,
 )
-from uavrt.analysis.facts import Facts, facts_of
-from uavrt.analysis.map_files import MapFile
-from uavrt.analysis.power_survey import TagSignal, signal_of
-from uavrt.errors import FormatError, UsageError
-from uavrt.localization.antenna import MONOPOLE, AntennaPattern
-from uavrt.localization.flight_estimates import (
-    Estimated,
-    Found,
-    HeardInTurn,
-    ReadAs,
-    TagBearing,
-    TagPosition,
-    estimate,
-    heard_in_turns,
-)
-from uavrt.messages import (
+from uavrt.analysis.estimates.power_survey import TagSignal, signal_of
+from uavrt.analysis.inputs.flight_facts import Facts, facts_of
+from uavrt.analysis.inputs.map_files import MapFile
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import (
     Beep,
     FlightInfo,
     Health,
@@ -41,26 +30,37 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
-from uavrt.recording.flight_reader import (
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.integrated import (
+    FlightFold,
+    IntegratedVerdict,
+    read_folds,
+    read_integrated,
+)
+from uavrt.flight.reading.flight_reader import (
     Flight,
     read_beeps,
     read_health,
     read_search_notes,
     read_search_reports,
 )
-from uavrt.recording.formats.log import LogKind
-from uavrt.recording.formats.recognise import ORIGINAL_POSES
-from uavrt.recording.integrated import (
-    FlightFold,
-    IntegratedVerdict,
-    read_folds,
-    read_integrated,
+from uavrt.flight.reading.noted_places import Mark, places_of, vehicle_of
+from uavrt.flight.reading.recognise import ORIGINAL_POSES
+from uavrt.formats.pulses.pulse_log import LogKind
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern
+from uavrt.localization.estimates.flight_estimates import (
+    Estimated,
+    Found,
+    HeardInTurn,
+    ReadAs,
+    TagBearing,
+    TagPosition,
+    estimate,
+    heard_in_turns,
 )
-from uavrt.recording.places import Mark, places_of, vehicle_of
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
-    from uavrt.analysis.silence import SilentMap
+    from uavrt.analysis.covered.silence import SilentMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

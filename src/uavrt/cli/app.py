@@ -6,10 +6,11 @@ from cyclopts import App, CycloptsError, CycloptsPanel, MissingArgumentError, Pa
 from rich.console import Console
 
 import uavrt
+from uavrt.cli.command_places import module_of
 from uavrt.cli.examples import examples
 from uavrt.cli.registries import fill_help
-from uavrt.cli.terminal_text import guard_terminals, harmless
-from uavrt.errors import UavrtError
+from uavrt.cli.shown.terminal_text import guard_terminals, harmless
+from uavrt.core.errors import UavrtError
 
 COMMANDS = {
     "demo": "The whole system on this machine, with simulated animals.",
@@ -32,7 +33,6 @@ COMMANDS = {
     "tags": "Check, convert and measure tags.",
     "simulate": "A recording, telemetry and truth of a simulated world.",
     "channelize": "The channelizer alone.",
-    "experiment": "Repeat the experiments behind our claims.",
     "monitor": "Watch a running system in a terminal.",
     "doctor": "What is wrong with this computer, and what to do.",
     "service": "Start the drone side at boot.",
@@ -43,11 +43,12 @@ COMMANDS = {
 which is imported when the command is called."""
 
 
-def make_app(*, summaries: bool = False) -> App:
+def make_app(*, summaries: bool = False, added: bool = False) -> App:
     """Make the command line.
 
     `summaries`: describe each command by its text in `COMMANDS`; otherwise by its own
-    docstring, for which its module must be imported.
+    docstring, for which its module must be imported. `added`: include the commands of
+    other packages, by entry points of the group ``uavrt.cli_commands`` (0.1 s).
     """
     made = App(
         name="uavrt",
@@ -59,8 +60,17 @@ def make_app(*, summaries: bool = False) -> App:
         below = examples(name)
         more = {} if below is None else {"help_epilogue": below}
         made.command(
-            f"uavrt.cli.{name}:{name}", help=text if summaries else None, sort_key=place, **more
+            f"{module_of(name)}:{name}",
+            help=text if summaries else None,
+            sort_key=place,
+            **more,
         )
+    if added:
+        from importlib.metadata import entry_points
+
+        for entry in sorted(entry_points(group="uavrt.cli_commands"), key=lambda one: one.name):
+            if entry.name not in COMMANDS:
+                made.command(entry.value, name=entry.name, sort_key=len(COMMANDS))
     return made
 
 
@@ -80,7 +90,7 @@ def run() -> None:
     try:
         arguments = sys.argv[1:]
         called = bool(arguments) and arguments[0] in COMMANDS
-        chosen = app if called else make_app(summaries=True)
+        chosen = app if called else make_app(summaries=True, added=True)
         if called and not {"--help", "-h"}.isdisjoint(arguments):
             fill_help(arguments[0])
         chosen(arguments, exit_on_error=False, print_error=False)

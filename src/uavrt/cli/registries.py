@@ -4,6 +4,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, get_args
 
+from uavrt.cli.command_places import module_of
+
 
 def _antennas() -> list[str]:
     from uavrt.localization.antenna import MONOPOLE, PATTERNS
@@ -12,14 +14,14 @@ def _antennas() -> list[str]:
 
 
 def _bearing_methods() -> list[str]:
-    from uavrt.localization.bearing.estimate import ADDED_METHODS
+    from uavrt.localization.bearing.estimate_bearing import ADDED_METHODS
     from uavrt.localization.results import BearingMethod
 
     return [*get_args(BearingMethod), *ADDED_METHODS]
 
 
 def _position_methods() -> list[str]:
-    from uavrt.localization.position.estimate import ADDED_METHODS
+    from uavrt.localization.position.estimate_position import ADDED_METHODS
     from uavrt.localization.results import PositionMethod
 
     return [*get_args(PositionMethod), *ADDED_METHODS]
@@ -44,7 +46,7 @@ def fill_help(command: str) -> None:
 
     Only when help is shown, since it imports modules that the command may not need.
     """
-    module = import_module(f"uavrt.cli.{command}")
+    module = import_module(module_of(command))
     named: list[Any] = [getattr(module, command), getattr(module, "Placing", None)]
     for one in named:
         for placeholder, names in _LISTS.items():

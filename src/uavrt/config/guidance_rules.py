@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.plugins import Registry
+from uavrt.core.plugins import Registry
 
 PLANNER_GROUP = "uavrt.planners"
 PLANNER_NAMES = ("mi_rate",)

@@ -4,8 +4,8 @@ import os
 import stat
 from pathlib import Path
 
-from uavrt.errors import ConfigError, os_errors_as
-from uavrt.foreign import KEYS, read_file
+from uavrt.core.errors import ConfigError, os_errors_as
+from uavrt.core.foreign import KEYS, read_file
 
 REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 

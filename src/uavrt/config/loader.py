@@ -14,15 +14,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uavrt.atomic_file import write_atomically
 from uavrt.config.guidance_rules import guidance_faults
 from uavrt.config.radios import RADIOS, RadioRow
 from uavrt.config.settings import RADIO_GROUP, Settings
 from uavrt.config.text_files import decode_text
 from uavrt.config.toml_lines import find_lines, line_of
-from uavrt.errors import ConfigError, listed_faults, os_errors_as
-from uavrt.foreign import MOST_FAULTS, SETTINGS, check_toml, read_file, shortened
-from uavrt.plugins import Registry
+from uavrt.core.atomic_file import write_atomically
+from uavrt.core.errors import ConfigError, listed_faults, os_errors_as
+from uavrt.core.foreign import MOST_FAULTS, SETTINGS, check_toml, read_file, shortened
+from uavrt.core.plugins import Registry
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

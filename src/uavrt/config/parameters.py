@@ -12,8 +12,8 @@ from typing import Any, Literal, get_args
 
 from uavrt.config.radios import RADIOS
 from uavrt.config.settings import OperatingModeName, RadioSettings, Settings
-from uavrt.errors import ConfigError
-from uavrt.messages import Tag
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import Tag
 
 Kind = Literal["whole", "real", "switch", "choice"]
 

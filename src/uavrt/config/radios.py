@@ -2,7 +2,8 @@
 
 Gain ranges, kinds in ``uavrt.toml``, programs, names in logs and the service's device
 permissions derive from it. A new radio needs a row here, and its program's arguments
-(`uavrt.radio.programs`) or, without a program, its driver (`uavrt.radio.opening`).
+(`uavrt.radio.receivers.radio_programs`) or, without a program, its driver
+(`uavrt.radio.opening`).
 
 Checked against the programs of Debian 12: airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0, hackrf
 2022.09.1.

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from uavrt.atomic_file import write_atomically
 from uavrt.config.loader import default_settings_text, parse_settings
 from uavrt.config.settings import Settings
 from uavrt.config.text_files import decode_text
 from uavrt.config.toml_lines import find_lines
-from uavrt.errors import ConfigError, os_errors_as
-from uavrt.foreign import SETTINGS, read_file
+from uavrt.core.atomic_file import write_atomically
+from uavrt.core.errors import ConfigError, os_errors_as
+from uavrt.core.foreign import SETTINGS, read_file
 
 Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]

@@ -3,8 +3,8 @@
 import codecs
 from pathlib import Path
 
-from uavrt.errors import FormatError
-from uavrt.foreign import TAGS, Limit, read_file
+from uavrt.core.errors import FormatError
+from uavrt.core.foreign import TAGS, Limit, read_file
 
 MAX_BYTES = TAGS.bytes
 """Largest tag file accepted [bytes]; 5 000 tags take 0.3 MB."""

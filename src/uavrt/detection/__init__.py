@@ -7,7 +7,7 @@ what can be found, and at what cost.
 
 from typing import TYPE_CHECKING
 
-from uavrt.lazy import lazily
+from uavrt.core.runtime.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.config.ghost_places import Receiver as Receiver
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from uavrt.detection.reporting import report_every_s as report_every_s
     from uavrt.detection.sensitivity import detection_probability as detection_probability
     from uavrt.detection.sensitivity import enr_needed_db as enr_needed_db
-    from uavrt.detection.signal.samples import Counters as Counters
+    from uavrt.detection.signal.sample_buffer import Counters as Counters
 
 __all__, __getattr__ = lazily(
     __name__,
@@ -28,6 +28,6 @@ __all__, __getattr__ = lazily(
         "modes": "OperatingMode",
         "reporting": "report_every_s",
         "sensitivity": "detection_probability enr_needed_db",
-        "signal.samples": "Counters",
+        "signal.sample_buffer": "Counters",
     },
 )

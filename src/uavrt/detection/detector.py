@@ -11,20 +11,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.checks import check_searchable
+from uavrt.core.messages import Pulse, SearchReport, Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.detection.detector_checks import check_searchable
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.signal.block_order import Intake, LongestBlock
 from uavrt.detection.signal.frequency_circle import apart_hz, in_channel_hz
-from uavrt.detection.signal.samples import Counters
+from uavrt.detection.signal.sample_buffer import Counters
 from uavrt.detection.signal.signal_cleaning import Cleaner
 from uavrt.detection.track.bounds import Bounds
-from uavrt.detection.track.reporting import Reporter
+from uavrt.detection.track.pulse_reporting import Reporter
 from uavrt.detection.track.search_band import SearchBand
 from uavrt.detection.track.tracking import SearchWindow, Tracking
 from uavrt.detection.track.tracks import Track
-from uavrt.messages import Pulse, SearchReport, Tag
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 BATCH_S = 0.44
 """Longest time for which samples are gathered before the search continues [s]. Five blocks of

@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver
-from uavrt.config.tag_bands import overlapping
+from uavrt.config.tags.tag_bands import overlapping
+from uavrt.core.messages import Pulse
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search.spectra import Workspace
 from uavrt.detection.signal.block_order import LongestBlock
-from uavrt.detection.track.ghosts import mark_ghosts
 from uavrt.detection.track.search_band import advance_together
-from uavrt.detection.track.senders import Senders
-from uavrt.messages import Pulse
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.detection.track.transmitters.ghosts import mark_ghosts
+from uavrt.detection.track.transmitters.train_senders import Senders
 
 _TOGETHER = 8
 """Number of detectors searched at once: their cells, 0.5 MB, fit the cache of a core."""

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.config.settings import DetectionSettings
+from uavrt.core.messages import Tag
+from uavrt.core.units import ns_from_s
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.group import DetectorGroup
 from uavrt.detection.modes import OperatingMode
-from uavrt.messages import Tag
-from uavrt.units import ns_from_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from uavrt.config.settings import DetectionSettings
-from uavrt.detection.checks import check_searchable
+from uavrt.core.errors import TunerError
+from uavrt.core.messages import Tag
+from uavrt.detection.detector_checks import check_searchable
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search_costs import search_cost
 from uavrt.dsp.plan import UNDECIMATED_FRACTION, BandPlan, plan_band
 from uavrt.dsp.tuner import tune
-from uavrt.errors import TunerError
-from uavrt.messages import Tag
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
 """Modes that search the whole channel, or ± 100 Hz, whatever the window."""

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.stats import ncx2
 
+from uavrt.core.messages import Tag
 from uavrt.detection.coded.limits import sum_limit
 from uavrt.detection.coded.tuning import LIMITS
 from uavrt.detection.search.grid import HOPS_PER_PULSE
@@ -25,7 +26,6 @@ from uavrt.detection.search.thresholds import (
     threshold,
 )
 from uavrt.detection.search.tuning import GROUPS
-from uavrt.messages import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

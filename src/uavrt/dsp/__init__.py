@@ -5,7 +5,7 @@
 
 from typing import TYPE_CHECKING
 
-from uavrt.lazy import lazily
+from uavrt.core.runtime.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.dsp.carriers import Carriers as Carriers

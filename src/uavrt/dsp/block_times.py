@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
 """Smallest deviation of a block's time that is kept [ns]; live clocks are corrected often."""

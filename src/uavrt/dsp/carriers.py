@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.messages import IQBlock
+from uavrt.core.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
 """Times between checks, in turn [ns]: no train of pulses is synchronous with all of them."""

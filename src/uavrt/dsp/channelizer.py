@@ -15,11 +15,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.errors import UsageError
+from uavrt.core.runtime.native import kernels
 from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import bank_taps, compatible_bank_taps
 from uavrt.dsp.fourier import transform_columns
-from uavrt.errors import UsageError
-from uavrt.native import kernels
 
 MATRIX_CHANNELS = 32
 """Most channels for which a small DFT matrix is cheaper than an FFT (measured)."""

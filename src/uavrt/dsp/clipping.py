@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uavrt.messages import IQBlock
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.core.messages import IQBlock
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 CLIPPED_AMPLITUDE = 0.99
 """Least amplitude that counts as clipped [full scales]; the last code of 8 bits is 0.992."""

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.errors import UsageError
+from uavrt.core.runtime.native import kernels
 from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
-from uavrt.errors import UsageError
-from uavrt.native import kernels
 
 Mode = Literal["default", "compatible"]
 

@@ -14,6 +14,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from uavrt.core.errors import UsageError
+from uavrt.core.messages import ChannelBlock, IQBlock
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.dsp.channelizer import Channelizer
 from uavrt.dsp.decimator import Decimator, Mode
 from uavrt.dsp.plan import (
@@ -24,9 +27,6 @@ from uavrt.dsp.plan import (
     outside_span,
     plan_band,
 )
-from uavrt.errors import UsageError
-from uavrt.messages import ChannelBlock, IQBlock
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 LONGEST_FILLED_GAP_S = 1.0
 """Longest gap filled with zeros [s]; after longer ones the channelizer restarts."""

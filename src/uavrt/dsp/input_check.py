@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.messages import IQBlock, Tag
-from uavrt.units import ns_from_s
+from uavrt.core.messages import IQBlock, Tag
+from uavrt.core.units import ns_from_s
 
 _EVERY_NS: Final = ns_from_s(1.0)
 _EXAMINED_SAMPLES: Final = 8192

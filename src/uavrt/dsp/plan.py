@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from uavrt.core.errors import TunerError, UsageError
 from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import CLEAN_FRACTION
-from uavrt.errors import TunerError, UsageError
 
 CHANNEL_SPACING_HZ = 3750.0
 """Spacing of the thesis (375 kHz / 100) [Hz]; ours is as near as small prime factors allow."""

@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.errors import TunerError, UsageError
 from uavrt.dsp.plan import BandPlan, check_rate, plan_band
-from uavrt.errors import TunerError, UsageError
 
 DC_GUARD_HZ = 1000.0
 """Least distance of a tag from the radio's centre [Hz]: twice the search window."""

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from uavrt.errors import CommandRefused
+from uavrt.core.errors import CommandRefused
 
 
 class Commander:

@@ -3,11 +3,11 @@
 import asyncio
 from collections.abc import Callable, Sequence
 
-from uavrt.clock import monotonic_s
-from uavrt.errors import UavrtError
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import UavrtError
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.store.estimates import Estimates, Estimator
-from uavrt.localization.flight_estimates import HeardInTurn
+from uavrt.localization.estimates.flight_estimates import HeardInTurn
 
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0

@@ -10,20 +10,20 @@ import contextlib
 from collections.abc import Callable
 from typing import Any
 
-from uavrt.clock import Clock, monotonic_s
-from uavrt.errors import UavrtError, UsageError
-from uavrt.ground.link.feed import StationNote
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.errors import UavrtError, UsageError
+from uavrt.core.messages import BurstInside, Course, PulsePose
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
+from uavrt.ground.link.motions.path_assignments import PathAssignments
 from uavrt.ground.link.my_place import MyPlace
-from uavrt.ground.link.parallel_links import Links
-from uavrt.ground.link.path_assignments import PathAssignments
 from uavrt.ground.link.protocol import GroundEvent
+from uavrt.ground.link.received.feed import StationNote
+from uavrt.ground.link.requests.parallel_links import Links
 from uavrt.ground.session import GroundSession
 from uavrt.ground.snapshots import vehicle_record
-from uavrt.ground.store.settings import GroundStore
-from uavrt.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID
-from uavrt.mavlink.signing import Signing
-from uavrt.messages import BurstInside, Course, PulsePose
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID
+from uavrt.link.mavlink.sending.signing import Signing
 
 MOST_VEHICLES = 16
 """Most vehicles served; heartbeats and poses of more would overload any radio."""

@@ -3,14 +3,7 @@
 from collections.abc import Callable
 from dataclasses import asdict, replace
 
-from uavrt.ground.estimate_loop import EstimateLoop
-from uavrt.ground.fetch.downloads import Downloads
-from uavrt.ground.link.flying import MotionCommands
-from uavrt.ground.link.protocol import Acknowledged, DetectorAlive, DroneHeartbeat, GroundEvent
-from uavrt.ground.link.served_vehicle import ServedVehicle
-from uavrt.ground.snapshots import pose_record
-from uavrt.mavlink.frame import Frame
-from uavrt.messages import (
+from uavrt.core.messages import (
     Beep,
     BurstInside,
     Course,
@@ -19,9 +12,16 @@ from uavrt.messages import (
     SearchReport,
     StatusText,
 )
-from uavrt.recording.pulse_files import pulse_record
-from uavrt.tunnel.motion import MotionState
-from uavrt.tunnel.wire import command_name
+from uavrt.flight.logs.pulse_files import pulse_record
+from uavrt.ground.estimate_loop import EstimateLoop
+from uavrt.ground.fetch.downloads import Downloads
+from uavrt.ground.link.motions.page_motions import MotionCommands
+from uavrt.ground.link.protocol import Acknowledged, DetectorAlive, DroneHeartbeat, GroundEvent
+from uavrt.ground.link.served_vehicle import ServedVehicle
+from uavrt.ground.snapshots import pose_record
+from uavrt.link.mavlink.frame import Frame
+from uavrt.link.tunnel.generations.wire import command_name
+from uavrt.link.tunnel.own_messages.motion_messages import MotionState
 
 POSE_SEND_NS = 190_000_000
 

@@ -11,27 +11,27 @@ from dataclasses import asdict
 from functools import partial
 from typing import Any
 
-from uavrt.clock import Clock, monotonic_s
-from uavrt.errors import UavrtError
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.errors import UavrtError
+from uavrt.core.messages import BurstInside, Course, PulsePose
 from uavrt.ground.commanding_page import Commander
 from uavrt.ground.estimate_loop import EstimateLoop
 from uavrt.ground.fetch.downloads import Downloads
-from uavrt.ground.link.commands import Commands
+from uavrt.ground.link.command_sender import Commands
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ground.link.feed import Feed, StationNote
-from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
+from uavrt.ground.link.motions.page_motions import MotionCommands
 from uavrt.ground.link.my_place import MyPlace
-from uavrt.ground.link.parallel_links import Links
 from uavrt.ground.link.protocol import GroundEvent
+from uavrt.ground.link.received.feed import Feed, StationNote
+from uavrt.ground.link.requests.parallel_links import Links
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.reception import Reception
 from uavrt.ground.snapshots import my_place_record, snapshot
 from uavrt.ground.store.event_log import EventLog
-from uavrt.ground.store.flights import FlightLibrary
-from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.ground.store.stored_flights import FlightLibrary
 from uavrt.ground.store.tag_table import rows_from_tags, table_version
-from uavrt.messages import BurstInside, Course, PulsePose
 
 TICK_S = 0.25
 STATE_S = 1.0

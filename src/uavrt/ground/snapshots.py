@@ -4,13 +4,13 @@ from dataclasses import asdict
 from typing import Any
 
 import uavrt
-from uavrt.attitude import euler_deg
-from uavrt.config.tag_corrections import correction_of, shared_offset_ppm
-from uavrt.ground.link.actions import action_states
+from uavrt.config.tags.tag_corrections import correction_of, shared_offset_ppm
+from uavrt.core.earth.attitude import euler_deg
+from uavrt.core.messages import Beep, Pose
+from uavrt.core.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
+from uavrt.ground.link.button_states import action_states
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.served_vehicle import ServedVehicle
-from uavrt.messages import Beep, Pose
-from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 
 def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A ground station: the sessions of its vehicles, and its automatic actions.
 
 Without a page it serves scripts and a first bench test: it uploads tags, starts and stops
-detection, and writes each pulse as a line. `uavrt.ground.web.page` adds the page.
+detection, and writes each pulse as a line. `uavrt.ground.web.page_program` adds the page.
 """
 
 import asyncio
@@ -13,23 +13,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from uavrt.clock import Clock, monotonic_s
-from uavrt.commands import SystemState
-from uavrt.errors import CommandRefused, LinkError
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import CommandRefused, LinkError
+from uavrt.core.messages import BurstInside, PulsePose, SearchReport, StatusText, Tag
+from uavrt.flight.database.plain_database import queries_ended
+from uavrt.flight.logs.pulse_files import inside_record, pulse_record
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ground.link.feed import StationNote
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.protocol import Acknowledged, DroneHeartbeat, GroundEvent
+from uavrt.ground.link.received.feed import StationNote
 from uavrt.ground.link.served_vehicle import ESSENTIAL, ServedVehicle
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.store.ground_settings import GroundStore
 from uavrt.ground.store.stored import PULSES_NAME, PulseLines
-from uavrt.messages import BurstInside, PulsePose, SearchReport, StatusText, Tag
-from uavrt.recording.plain_database import queries_ended
-from uavrt.recording.pulse_files import inside_record, pulse_record
-from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
-from uavrt.tunnel.wire import command_name
+from uavrt.link.tunnel.generations.wire import command_name
+from uavrt.link.tunnel.tag_lists import digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 LAST_PULSES_WAIT_S = 1.0

@@ -1,8 +1,8 @@
 """Differences between the autopilots, in one table.
 
-As flown on PX4 v1.17 and ArduCopter 4.7. `uavrt.guidance.authority` has what is common to both:
-a flight to a position is DO_REPOSITION by COMMAND_INT in frame GLOBAL_INT with altitude above
-mean sea level.
+As flown on PX4 v1.17 and ArduCopter 4.7. `uavrt.guidance.control.authority` has what is common
+to both: a flight to a position is DO_REPOSITION by COMMAND_INT in frame GLOBAL_INT with
+altitude above mean sea level.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from uavrt.errors import CommandRefused
+from uavrt.core.errors import CommandRefused
 
 AutopilotName = Literal["px4", "ardupilot"]
 

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.operator_orders import VehicleNow
 from uavrt.guidance.search_rules import SEARCH_RULES
-from uavrt.planning.energy import EnergyModel
+from uavrt.planning.drone_model.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:

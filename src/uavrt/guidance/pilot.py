@@ -1,15 +1,18 @@
 """Fly an order step by step: each motion is requested when the last is done. Pure.
 
-`uavrt.guidance.authority` decides on each request. A refused request is dropped: the next one
-follows from the vehicle's state then.
+`uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
+next one follows from the vehicle's state then.
 """
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, radians
 
-from uavrt.geodesy import distance_m
-from uavrt.guidance.heights import target_amsl_m
-from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.units import wrap_degrees_180
+from uavrt.guidance.control.stopping_distance import stops_within_m
+from uavrt.guidance.height_frames import target_amsl_m
+from uavrt.guidance.operator_orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import (
     Climb,
     Go,
@@ -22,9 +25,6 @@ from uavrt.guidance.plans import (
     must_return,
 )
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.stopping import stops_within_m
-from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
-from uavrt.units import wrap_degrees_180
 
 
 class _BatteryWatch:

@@ -6,18 +6,18 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 
-from uavrt.errors import PlanError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import PlanError
+from uavrt.core.messages import KeepOut
+from uavrt.core.units import wrap_degrees_360
 from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.energy_learning import energy_of
-from uavrt.guidance.heights import check_height
-from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
+from uavrt.guidance.height_frames import check_height
+from uavrt.guidance.operator_orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.safety import SAFETY
-from uavrt.messages import KeepOut
 from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
-from uavrt.planning.energy import Battery, EnergyModel
-from uavrt.planning.vehicle import Multirotor, VehicleState, Wind, headwind
-from uavrt.tangent_plane import TangentPlane
-from uavrt.units import wrap_degrees_360
+from uavrt.planning.drone_model.drone_motion import Multirotor, VehicleState, Wind, headwind
+from uavrt.planning.drone_model.energy import Battery, EnergyModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

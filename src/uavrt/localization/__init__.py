@@ -6,7 +6,7 @@
 
 from typing import TYPE_CHECKING
 
-from uavrt.lazy import lazily
+from uavrt.core.runtime.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.localization.antenna import MONOPOLE as MONOPOLE
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
         amplitude_monopulse as amplitude_monopulse,
     )
     from uavrt.localization.bearing.array_bearings import switched_bearing as switched_bearing
-    from uavrt.localization.bearing.estimate import BearingData as BearingData
-    from uavrt.localization.bearing.estimate import estimate_bearing as estimate_bearing
+    from uavrt.localization.bearing.estimate_bearing import BearingData as BearingData
+    from uavrt.localization.bearing.estimate_bearing import estimate_bearing as estimate_bearing
     from uavrt.localization.bearing.learned_pattern import TurnPulses as TurnPulses
     from uavrt.localization.bearing.learned_pattern import learn_pattern as learn_pattern
     from uavrt.localization.bearing.switched_pulse import SwitchedPulse as SwitchedPulse
@@ -28,17 +28,21 @@ if TYPE_CHECKING:
     )
     from uavrt.localization.bearing.turns import Turn as Turn
     from uavrt.localization.bearing.turns import find_turns as find_turns
-    from uavrt.localization.position.estimate import estimate_position as estimate_position
-    from uavrt.localization.position.level_belief import Listening as Listening
-    from uavrt.localization.position.level_evidence import Propagation as Propagation
-    from uavrt.localization.position.power_evidence import PowerTrack as PowerTrack
+    from uavrt.localization.position.bearings.stations import Stations as Stations
+    from uavrt.localization.position.estimate_position import (
+        estimate_position as estimate_position,
+    )
+    from uavrt.localization.position.levels.level_belief import Listening as Listening
+    from uavrt.localization.position.levels.level_evidence import Propagation as Propagation
+    from uavrt.localization.position.levels.power_evidence import PowerTrack as PowerTrack
+    from uavrt.localization.position.levels.strengths import Strengths as Strengths
+    from uavrt.localization.position.levels.strongest import SignalSurface as SignalSurface
+    from uavrt.localization.position.levels.strongest import StrongestSignal as StrongestSignal
+    from uavrt.localization.position.levels.strongest import signal_surface as signal_surface
+    from uavrt.localization.position.levels.strongest import (
+        strongest_signal as strongest_signal,
+    )
     from uavrt.localization.position.regions import region_outlines as region_outlines
-    from uavrt.localization.position.stations import Stations as Stations
-    from uavrt.localization.position.strengths import Strengths as Strengths
-    from uavrt.localization.position.strongest import SignalSurface as SignalSurface
-    from uavrt.localization.position.strongest import StrongestSignal as StrongestSignal
-    from uavrt.localization.position.strongest import signal_surface as signal_surface
-    from uavrt.localization.position.strongest import strongest_signal as strongest_signal
     from uavrt.localization.position.trackers import ParticleTracker as ParticleTracker
     from uavrt.localization.position.trackers import TagPrior as TagPrior
     from uavrt.localization.position.trackers import TrackEstimate as TrackEstimate
@@ -55,21 +59,22 @@ if TYPE_CHECKING:
 __all__, __getattr__ = lazily(
     __name__,
     {
-        "uavrt.analysis.integrated_samples": "integrate",
+        "uavrt.analysis.integrated.integrated_samples": "integrate",
         "antenna": "AntennaPattern MONOPOLE PATTERNS pattern_named",
         "bearing.array_bearings": "amplitude_monopulse switched_bearing",
-        "bearing.estimate": "BearingData estimate_bearing",
+        "bearing.estimate_bearing": "BearingData estimate_bearing",
         "bearing.learned_pattern": "TurnPulses learn_pattern",
         "bearing.switched_pulse": "SwitchSchedule SwitchedPulse measure_switched_pulse",
         "bearing.turns": "Turn find_turns",
-        "position.estimate": "estimate_position",
-        "position.level_belief": "Listening",
-        "position.level_evidence": "Propagation",
-        "position.power_evidence": "PowerTrack",
+        "position.estimate_position": "estimate_position",
+        "position.levels.level_belief": "Listening",
+        "position.levels.level_evidence": "Propagation",
+        "position.levels.power_evidence": "PowerTrack",
         "position.regions": "region_outlines",
-        "position.stations": "Stations",
-        "position.strengths": "Strengths",
-        "position.strongest": "SignalSurface StrongestSignal signal_surface strongest_signal",
+        "position.bearings.stations": "Stations",
+        "position.levels.strengths": "Strengths",
+        "position.levels.strongest": "SignalSurface StrongestSignal signal_surface "
+        "strongest_signal",
         "position.trackers": "ParticleTracker TagPrior TrackEstimate",
         "results": "ArrayMethod Bearing BearingMethod Caution Ellipse Position PositionGrid "
         "PositionMethod TrackPoint",

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uavrt.errors import UsageError
-from uavrt.plugins import Registry
+from uavrt.core.errors import UsageError
+from uavrt.core.plugins import Registry
 
 MONOPOLE = "monopole"
 """Name of the upright whip antenna, which receives equally at all headings."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.lean_scipy import fft, special
+from uavrt.core.runtime.lean_scipy import fft, special
 from uavrt.localization.tuning import POWER_LAW
 
 

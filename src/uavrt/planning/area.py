@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import PlanError
+from uavrt.core.errors import PlanError
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.planning.tuning import PLANNING
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.errors import ConfigError
-from uavrt.lean_scipy import special
-from uavrt.localization.position.level_belief import Listening, false_pulse_density
+from uavrt.core.errors import ConfigError
+from uavrt.core.runtime.lean_scipy import special
+from uavrt.localization.position.levels.level_belief import Listening, false_pulse_density
 from uavrt.localization.position.trackers import (
     Expectation,
     Hypotheses,

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.position.level_belief import antenna_gain_db
-from uavrt.localization.position.loss_error import LossError, doubtful_db
+from uavrt.localization.position.levels.level_belief import antenna_gain_db
+from uavrt.localization.position.levels.loss_error import LossError, doubtful_db
 from uavrt.localization.position.trackers import Hypotheses, TagPrior
 from uavrt.localization.position.tuning import LOSS, POWER
 from uavrt.planning.beliefs import TagBelief
-from uavrt.planning.vehicle import Legs
+from uavrt.planning.drone_model.drone_motion import Legs
 
 _Singles = NDArray[np.float32]
 _Floats = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
 from uavrt.planning.beliefs import Beliefs
 
 _Floats = NDArray[np.float64]

@@ -5,17 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
-from uavrt.errors import PlanError
-from uavrt.localization.position.level_belief import Listening
+from uavrt.core.errors import PlanError
+from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import TrackEstimate
-from uavrt.planning.actions import FlyTo, Return
 from uavrt.planning.area import check_reach
 from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.common_fall import ExponentSharing
-from uavrt.planning.energy import Battery, EnergyModel
-from uavrt.planning.other_drones import OtherDrones
+from uavrt.planning.drone_model.drone_motion import VehicleState, Wind, flown, headwind
+from uavrt.planning.drone_model.energy import Battery, EnergyModel
+from uavrt.planning.drone_model.other_drones import OtherDrones
+from uavrt.planning.drone_model.planner_actions import FlyTo, Return
 from uavrt.planning.situation import Decision, Planner, SearchSettings, Situation
-from uavrt.planning.vehicle import VehicleState, Wind, flown, headwind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

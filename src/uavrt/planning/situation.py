@@ -5,15 +5,15 @@ from typing import Any, Protocol
 
 from numpy.random import Generator
 
-from uavrt.planning.actions import Action
 from uavrt.planning.area import SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
-from uavrt.planning.energy import EnergyModel
+from uavrt.planning.drone_model.drone_motion import Vehicle, VehicleState, Wind
+from uavrt.planning.drone_model.energy import EnergyModel
+from uavrt.planning.drone_model.other_drones import OtherDrones
+from uavrt.planning.drone_model.planner_actions import Action
 from uavrt.planning.information import Listener
 from uavrt.planning.keep_away import KeepAway
-from uavrt.planning.other_drones import OtherDrones
 from uavrt.planning.stopping import StopRule
-from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

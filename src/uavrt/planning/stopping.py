@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
 from uavrt.planning.beliefs import TagBelief
 
 

@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.clock import Clock, monotonic_s
-from uavrt.log import get_logger
-from uavrt.messages import IQBlock
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.log import get_logger
+from uavrt.core.messages import IQBlock
 from uavrt.radio.live_source import DatagramSource
-from uavrt.radio.stream import BLOCK_S
+from uavrt.radio.sample_stream import BLOCK_S
 
 SAMPLE_BYTES: Final = 8
 _LARGEST: Final = 65_536

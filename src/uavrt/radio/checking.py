@@ -3,20 +3,21 @@
 from contextlib import closing
 from typing import Final
 
-from uavrt.clock import Clock, monotonic_s
 from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import RadioAmbiguous, RadioStopped
-from uavrt.radio.answers import stalled
-from uavrt.radio.devices import ambiguous_radios
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.errors import RadioAmbiguous, RadioStopped
 from uavrt.radio.opening import open_radio
+from uavrt.radio.receivers.devices import ambiguous_radios
+from uavrt.radio.receivers.program_messages import stalled
 from uavrt.radio.sanity import SampleCheck
 
 _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
 """Largest fraction of lost samples that is not reported."""
 _DURATION_S: Final = 2.8
-"""Duration of the check [s]; enough to measure the sample rate (`uavrt.radio.arrival_rate`)."""
+"""Duration of the check [s]; enough to measure the sample rate
+(`uavrt.radio.timing.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
 """Frequency of the check if the settings leave it to the tags [Hz]."""
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import FormatError
+from uavrt.core.errors import FormatError
 
 _ABSURD_POWER = 1e20
 """Mean square above which data are not floats; 32-bit integers read as floats give 5e18 and

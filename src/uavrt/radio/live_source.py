@@ -3,8 +3,8 @@
 import select
 from typing import ClassVar
 
-from uavrt.errors import FormatError
-from uavrt.radio.placing import Placer
+from uavrt.core.errors import FormatError
+from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)

@@ -4,16 +4,13 @@ from collections.abc import Callable
 from pathlib import Path, PurePath
 from typing import Literal
 
-from uavrt.clock import Clock
 from uavrt.config.settings import RADIO_GROUP, RadioSettings
-from uavrt.errors import FormatError
-from uavrt.plugins import Registry
-from uavrt.radio.channel_source import ChannelDatagramSource
-from uavrt.radio.file_names import NameFacts, read_name
-from uavrt.radio.formats import FORMATS, sample_format
-from uavrt.radio.program import ProgramSource
-from uavrt.radio.programs import PROGRAMS
-from uavrt.radio.recording import (
+from uavrt.core.clock import Clock
+from uavrt.core.errors import FormatError
+from uavrt.core.plugins import Registry
+from uavrt.radio.channels.channel_source import ChannelDatagramSource
+from uavrt.radio.files.file_names import NameFacts, read_name
+from uavrt.radio.files.recording_source import (
     SAID,
     Layout,
     RecordingSource,
@@ -21,11 +18,14 @@ from uavrt.radio.recording import (
     name_says,
     raw_layout,
 )
-from uavrt.radio.sigmf import sigmf_layout
-from uavrt.radio.soapy import SoapySource
+from uavrt.radio.files.sigmf import sigmf_layout
+from uavrt.radio.files.wav import wav_layout
+from uavrt.radio.formats import FORMATS, sample_format
+from uavrt.radio.receivers.radio_program import ProgramSource
+from uavrt.radio.receivers.radio_programs import PROGRAMS
+from uavrt.radio.receivers.soapy import SoapySource
+from uavrt.radio.sample_stream import StreamSource
 from uavrt.radio.source import SampleSource
-from uavrt.radio.stream import StreamSource
-from uavrt.radio.wav import wav_layout
 
 RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
 

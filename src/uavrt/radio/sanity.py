@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from uavrt.errors import RadioGarbled, RadioStalled
-from uavrt.messages import IQBlock
+from uavrt.core.errors import RadioGarbled, RadioStalled
+from uavrt.core.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
 """Mean power of a block above which it cannot be a signal. Full scale is 1 in I and in Q, so a

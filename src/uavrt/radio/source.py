@@ -5,7 +5,7 @@ The code that processes samples does not depend on which it is.
 
 from typing import Protocol
 
-from uavrt.messages import IQBlock
+from uavrt.core.messages import IQBlock
 
 
 class SampleSource(Protocol):

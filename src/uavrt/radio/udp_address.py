@@ -4,7 +4,7 @@ import errno
 import socket
 from typing import Any, Final
 
-from uavrt.errors import ConfigError, RadioError, os_errors_as
+from uavrt.core.errors import ConfigError, RadioError, os_errors_as
 
 BUFFER_BYTES: Final = 4 * 1024 * 1024
 """Buffer requested for each socket [bytes]: 1.4 s of a 375 kS/s band, minutes of one channel.

@@ -23,10 +23,10 @@ from types import FrameType
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.clock import Clock
-from uavrt.errors import UavrtError
-from uavrt.simulation.flown_path import FlownPath
-from uavrt.simulation.scenario_file import load_scenario
+from uavrt.core.clock import Clock
+from uavrt.core.errors import UavrtError
+from uavrt.simulation.scene.flown_path import FlownPath
+from uavrt.simulation.scene.scenario_file import load_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode
 
 SAMPLE_RATES_HZ = (3_000_000, 6_000_000, 2_500_000, 10_000_000)

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from uavrt.clock import Clock
-from uavrt.errors import UavrtError
-from uavrt.log import configure_logging, get_logger
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.simulation.scenario_file import load_scenario
+from uavrt.core.clock import Clock
+from uavrt.core.errors import UavrtError
+from uavrt.core.log import configure_logging, get_logger
+from uavrt.simulation.scene.scenario_file import load_scenario
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.simulation.antenna_switch import gate
-from uavrt.simulation.counter_random import stream_key
-from uavrt.simulation.flown_path import FlownPath
-from uavrt.simulation.scenario import Interferer, Scenario, SimulatedTag
-from uavrt.simulation.world import TruePulse, World, full_scale_factor
+from uavrt.simulation.scene.antenna_switch import gate
+from uavrt.simulation.scene.counter_random import stream_key
+from uavrt.simulation.scene.flown_path import FlownPath
+from uavrt.simulation.scene.scenario import Interferer, Scenario, SimulatedTag
+from uavrt.simulation.scene.world import TruePulse, World, full_scale_factor
 
 CHUNK_SAMPLES = 65_536
 """Number of samples in one write of airspy_rx: a USB buffer of 262 144 bytes."""

@@ -21,15 +21,15 @@ from playwright.sync_api import Browser, Page, expect
 from quiet_radio import QuietRadio
 from tests.flight.conftest import FLIGHT_RATE_HZ
 
-from uavrt.cli.bench import bench_findings
-from uavrt.commands import Generation
+from uavrt.cli.computer.bench import bench_findings
 from uavrt.config.settings import RecordingSettings
-from uavrt.demo.programs import free_udp_port
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.recording.flight_reader import read_flight
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
+from uavrt.core.commands import Generation
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.tunnel.own_messages.live_bearing import BEARING_TYPE, encode_bearing
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.scene.demo_world import demo_scenario
 
 CODED_TAG = made.simulated_tag(
     30,

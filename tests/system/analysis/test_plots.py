@@ -9,8 +9,8 @@ def test_without_matplotlib_the_remedy_is_said(tmp_path: Path) -> None:
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
         "from pathlib import Path\n"
-        "from uavrt.analysis.plots import DetectionPlots\n"
-        "from uavrt.errors import UsageError\n"
+        "from uavrt.analysis.report.plots import DetectionPlots\n"
+        "from uavrt.core.errors import UsageError\n"
         "try:\n    DetectionPlots(Path(sys.argv[1]), [])\n"
         "except UsageError as error:\n    print(error)\n"
     )

@@ -8,7 +8,7 @@ import pytest
 from page_driver import Ground, Scene, Watched
 from willing_drone import WillingDrone
 
-from uavrt.processes import ground_status
+from uavrt.drone.processes.connection_parts import ground_status
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ from page_driver import Scene, colour_at, open_flight
 from past_flight import PLANE, TAG, write_flight
 from playwright.sync_api import expect
 
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.integrated import (
+from uavrt.flight.integrated import (
     FlightFold,
     IntegratedPart,
     IntegratedVerdict,
     write_integrated,
 )
+from uavrt.flight.reading.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(240)
 SILENT = replace(TAG, tag_id=4, name="fox", frequency_hz=148_752_000.0)

@@ -6,8 +6,8 @@ from page_driver import WAIT_MS, Scene
 from playwright.sync_api import expect
 from until import until
 
-from uavrt.config.tag_files import read_tags, write_tags
-from uavrt.messages import BeepKind
+from uavrt.config.tags.tag_files import read_tags, write_tags
+from uavrt.core.messages import BeepKind
 from world import THESIS_TAG
 
 pytestmark = pytest.mark.timeout(240)

@@ -4,7 +4,7 @@ import pytest
 from page_driver import Scene
 from playwright.sync_api import expect
 
-from uavrt.commands import SystemState
+from uavrt.core.commands import SystemState
 
 pytestmark = pytest.mark.timeout(150)
 

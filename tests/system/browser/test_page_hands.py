@@ -15,9 +15,9 @@ from playwright.sync_api import Page, expect
 from some import some
 from willing_drone import WillingDrone
 
-from uavrt.commands import SystemState
-from uavrt.demo.programs import free_udp_port
-from uavrt.simulation.demo_world import demo_scenario
+from uavrt.core.commands import SystemState
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.scene.demo_world import demo_scenario
 
 pytestmark = pytest.mark.timeout(240)
 

@@ -10,8 +10,8 @@ from playwright.sync_api import Browser, Page, expect
 from some import some
 from tests.system.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
 
-from uavrt.guidance.area_text import circle
-from uavrt.simulation.airframe import Flavour
+from uavrt.guidance.files.area_text import circle
+from uavrt.simulation.vehicle.airframe import Flavour
 
 pytestmark = pytest.mark.timeout(240)
 Field = Callable[[Flavour], MovedPage]

@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 from recorded import frames, write_recording
 from some import some
 
-from uavrt.demo.programs import free_udp_port
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(240)
 

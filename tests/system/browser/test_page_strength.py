@@ -9,12 +9,12 @@ import pytest
 from page_driver import Scene, open_flight
 from playwright.sync_api import Page, expect
 
-from uavrt.analysis.positions import read_positions
-from uavrt.clock import Clock
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.core.clock import Clock
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import PulsePose
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.localization.flight_estimates import ReadAs
-from uavrt.messages import PulsePose
-from uavrt.tangent_plane import TangentPlane
+from uavrt.localization.estimates.flight_estimates import ReadAs
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 EAST_M, NORTH_M = 140.0, 190.0

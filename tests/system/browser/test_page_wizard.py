@@ -7,7 +7,7 @@ from page_driver import Scene, axe_findings
 from playwright.sync_api import Page, expect
 
 from uavrt.config.loader import load_settings, write_default_settings
-from uavrt.demo.programs import free_udp_port
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(240)
 

@@ -15,10 +15,10 @@ import pytest
 from command_line import launched, started, uavrt
 from some import some
 
-from uavrt.demo.programs import free_udp_port
 from uavrt.dsp.filters import compatible_bank_taps
-from uavrt.radio.channel_datagram import channel_port, decode_channel_datagram
+from uavrt.radio.channels.channel_datagram import channel_port, decode_channel_datagram
 from uavrt.radio.udp_address import listen
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 RATE_HZ = 3_000_000
 START_NS = 1_700_000_000_000_000_000

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.demo.programs import Program
-from uavrt.demo.run import not_started
-from uavrt.errors import UavrtError
+from uavrt.core.errors import UavrtError
+from uavrt.simulation.demo.demo_programs import Program
+from uavrt.simulation.demo.demo_run import not_started
 
 
 def test_a_flight_that_does_not_start_is_told_with_the_ground_s_last_words(

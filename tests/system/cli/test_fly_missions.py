@@ -10,13 +10,13 @@ import made
 import pytest
 from some import some
 
-from uavrt.cli.fly import fly
-from uavrt.clock import Clock
-from uavrt.demo.programs import free_udp_port
-from uavrt.errors import ConfigError, PlanError
-from uavrt.guidance.mission import fence_items
-from uavrt.messages import KeepOut, Pose, VehicleFence
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.cli.system.fly import fly
+from uavrt.core.clock import Clock
+from uavrt.core.errors import ConfigError, PlanError
+from uavrt.core.messages import KeepOut, Pose, VehicleFence
+from uavrt.guidance.files.mission import fence_items
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 FIELD = ((46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0))
 

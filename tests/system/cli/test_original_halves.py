@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from command_line import started
 
-from uavrt.demo.programs import free_udp_port
-from uavrt.ipc.pulse_datagram import PulseRecord
-from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
+from uavrt.drone.ipc.pulse_datagram import PulseRecord
+from uavrt.radio.channels.channel_datagram import SAMPLES, encode_channel_datagram
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(150)
 

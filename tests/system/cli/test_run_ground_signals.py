@@ -11,7 +11,7 @@ pytest.importorskip("starlette")
 
 RUN_BOTH = """
 import sys
-from uavrt.cli.run_ground import run_both
+from uavrt.cli.system.run_ground import run_both
 from uavrt.config.loader import load_settings
 
 sys.exit(

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.computer.starter import ENTRY, ICON, ICON_TEXT, install_starter
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
+from uavrt.drone.computer.starter import ENTRY, ICON, ICON_TEXT, install_starter
 
 UAVRT = Path(sys.executable).with_name("uavrt")
 

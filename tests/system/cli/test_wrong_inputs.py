@@ -92,7 +92,7 @@ NEEDED = {
 
 
 def test_every_number_on_the_command_line_has_limits() -> None:
-    app = make_app()
+    app = make_app(added=True)
     asked = list(numbers(app))
     assert len(asked) > 50
     for command, option in asked:

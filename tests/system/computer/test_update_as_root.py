@@ -11,12 +11,12 @@ import pytest
 from command_line import python
 from update_maker import TINY, make_installation, make_key, sign_alone, write_wheel
 
-from uavrt.computer import update
-from uavrt.computer.service import ServicePlan, update_unit_text
-from uavrt.computer.trial import Verdict
-from uavrt.computer.update_file import read_update
-from uavrt.computer.versions import COMPLETE, Installation
-from uavrt.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.drone.computer import update
+from uavrt.drone.computer.service import ServicePlan, update_unit_text
+from uavrt.drone.computer.trial import Verdict
+from uavrt.drone.computer.update_file import read_update
+from uavrt.drone.computer.versions import COMPLETE, Installation
 
 IMAGE = Path(__file__).parents[3] / "deploy/image"
 PROGRAM = TINY | {

@@ -16,7 +16,8 @@ def test_a_channelizer_of_all_channels_imports_no_scipy_fft() -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["processes.detector", "analysis.measure.recorded_pulses", "cli.detect"]
+    "module",
+    ["drone.processes.detector", "analysis.measure.recorded_pulses", "cli.signals.detect"],
 )
 def test_the_detection_of_beeping_tags_imports_no_scipy_special(module: str) -> None:
     code = f"import sys, uavrt.{module}; sys.exit('scipy.special' in sys.modules)"
@@ -25,7 +26,7 @@ def test_the_detection_of_beeping_tags_imports_no_scipy_special(module: str) -> 
 
 def test_the_guide_loads_no_tools_of_numpy_and_who_asks_for_them_gets_them() -> None:
     code = (
-        "import sys, uavrt.processes.guide; "
+        "import sys, uavrt.drone.processes.guide; "
         "loaded = {'numpy.f2py', 'numpy.testing'} & {*sys.modules}; "
         "import numpy.testing, numpy.f2py; "
         "numpy.testing.assert_equal(numpy.f2py.__name__, 'numpy.f2py'); "

@@ -13,7 +13,7 @@ import pytest
 from command_line import launched, started
 from until import until
 
-from uavrt.supervisor.start.usage import descendants_of
+from uavrt.drone.supervisor.start.usage import descendants_of
 from uavrt_experiments.autopilots.builds import PX4_PORTS, free_instance
 from uavrt_experiments.autopilots.measures import commands_of
 from uavrt_experiments.autopilots.tap import read_frames

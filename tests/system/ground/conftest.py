@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from uavrt.demo.programs import free_udp_port
-from uavrt.ground.web.page import PageSettings, PageStation
+from uavrt.ground.web.page_program import PageSettings, PageStation
 from uavrt.ground.web.server import ServerSettings
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 
 @dataclass

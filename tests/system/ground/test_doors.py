@@ -11,7 +11,7 @@ from command_line import program
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
-from uavrt.mavlink.address import parse_address
+from uavrt.link.mavlink.links.address import parse_address
 
 
 def port(device: str, description: str) -> ListPortInfo:

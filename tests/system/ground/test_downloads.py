@@ -12,7 +12,7 @@ import pytest
 from file_drone import FileDrone
 from tests.system.ground.test_session import until
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
 from uavrt.ground.fetch import ftp_client
 from uavrt.ground.store.flight_keeper import FlightKeeper
 

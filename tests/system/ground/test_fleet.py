@@ -14,8 +14,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from willing_drone import WillingDrone
 
-from uavrt.commands import SystemState
-from uavrt.recording.flight_reader import read_flight
+from uavrt.core.commands import SystemState
+from uavrt.flight.reading.flight_reader import read_flight
 
 TAGS = [
     {

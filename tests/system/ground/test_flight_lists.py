@@ -9,8 +9,8 @@ from archived_pulses import archive
 from past_flight import write_days
 from sql import sql
 
-from uavrt.ground.store.flights import FlightLibrary
 from uavrt.ground.store.known_flights import FlightChoice
+from uavrt.ground.store.stored_flights import FlightLibrary
 
 DAY = "2026-05-{:02d}"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from tests.unit.ground.test_flights import flown_fixture, keeper_fixture  # noqa: F401  # fixtures
 
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
-from uavrt.ground.store.flights import FlightLibrary
-from uavrt.ground.web.reports import Reporter
+from uavrt.ground.store.stored_flights import FlightLibrary
+from uavrt.ground.web.work.report_jobs import Reporter
 
 
 def test_the_pages_report_has_what_the_page_tells_of_the_antenna_that_is_set(

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from uavrt.errors import FormatError
-from uavrt.ground.link.flying import area_of_file
+from uavrt.core.errors import FormatError
+from uavrt.ground.link.motions.page_motions import area_of_file
 
 
 @pytest.mark.parametrize(

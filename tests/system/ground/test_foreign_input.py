@@ -21,11 +21,11 @@ from foreign_files import ENDLESS, MBTILES, SHAPE_ATTACKS, Content, corners, sql
 from greedy import fill, refuse, spin
 from tests.system.ground.conftest import Served
 
-from uavrt.demo.programs import free_udp_port
-from uavrt.errors import CommandRefused, FormatError, UsageError
-from uavrt.foreign import CPU_S
-from uavrt.ground.web.foreign_worker import MOST_WAITING, ForeignWorker
-from uavrt.mavlink.frame import FrameWriter
+from uavrt.core.errors import CommandRefused, FormatError, UsageError
+from uavrt.core.foreign import CPU_S
+from uavrt.ground.web.work.foreign_worker import MOST_WAITING, ForeignWorker
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 LONGEST_STOP_S = 0.2
 

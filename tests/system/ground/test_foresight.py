@@ -13,14 +13,14 @@ import pytest
 from tests.unit.analysis.test_coverage import HOME, outline, write_hills
 from until import until
 
-from uavrt.cli.coverage import coverage
-from uavrt.config.tag_files import write_tags
-from uavrt.errors import FormatError, UsageError
+from uavrt.cli.prediction.coverage import coverage
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import Tag
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.map_jobs import MapJobs, OnStep, Record
-from uavrt.ground.web.plan_maps import PlanMapRequest, plan_map_jobs
-from uavrt.messages import Tag
-from uavrt.tangent_plane import TangentPlane
+from uavrt.ground.web.work.map_jobs import MapJobs, OnStep, Record
+from uavrt.ground.web.work.plan_maps import PlanMapRequest, plan_map_jobs
 
 PATH = "/api/motion/coverage"
 PLANE = TangentPlane(latitude_deg=HOME[0], longitude_deg=HOME[1])

@@ -18,7 +18,7 @@ from random import Random
 import pytest
 from pulse_stream import Stations, StreamingDrone, limit_files, line_keys, stored_keys
 
-from uavrt.demo.programs import free_udp_port
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 MOMENTS = int(os.environ.get("UAVRT_FULL_DISKS", "4"))
 DISK_MB = 4

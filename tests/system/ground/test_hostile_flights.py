@@ -16,11 +16,11 @@ import pytest
 from command_line import launched
 from sql import sql
 
-from uavrt.errors import FormatError, UavrtError
+from uavrt.core.errors import FormatError, UavrtError
+from uavrt.flight.database import plain_database
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.store.flights import FlightLibrary
-from uavrt.recording import plain_database
-from uavrt.recording.flight_reader import read_flight
+from uavrt.ground.store.stored_flights import FlightLibrary
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {} FROM n"
 
@@ -129,7 +129,7 @@ def test_a_query_ends_with_the_program_and_after_its_time(
 
 STUCK = """
 import sys, threading, time
-from uavrt.ground.store.flights import FlightLibrary
+from uavrt.ground.store.stored_flights import FlightLibrary
 FlightLibrary.summaries = lambda self: time.sleep(3600)
 sys.argv = ["uavrt", "ground", "--page", "--no-browser", "--port", "0", "-o", sys.argv[1]]
 from uavrt.cli.__main__ import main
@@ -159,7 +159,7 @@ def _ask(address: str) -> None:
 
 
 def test_a_hostile_folder_is_not_gone_on_with(tmp_path: Path) -> None:
-    from uavrt.clock import Clock
+    from uavrt.core.clock import Clock
 
     endless_view(tmp_path / "flight_log_0")
     keeper = FlightKeeper(tmp_path, Clock.start())

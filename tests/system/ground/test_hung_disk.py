@@ -10,7 +10,7 @@ import pytest
 from searched import Animal
 from some import some
 
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.flight.flight_recorder import FlightRecorder
 from world import World, until
 
 LONGEST_STOP_S = 0.2

@@ -6,8 +6,8 @@ import sys
 import pytest
 from command_line import python
 
-from uavrt.errors import ConfigError
-from uavrt.mavlink.address import parse_address
+from uavrt.core.errors import ConfigError
+from uavrt.link.mavlink.links.address import parse_address
 
 HIDDEN = (
     *("fcntl", "termios", "tty", "pty", "grp", "pwd", "resource", "posix", "syslog"),
@@ -52,11 +52,29 @@ for module in {modules!r}:
 
 
 MODULES = (
-    *("uavrt.ground.web.page", "uavrt.ground.web.server", "uavrt.ground.web.exports"),
-    *("uavrt.ground.web.reports", "uavrt.ground.fetch.ftp_client"),
-    *("uavrt.ground.web.waterfalls", "uavrt.analysis.report", "uavrt.analysis.positions"),
-    *("uavrt.analysis.tracks", "uavrt.cli.ground", "uavrt.cli.report", "uavrt.cli.localize"),
-    *("uavrt.cli.fetch", "uavrt.cli.export", "uavrt.cli.bearing", "uavrt.cli.attach"),
+    *(
+        "uavrt.ground.web.page_program",
+        "uavrt.ground.web.server",
+        "uavrt.ground.web.work.exports",
+    ),
+    *("uavrt.ground.web.work.report_jobs", "uavrt.ground.fetch.ftp_client"),
+    *(
+        "uavrt.ground.web.work.waterfalls",
+        "uavrt.analysis.report",
+        "uavrt.analysis.estimates.positions",
+    ),
+    *(
+        "uavrt.analysis.tracks",
+        "uavrt.cli.system.ground",
+        "uavrt.cli.results.report",
+        "uavrt.cli.results.localize",
+    ),
+    *(
+        "uavrt.cli.system.fetch",
+        "uavrt.cli.results.export",
+        "uavrt.cli.results.bearing",
+        "uavrt.cli.signals.attach",
+    ),
     "uavrt.ground.store.drone_directory",
     "uavrt.cli.app",
 )
@@ -69,7 +87,9 @@ def test_the_ground_needs_nothing_of_posix() -> None:
 
 
 def test_the_test_itself_would_notice() -> None:
-    program = PROGRAM.format(hidden=tuple(HIDDEN), modules=("uavrt.recording.writer_lock",))
+    program = PROGRAM.format(
+        hidden=tuple(HIDDEN), modules=("uavrt.flight.database.writer_lock",)
+    )
     finished = python("-c", program)
     assert "hidden fcntl" in finished.stderr
 
@@ -85,5 +105,7 @@ def test_a_serial_port_of_windows_is_an_address() -> None:
 
 def test_the_page_starts_without_what_only_maps_of_silence_need() -> None:
     """`scipy.stats` takes most of a second and 20 MB; it is loaded when a map is asked for."""
-    program = "import sys, uavrt.ground.web.page; sys.exit('scipy.stats' in sys.modules)"
+    program = (
+        "import sys, uavrt.ground.web.page_program; sys.exit('scipy.stats' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from foreign_files import certificate, encrypted
 
-from uavrt.errors import ConfigError, FormatError
+from uavrt.core.errors import ConfigError, FormatError
 from uavrt.ground.link.keys import read_link_keys
 from uavrt.ground.web.server import ServerSettings, listening_socket
 

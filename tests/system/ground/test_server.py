@@ -16,13 +16,13 @@ from page_driver import write_map
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from uavrt.analysis.facts import Facts, facts_of
-from uavrt.clock import Clock
-from uavrt.errors import CommandRefused
+from uavrt.analysis.inputs.flight_facts import Facts, facts_of
+from uavrt.core.clock import Clock
+from uavrt.core.errors import CommandRefused
+from uavrt.drone.supervisor.mission.storage.flight_removal import removable
 from uavrt.ground.commanding_page import Commander
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.web.password_limit import TRIES
-from uavrt.supervisor.mission.flight_removal import removable
+from uavrt.ground.web.access.password_limit import TRIES
 
 TAG = {
     "id": "2",

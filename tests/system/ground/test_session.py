@@ -19,16 +19,16 @@ from pulses import pulse_at as heard_pulse
 from sql import sql
 from until import until as wait_until
 
-from uavrt.commands import SystemState
-from uavrt.demo.programs import free_udp_port
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.messages import PulsePose
-from uavrt.recording.places import vehicle_note
-from uavrt.recording.quiet_noise import read_quiet_noise_db
-from uavrt.tunnel.burst import BURST_TYPE, encode_burst
-from uavrt.tunnel.convert import heartbeat_to_wire, pulse_to_wire
-from uavrt.tunnel.wire import PAYLOAD_TYPE
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import PulsePose
+from uavrt.flight.reading.noted_places import vehicle_note
+from uavrt.flight.reading.quiet_noise import read_quiet_noise_db
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.mavlink.message import Message
+from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
+from uavrt.link.tunnel.own_messages.burst import BURST_TYPE, encode_burst
+from uavrt.link.tunnel.tunnel_records import heartbeat_to_wire, pulse_to_wire
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 SECOND_NS = 1_000_000_000
 

@@ -11,14 +11,14 @@ import pytest
 from command_line import program
 from willing_drone import WillingDrone
 
-from uavrt.card import Card
-from uavrt.cli.ground import ground
-from uavrt.computer import checks
-from uavrt.computer.first_setup import FirstSetup
+from uavrt.cli.system.ground import ground
 from uavrt.config.loader import load_settings, write_default_settings
-from uavrt.demo.programs import free_udp_port
-from uavrt.errors import ConfigError, UavrtError
-from uavrt.tunnel.seal import read_key
+from uavrt.core.errors import ConfigError, UavrtError
+from uavrt.drone.card import Card
+from uavrt.drone.computer import computer_checks as checks
+from uavrt.drone.computer.first_setup import FirstSetup
+from uavrt.link.tunnel.own_messages.seal import read_key
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 GOOD: dict[str, dict[str, Any]] = {
     "name": {"name": "lynx-1"},

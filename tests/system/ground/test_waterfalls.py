@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from recorded import START_NS, frames, write_recording
 from websockets.asyncio.client import connect
 
-from uavrt.clock import Clock
-from uavrt.demo.programs import free_udp_port
+from uavrt.core.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.web.waterfalls import ChannelStream, recorded_picture
+from uavrt.ground.web.work.waterfalls import ChannelStream, recorded_picture
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 TAG = made.tag(2, 148_712_000.0, 1.2)
 

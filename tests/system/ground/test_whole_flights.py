@@ -7,10 +7,10 @@ from typing import Any
 
 import made
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
+from uavrt.flight.integrated import FlightFold, IntegratedVerdict, write_integrated
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.web.integration_jobs import fold_pictures
-from uavrt.recording.integrated import FlightFold, IntegratedVerdict, write_integrated
+from uavrt.ground.web.work.integration_jobs import fold_pictures
 
 TAG = made.tag(2, 148.7e6, 1.2)
 

@@ -13,7 +13,7 @@ from mavproxy import mavproxy
 from tests.unit.mavlink.test_ftp import CONTENT, flights_fixture  # noqa: F401  # fixture
 from until import until, until_async
 
-from uavrt.mavlink.ftp_wire import checksum
+from uavrt.link.mavlink.services.ftp_wire import checksum
 from world import World
 
 

@@ -14,11 +14,11 @@ from some import some
 from tests.unit.mavlink.test_links import FRAME, PING
 from until import until_async as until
 
-from uavrt.mavlink.component import Handlers
-from uavrt.mavlink.connection import Connection
-from uavrt.mavlink.frame import Frame
-from uavrt.mavlink.transport import open_link
-from uavrt.mavlink.udp import UdpLink
+from uavrt.link.mavlink.component import Handlers
+from uavrt.link.mavlink.frame import Frame
+from uavrt.link.mavlink.links.transport import open_link
+from uavrt.link.mavlink.links.udp import UdpLink
+from uavrt.link.mavlink.mavlink_connection import Connection
 
 
 async def test_a_tcp_link_talks_and_connects_again_when_the_other_side_restarts() -> None:

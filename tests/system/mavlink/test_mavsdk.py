@@ -11,11 +11,11 @@ from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.plugins.mavlink_direct import MavlinkMessage
 from until import until_async as until
 
-from uavrt.commands import SystemState
-from uavrt.messages import Tag
-from uavrt.tunnel.codec import TunnelMessage, decode
-from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0
-from uavrt.tunnel.g1 import AckG1, PulseG1
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Tag
+from uavrt.link.tunnel.generations.codec import TunnelMessage, decode
+from uavrt.link.tunnel.generations.g0 import SUCCESS, AckG0, PulseG0
+from uavrt.link.tunnel.generations.g1 import AckG1, PulseG1
 from world import World
 
 START_TAGS, END_TAGS, STOP = (struct.pack("<I", number) for number in (2, 3, 6))

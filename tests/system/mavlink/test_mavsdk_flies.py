@@ -11,17 +11,17 @@ from mavsdk.plugins.action import ActionError
 from mission_wire import OWN, VEHICLE, MissionWire
 from until import until_async as until
 
-from uavrt.clock import Clock
-from uavrt.demo.programs import free_udp_port
-from uavrt.guidance.mission import MissionItem, difference, fence_items, survey_items
-from uavrt.guidance.orders import Order
-from uavrt.guidance.plan_file import survey_file
+from uavrt.core.clock import Clock
+from uavrt.core.messages import KeepOut, VehicleFence
+from uavrt.guidance.files.mission import MissionItem, difference, fence_items, survey_items
+from uavrt.guidance.files.plan_file import survey_file
+from uavrt.guidance.operator_orders import Order
 from uavrt.guidance.plans import survey_places
-from uavrt.mavlink.mission_transfer import MissionUpload
-from uavrt.messages import KeepOut, VehicleFence
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.simulation.flying import MODES
+from uavrt.link.mavlink.autopilot.mission_transfer import MissionUpload
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 FENCE = VehicleFence(
     within=(KeepOut(places=((46.4, 7.9), (46.4, 8.1), (46.6, 8.0))),),

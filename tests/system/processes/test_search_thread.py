@@ -7,11 +7,11 @@ from typing import Any
 from searched import Animal, Searched
 from until import until
 
-from uavrt.guidance.orders import VehicleNow
+from uavrt.core.messages import SearchNote
+from uavrt.drone.processes.search_thread import SearchFailed, SearchThread
+from uavrt.guidance.operator_orders import VehicleNow
+from uavrt.guidance.search.seeker import Choice
 from uavrt.guidance.search_rules import SEARCH_RULES
-from uavrt.guidance.seeker import Choice
-from uavrt.messages import SearchNote
-from uavrt.processes.search_thread import SearchFailed, SearchThread
 
 
 class Slow:

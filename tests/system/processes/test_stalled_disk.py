@@ -9,21 +9,21 @@ from typing import Any
 import pytest
 from until import until_async as until
 
-from uavrt.commands import SystemState
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import PulsePose
+from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
+from uavrt.drone.processes.connection_parts.pulse_outlet import PulseOutlet
+from uavrt.flight.database.disk_thread import MOST_JOBS, DiskThread
+from uavrt.flight.database.spool import undelivered
 from uavrt.ground.fetch.ftp_client import FileClient
-from uavrt.mavlink import dialect
-from uavrt.mavlink.component import Handlers
-from uavrt.mavlink.connection import Connection
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import FileServer
-from uavrt.mavlink.ftp_wire import FtpPacket, Opcode
-from uavrt.messages import PulsePose
-from uavrt.processes.ground_status import GroundStatus
-from uavrt.processes.pulse_outlet import PulseOutlet
-from uavrt.recording.disk_thread import MOST_JOBS, DiskThread
-from uavrt.recording.spool import undelivered
-from uavrt.tunnel.exchange import Exchange
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.component import Handlers
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.mavlink_connection import Connection
+from uavrt.link.mavlink.services.ftp_files import FileTree
+from uavrt.link.mavlink.services.ftp_server import FileServer
+from uavrt.link.mavlink.services.ftp_wire import FtpPacket, Opcode
+from uavrt.link.tunnel.drone_exchange import Exchange
 
 Bay = Any  # tests/unit/processes/conftest.py
 
@@ -47,7 +47,9 @@ async def test_pulses_and_answers_go_on_while_the_disk_stalls(
 ) -> None:
     if place == "spool":
         stall = Stall(undelivered)
-        monkeypatch.setattr("uavrt.processes.pulse_outlet.undelivered", stall)
+        monkeypatch.setattr(
+            "uavrt.drone.processes.connection_parts.pulse_outlet.undelivered", stall
+        )
     else:
         stall = Stall(lambda tree, name: [])
         monkeypatch.setattr(FileTree, "entries", lambda tree, name: stall(tree, name))

@@ -8,9 +8,9 @@ import pytest
 from some import some
 from tests.unit.radio.test_band_udp import RATE_HZ, START_NS, signal
 
-from uavrt.demo.programs import free_udp_port
 from uavrt.radio.band_source import BandDatagramSource
 from uavrt.radio.udp_address import parse_udp_address
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 
 @pytest.fixture

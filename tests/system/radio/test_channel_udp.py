@@ -7,8 +7,8 @@ from tests.unit.radio.test_channel_udp import (  # noqa: F401  # fixture
     source_fixture,
 )
 
-from uavrt.radio.channel_sender import ChannelDatagramSender
-from uavrt.radio.channel_source import ChannelDatagramSource
+from uavrt.radio.channels.channel_sender import ChannelDatagramSender
+from uavrt.radio.channels.channel_source import ChannelDatagramSource
 from uavrt.radio.udp_address import parse_udp_address
 
 

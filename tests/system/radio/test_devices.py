@@ -2,8 +2,8 @@
 
 from tests.unit.radio.test_devices import HACKRF, Plug, plug_fixture  # noqa: F401  # fixture
 
-from uavrt.computer.checks import check_radio
 from uavrt.config.settings import RadioSettings, Settings
+from uavrt.drone.computer.computer_checks import check_radio
 
 
 def test_doctor_says_it(plug: Plug) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
 from uavrt.radio.formats import CS16
-from uavrt.radio.stream import StreamSource
+from uavrt.radio.sample_stream import StreamSource
 
 
 @pytest.fixture

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.clock import monotonic_s
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import ConfigError, RadioMissing, RadioStalled, RadioStopped
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import ConfigError, RadioMissing, RadioStalled, RadioStopped
 from uavrt.radio.checking import check_device
 from uavrt.radio.formats import sample_format
 from uavrt.radio.opening import open_radio
-from uavrt.radio.program import ProgramSource
-from uavrt.radio.programs import PROGRAMS, receive_command
+from uavrt.radio.receivers.radio_program import ProgramSource
+from uavrt.radio.receivers.radio_programs import PROGRAMS, receive_command
 
 Install = Callable[[str, str], None]
 

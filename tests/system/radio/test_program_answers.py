@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.clock import monotonic_s
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import RadioStalled
-from uavrt.radio import program
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import RadioStalled
 from uavrt.radio.opening import open_radio
+from uavrt.radio.receivers import radio_program as program
 
 
 def test_programs_that_answer_slowly_one_after_the_other_end_within_one_limit(

@@ -15,7 +15,7 @@ from radio_world import SERIALS, TAG_HZ, RadioWorld, default_radio, missing, nee
 
 from uavrt.config.loader import load_settings
 from uavrt.config.radios import RADIOS
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
 
 # Together the radios stream 6 MS/s.
 pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(300)]

@@ -3,8 +3,8 @@
 import pytest
 from tests.unit.radio.test_soapy import SETTINGS, soapy  # noqa: F401  # fixture
 
-from uavrt.errors import RadioStalled
-from uavrt.radio.soapy import SoapySource
+from uavrt.core.errors import RadioStalled
+from uavrt.radio.receivers.soapy import SoapySource
 
 
 @pytest.mark.usefixtures("soapy")

@@ -8,7 +8,7 @@ import pytest
 from ros_flood import flood
 
 from uavrt.config.settings import Ros2Settings
-from uavrt.ros2.graph import TOPICS
+from uavrt.link.ros2.graph import TOPICS
 
 ACT_WITHIN_S = 3.0
 """Grossly missed: the bar is 1 s on a quiet computer, and tests share theirs with others."""

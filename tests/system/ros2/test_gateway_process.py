@@ -8,7 +8,7 @@ import pytest
 from until import until
 
 from uavrt.config.settings import Ros2Settings
-from uavrt.messages import (
+from uavrt.core.messages import (
     Command,
     Poses,
     ProcessStatus,
@@ -18,10 +18,10 @@ from uavrt.messages import (
     SystemStatus,
     Tag,
 )
-from uavrt.ros2.cdr import encode
-from uavrt.ros2.convert import pulse_pose_to_ros, pulse_to_ros, tag_to_ros
-from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.interface import full_name, type_hash
+from uavrt.link.ros2.graph import TOPICS
+from uavrt.link.ros2.ros_records import pulse_pose_to_ros, pulse_to_ros, tag_to_ros
+from uavrt.link.ros2.types.cdr import encode
+from uavrt.link.ros2.types.interface import full_name, type_hash
 
 TAGS = tuple(
     made.tag(

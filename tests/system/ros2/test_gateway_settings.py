@@ -9,11 +9,11 @@ from until import until
 
 from uavrt.config.loader import load_settings
 from uavrt.config.settings import Ros2Settings, is_ros_namespace
-from uavrt.errors import ConfigError
-from uavrt.messages import StatusText
-from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.interface import type_hash
-from uavrt.ros2.messages import graph_messages
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import StatusText
+from uavrt.link.ros2.graph import TOPICS
+from uavrt.link.ros2.types.interface import type_hash
+from uavrt.link.ros2.types.ros_messages import graph_messages
 
 
 def test_the_domain_comes_from_the_environment(

@@ -11,11 +11,11 @@ import pytest
 from some import some
 from until import until
 
-from uavrt.cli.listeners import RosPulses
+from uavrt.cli.signals.pulse_listeners import RosPulses
 from uavrt.config.settings import Ros2Settings
-from uavrt.errors import UsageError
-from uavrt.messages import Command
-from uavrt.ros2.convert import tag_to_ros
+from uavrt.core.errors import UsageError
+from uavrt.core.messages import Command
+from uavrt.link.ros2.ros_records import tag_to_ros
 
 TAG = made.tag()
 PULSE = made.pulse(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
@@ -83,7 +83,7 @@ def test_a_hundred_tags_their_release_and_the_start_at_once_are_taken_in_their_o
 
 REMOTE = """
 import sys
-from uavrt.cli.listeners import RosPulses
+from uavrt.cli.signals.pulse_listeners import RosPulses
 pulses = RosPulses("lo", (), "drone1")
 sys.stdin.read()
 pulses.close()
@@ -116,7 +116,7 @@ HOSTILE = """
 import ctypes, sys
 from cyclonedds.domain import Domain
 from cyclonedds.internal import load_cyclonedds
-from uavrt.ros2.dds import cyclone_config
+from uavrt.link.ros2.network.dds import cyclone_config
 number = int(sys.argv[1])
 domain = Domain(number, cyclone_config(()))
 library = load_cyclonedds()

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.clock import Clock
-from uavrt.errors import LinkError
-from uavrt.mavlink import dialect as d
-from uavrt.mavlink.frame import FrameParser
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.simulation.scenario_file import write_scenario
+from uavrt.core.clock import Clock
+from uavrt.core.errors import LinkError
+from uavrt.link.mavlink import dialect as d
+from uavrt.link.mavlink.frame import FrameParser
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.scenario_file import write_scenario
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 PROGRAM = [sys.executable, "-m", "uavrt.simulation.autopilot"]
 

@@ -3,7 +3,7 @@
 import made
 from some import some
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
 from uavrt_experiments.simulated_source import SimulatedSource
 
 

@@ -14,7 +14,7 @@ import pytest
 from some import some
 from until import until
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
 from uavrt.simulation.airspy_rx import (
     SERIAL,
     ArgumentFault,
@@ -22,9 +22,9 @@ from uavrt.simulation.airspy_rx import (
     main,
     parse_arguments,
 )
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.scenario import Scenario
-from uavrt.simulation.scenario_file import write_scenario
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.scene.scenario_file import write_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer
 
 RADIO = (sys.executable, "-m", "uavrt.simulation.airspy_rx")

@@ -19,22 +19,22 @@ from some import some
 
 from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import RecordingSettings, Settings
-from uavrt.ipc.parent import adopt_orphans
-from uavrt.messages import Tag
-from uavrt.supervisor.mission.flight_opening import share_tags
-from uavrt.supervisor.start.launcher import Launcher
-from uavrt.supervisor.start.restarts import SOON
-from uavrt.supervisor.start.usage import children_of, is_alive
-from uavrt.supervisor.tree.child_output import OutputLog, warning_text
-from uavrt.supervisor.tree.fleet import Fleet
-from uavrt.supervisor.tree.instance import Instance
-from uavrt.supervisor.tree.table import ProcessRow, always
+from uavrt.core.messages import Tag
+from uavrt.drone.ipc.parent import adopt_orphans
+from uavrt.drone.supervisor.mission.flight_opening import share_tags
+from uavrt.drone.supervisor.start.launcher import Launcher
+from uavrt.drone.supervisor.start.restarts import SOON
+from uavrt.drone.supervisor.start.usage import children_of, is_alive
+from uavrt.drone.supervisor.tree.child_output import OutputLog, warning_text
+from uavrt.drone.supervisor.tree.instance import Instance
+from uavrt.drone.supervisor.tree.process_fleet import Fleet
+from uavrt.drone.supervisor.tree.table import ProcessRow, always
 
 PR_SET_CHILD_SUBREAPER = 36
 FAILING = """
 import sys
-from uavrt.log import configure_logging
-from uavrt.log import get_logger
+from uavrt.core.log import configure_logging
+from uavrt.core.log import get_logger
 
 def main():
     configure_logging("failing")
@@ -44,7 +44,7 @@ def main():
 """
 SILENT = """
 import time
-from uavrt.ipc.process import ProcessFrame
+from uavrt.drone.ipc.process import ProcessFrame
 
 def main():
     with ProcessFrame.start() as frame:
@@ -55,7 +55,7 @@ def main():
 MUTE = "import time\ndef main():\n    time.sleep(600.0)\n"
 DEAF = """
 import signal, subprocess, sys, time
-from uavrt.ipc.process import ProcessFrame
+from uavrt.drone.ipc.process import ProcessFrame
 
 def main():
     with ProcessFrame.start() as frame:

@@ -17,10 +17,10 @@ from some import some
 from until import until
 
 from uavrt.config.settings import DetectionSettings
-from uavrt.errors import TunerError
-from uavrt.ipc.parent import adopt_orphans
-from uavrt.supervisor.mission.tuning import TuningRequest, request_tuning
-from uavrt.supervisor.start.launcher import Launcher
+from uavrt.core.errors import TunerError
+from uavrt.drone.ipc.parent import adopt_orphans
+from uavrt.drone.supervisor.mission.search_planning import TuningRequest, request_tuning
+from uavrt.drone.supervisor.start.launcher import Launcher
 
 PR_SET_CHILD_SUBREAPER = 36
 STAND_IN = """
@@ -37,7 +37,7 @@ def main():
           name if "forked" in sys.argv else "", flush=True)
     sys.stderr.write("and an error\\n")
     if "stays" in sys.argv:
-        from uavrt.ipc.parent import die_with_parent
+        from uavrt.drone.ipc.parent import die_with_parent
         die_with_parent()  # as every process of the table does
         print("staying", flush=True)
         time.sleep(600.0)
@@ -168,8 +168,8 @@ def test_what_is_forked_after_the_supervisor_gave_up_never_runs(
 
 SUPERVISOR = """
 import os, signal, sys, time
-from uavrt.ipc.parent import PARENT_VARIABLE, adopt_orphans
-from uavrt.supervisor.start.launcher import Launcher
+from uavrt.drone.ipc.parent import PARENT_VARIABLE, adopt_orphans
+from uavrt.drone.supervisor.start.launcher import Launcher
 
 adopt_orphans()
 launcher = Launcher()

@@ -11,12 +11,12 @@ import pytest
 from until import until
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.ipc.topics import decode_record
-from uavrt.messages import Command, CommandReply
-from uavrt.supervisor.core import Supervisor
-from uavrt.supervisor.mission import radio_check
-from uavrt.supervisor.mission.radio_check import RadioTest
-from uavrt.supervisor.start.usage import descendants_of, is_alive
+from uavrt.core.messages import Command, CommandReply
+from uavrt.drone.ipc.topics import decode_record
+from uavrt.drone.supervisor.core import Supervisor
+from uavrt.drone.supervisor.mission import radio_check
+from uavrt.drone.supervisor.mission.radio_check import RadioTest
+from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
 
 SETTINGS = RadioSettings(kind="airspyhf", sample_rate_hz=768e3)
 PACED = """
@@ -69,7 +69,7 @@ def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path
     install(tmp_path / "airspyhf_rx", f"#!/bin/sh\necho x > {tmp_path}/asked\nexec sleep 600\n")
     asking = (
         "from uavrt.config.settings import RadioSettings\n"
-        "from uavrt.supervisor.mission.radio_check import RadioTest\n"
+        "from uavrt.drone.supervisor.mission.radio_check import RadioTest\n"
         "RadioTest(RadioSettings(kind='airspyhf', sample_rate_hz=768e3)).answer()"
     )
     path = f"{tmp_path}:{os.environ['PATH']}"

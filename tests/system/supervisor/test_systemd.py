@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from until import until
 
-from uavrt.supervisor.tree.systemd import SystemdNotifier
+from uavrt.drone.supervisor.tree.systemd import SystemdNotifier
 
 
 def test_states_go_to_the_socket_of_the_environment(

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from uavrt.config.settings import Settings
-from uavrt.messages import Health, Pose, Poses, PulsePose, StatusText
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Scenario
-from uavrt.simulation.world import TruePulse, World
+from uavrt.core.messages import Health, Pose, Poses, PulsePose, StatusText
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.scene.world import TruePulse, World
 
 WriteFlight = Callable[..., Path]
 STATIONS_M = ((0.0, 0.0), (250.0, 0.0), (250.0, 250.0))

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.analysis.bearings import learnt_antenna, read_recorded
+from uavrt.analysis.estimates.bearings import learnt_antenna, read_recorded
 from uavrt.analysis.measure.antenna_files import antenna_named, read_antenna, write_antenna
 from uavrt.cli.app import app
-from uavrt.errors import ConfigError, FormatError, UsageError
+from uavrt.core.errors import ConfigError, FormatError, UsageError
 from uavrt.localization.antenna import PATTERNS
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.scenario import Scenario
 
 WriteFlight = Callable[..., Path]
 

@@ -19,15 +19,15 @@ from sql import sql
 from uavrt.analysis.measure.bag import export_bag
 from uavrt.cli.app import app
 from uavrt.config.settings import AntennaSettings, Settings
-from uavrt.errors import FormatError, UsageError
-from uavrt.messages import Command, CommandReply, Pose, Pulse, PulsePose, StatusText
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.integrated import IntegratedVerdict, write_integrated
-from uavrt.ros2.cdr import encode
-from uavrt.ros2.convert import pulse_pose_to_ros
-from uavrt.ros2.graph import START_STOP, TOPICS
-from uavrt.ros2.interface import type_hash
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import Command, CommandReply, Pose, Pulse, PulsePose, StatusText
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.integrated import IntegratedVerdict, write_integrated
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.link.ros2.graph import START_STOP, TOPICS
+from uavrt.link.ros2.ros_records import pulse_pose_to_ros
+from uavrt.link.ros2.types.cdr import encode
+from uavrt.link.ros2.types.interface import type_hash
 
 INTERFACES = Path(__file__).parents[3] / "ros" / "uavrt_interfaces" / "msg"
 START_NS = 1_777_623_301_019_828_320

@@ -16,20 +16,20 @@ from pulses import pulse_at
 from some import some
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
-from uavrt.analysis.bearings import heard_in_flight, read_bearings
-from uavrt.analysis.positions import read_positions
-from uavrt.analysis.report.words import bearing_table
+from uavrt.analysis.estimates.bearings import heard_in_flight, read_bearings
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.analysis.report.report_words import bearing_table
 from uavrt.analysis.survey import read_survey
 from uavrt.cli.app import app
-from uavrt.errors import FormatError, UsageError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import Pose, PulsePose, Tag
+from uavrt.flight.reading.flight_reader import Flight
+from uavrt.formats.pulses.tagtracker import write_tagtracker
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import ReadAs, bearings_of
-from uavrt.localization.heard import Heard
-from uavrt.messages import Pose, PulsePose, Tag
-from uavrt.recording.flight_reader import Flight
-from uavrt.recording.formats.tagtracker import write_tagtracker
-from uavrt.tangent_plane import TangentPlane
+from uavrt.localization.estimates.flight_estimates import ReadAs, bearings_of
+from uavrt.localization.estimates.heard import Heard
 
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
 START_NS = 1_700_000_000_000_000_000

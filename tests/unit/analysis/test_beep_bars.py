@@ -9,10 +9,10 @@ import pytest
 from uavrt.analysis.measure.measure_tag import measure_tags
 from uavrt.analysis.measure.recorded_pulses import detect
 from uavrt.config.ghost_places import Receiver
-from uavrt.config.tag_corrections import correction_of
-from uavrt.detection.beeps.points import Points
-from uavrt.detection.beeps.trains import find_trains
-from uavrt.messages import Pulse, Tag
+from uavrt.config.tags.tag_corrections import correction_of
+from uavrt.core.messages import Pulse, Tag
+from uavrt.detection.beeps.beep_points import Points
+from uavrt.detection.beeps.beep_trains import find_trains
 from uavrt_experiments.detection.beeping import (
     CENTER_HZ,
     Beeper,

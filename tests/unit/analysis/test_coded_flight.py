@@ -9,21 +9,21 @@ import made
 import pytest
 from command_line import uavrt
 
-from uavrt.analysis.export.bursts import DETECTION_COLUMNS
+from uavrt.analysis.export.burst_files import DETECTION_COLUMNS
 from uavrt.analysis.export.written import export_survey
-from uavrt.analysis.found_bursts import bursts_of_pulses
+from uavrt.analysis.inputs.found_bursts import bursts_of_pulses
 from uavrt.analysis.measure.recorded_pulses import detect
-from uavrt.analysis.report.words import code_table, methods
+from uavrt.analysis.report.report_words import code_table, methods
 from uavrt.analysis.survey import read_survey
-from uavrt.config.tag_files import parse_tags, read_tags, write_tags
-from uavrt.messages import Pulse, PulsePose
+from uavrt.config.tags.tag_files import parse_tags, read_tags, write_tags
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pulse, PulsePose
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.flight.reading.recognise import read_pulse_log
 from uavrt.radio.opening import open_recording
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.formats.recognise import read_pulse_log
-from uavrt.simulation.recording import simulate_to_directory
-from uavrt.simulation.scenario_file import parse_scenario
-from uavrt.tangent_plane import TangentPlane
+from uavrt.simulation.scene.scenario_file import parse_scenario
+from uavrt.simulation.simulated_recording import simulate_to_directory
 
 pytestmark = pytest.mark.slow
 

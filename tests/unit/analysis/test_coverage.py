@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from depth import share
 
-from uavrt.cli.coverage import coverage
-from uavrt.cli.report import report
+from uavrt.cli.prediction.coverage import coverage
+from uavrt.cli.results.report import report
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, FormatError, UsageError
-from uavrt.simulation.scenario_file import load_scenario
-from uavrt.simulation.world import World
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.elevation_files import open_elevation
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import ConfigError, FormatError, UsageError
+from uavrt.localization.terrain.elevation_files import open_elevation
+from uavrt.simulation.scene.scenario_file import load_scenario
+from uavrt.simulation.scene.world import World
 
 WriteFlight = Callable[..., Path]
 HOME = (35.178241, -111.656587)

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
-from uavrt.errors import ConfigError, RadioStopped, TunerError, UsageError
-from uavrt.messages import IQBlock, Pulse, Tag
-from uavrt.radio.times import NominalTimes
+from uavrt.core.errors import ConfigError, RadioStopped, TunerError, UsageError
+from uavrt.core.messages import IQBlock, Pulse, Tag
+from uavrt.radio.timing.sample_times import NominalTimes
 
 CENTER_HZ = 148.7e6
 START_NS = 1_700_000_000_000_000_000

@@ -22,19 +22,19 @@ from PIL.TiffImagePlugin import TiffImageFile
 from some import some
 from sql import sql
 
-from uavrt.analysis.export.geotiff import geotiff_bytes
-from uavrt.analysis.export.tables import movebank_csv, movebank_reference_csv
+from uavrt.analysis.export.csv_tables import movebank_csv, movebank_reference_csv
+from uavrt.analysis.export.geotiff_export import geotiff_bytes
 from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
-from uavrt.analysis.measure.shapes import split_area_at_date_line, split_at_date_line
+from uavrt.analysis.measure.pulse_shapes import split_area_at_date_line, split_at_date_line
 from uavrt.analysis.survey import Survey, read_survey
-from uavrt.clock import iso_utc
+from uavrt.core.clock import iso_utc
+from uavrt.flight.logs.pulse_files import read_pulse_file
+from uavrt.flight.reading.noted_places import mark_note, vehicle_note
+from uavrt.flight.reading.recognise import read_pulse_log, read_pulses
+from uavrt.formats.bearings_csv import read_bearing_file
+from uavrt.formats.positions_csv import read_position_file
 from uavrt.localization.results import Caution, PositionGrid
-from uavrt.recording.formats.bearings_csv import read_bearing_file
-from uavrt.recording.formats.positions_csv import read_position_file
-from uavrt.recording.formats.recognise import read_pulse_log, read_pulses
-from uavrt.recording.places import mark_note, vehicle_note
-from uavrt.recording.pulse_files import read_pulse_file
-from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.scene.scenario import Scenario
 
 WriteFlight = Callable[..., Path]
 

@@ -11,21 +11,21 @@ from archived import flight_task
 from some import some
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
-from uavrt.analysis.bearings import read_bearings
-from uavrt.analysis.positions import read_positions
-from uavrt.clock import flight_stamp
+from uavrt.analysis.estimates.bearings import read_bearings
+from uavrt.analysis.estimates.positions import read_positions
 from uavrt.config.settings import Settings
+from uavrt.core.clock import flight_stamp
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pose, PulsePose
+from uavrt.flight.flight_order import note_flight
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.flight.reading.noted_places import vehicle_note
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
-from uavrt.ground.store.flights import FlightLibrary
+from uavrt.ground.store.stored_flights import FlightLibrary
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import Found, ReadAs, TagBearing, place
-from uavrt.messages import Pose, PulsePose
-from uavrt.recording.flight_order import note_flight
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.places import vehicle_note
-from uavrt.tangent_plane import TangentPlane
+from uavrt.localization.estimates.flight_estimates import Found, ReadAs, TagBearing, place
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from some import some
 
-from uavrt.analysis.bearings import read_bearings
-from uavrt.analysis.flown_with import flight_antenna, flight_settings
-from uavrt.analysis.positions import read_positions
+from uavrt.analysis.estimates.bearings import read_bearings
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.analysis.inputs.flown_with import flight_antenna, flight_settings
 from uavrt.analysis.survey import read_survey
 from uavrt.config.settings import Settings
-from uavrt.errors import UsageError
-from uavrt.localization.flight_estimates import ReadAs, TagBearing
-from uavrt.recording.flight_reader import read_flight
+from uavrt.core.errors import UsageError
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.localization.estimates.flight_estimates import ReadAs, TagBearing
 
 WriteFlight = Callable[..., Path]
 

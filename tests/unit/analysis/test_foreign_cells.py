@@ -11,13 +11,13 @@ import pytest
 from past_flight import TAG, write_flight
 
 from uavrt.analysis.measure.bag import export_bag
-from uavrt.config.code_lists import parse_code_csv
-from uavrt.config.tag_files import parse_tags
-from uavrt.errors import FormatError, TagFileError
+from uavrt.config.tags.code_lists import parse_code_csv
+from uavrt.config.tags.tag_files import parse_tags
+from uavrt.core.errors import FormatError, TagFileError
+from uavrt.formats.csv_line import TableWriter, text_of_cell
 from uavrt.ground.store.tag_csv import read_csv
 from uavrt.ground.store.tag_table import export_text, rows_from_tags
-from uavrt.radio.sigmf import sigmf_layout
-from uavrt.recording.csv_line import TableWriter, text_of_cell
+from uavrt.radio.files.sigmf import sigmf_layout
 
 FORMULAS = ("=1+1", "+cmd|' /C calc'!A0", "-cmd", "@SUM(A1)", "\t=1", '=HYPERLINK("x")')
 PLAIN = ("lynx", "-5.25", "+5", "-5.0 1.0", "1e-3", "", "a=b", "o'hara", "'quoted'")

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.analysis.found_bursts import bursts_of_pulses
-from uavrt.messages import Pulse, PulsePose, Tag
+from uavrt.analysis.inputs.found_bursts import bursts_of_pulses
+from uavrt.core.messages import Pulse, PulsePose, Tag
 
 TAG = Tag(
     tag_id=12,

@@ -8,14 +8,14 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.analysis.bearings import read_bearings
+from uavrt.analysis.estimates.bearings import read_bearings
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import PulsePose
+from uavrt.flight.logs.pulse_files import PulseWriter
+from uavrt.flight.logs.pulse_pose_log import format_line
+from uavrt.formats.pulses.tagtracker import write_tagtracker
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.messages import PulsePose
-from uavrt.recording.formats.tagtracker import write_tagtracker
-from uavrt.recording.pulse_files import PulseWriter
-from uavrt.recording.pulse_pose_log import format_line
-from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9

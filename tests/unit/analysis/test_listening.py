@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.analysis.listening import limits_of, listened_in, within
-from uavrt.clock import iso_intervals, parse_iso_intervals
-from uavrt.integration.energy_grid import SlotEnergies
-from uavrt.localization.heard import PoseColumns
+from uavrt.analysis.inputs.listening_times import limits_of, listened_in, within
+from uavrt.core.clock import iso_intervals, parse_iso_intervals
+from uavrt.localization.estimates.heard import PoseColumns
+from uavrt.localization.whole_flight.energies.energy_grid import SlotEnergies
 
 START_NS = 1_700_000_000_000_000_000
 SECOND = 1_000_000_000

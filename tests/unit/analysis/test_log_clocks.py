@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.analysis.log_clocks import clock_doubts, pulse_doubts
+from uavrt.analysis.inputs.log_clocks import clock_doubts, pulse_doubts
 
 MAY_NS, HOUR_NS = 1_777_615_200 * 10**9, 3600 * 10**9
 

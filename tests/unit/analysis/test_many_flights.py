@@ -9,12 +9,12 @@ from pathlib import Path
 import made
 import pytest
 
+from uavrt.analysis.archive.batch_run import run_batch
+from uavrt.analysis.archive.recordings import find_recordings
+from uavrt.analysis.archive.steps.batch_settings import BatchSettings
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.analysis.season import read_season
-from uavrt.batch.recordings import find_recordings
-from uavrt.batch.run import run_batch
-from uavrt.batch.settings import BatchSettings
-from uavrt.recording.schema import PULSE_COLUMNS, insertion, pulse_row
+from uavrt.flight.database.schema import PULSE_COLUMNS, insertion, pulse_row
 
 FLIGHTS = 40
 _opened: list[int] = [0]

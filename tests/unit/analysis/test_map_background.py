@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from PIL import Image
 from sql import write_mbtiles
 
-from uavrt.analysis.map_files import MapFile, maps_in, read_map, tile_place
-from uavrt.analysis.report.maps import draw_overview
-from uavrt.analysis.report.page import html_page
+from uavrt.analysis.inputs.map_files import MapFile, maps_in, read_map, tile_place
+from uavrt.analysis.report.report_maps import draw_overview
+from uavrt.analysis.report.report_page import html_page
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.cli.app import app
-from uavrt.errors import FormatError
+from uavrt.core.errors import FormatError
 
 CREDIT = "© OpenStreetMap contributors"
 ZOOM = 14

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from some import some
 
-from uavrt.analysis.positions import read_positions
-from uavrt.clock import Clock
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.core.clock import Clock
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import Pose, PulsePose
+from uavrt.flight.reading.noted_places import vehicle_note
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.store.flights import Columns
+from uavrt.ground.store.stored_flights import Columns
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
-from uavrt.localization.flight_estimates import ReadAs, TagPosition
-from uavrt.localization.heard import PulseColumns
-from uavrt.localization.listeners import strengths_of
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.strengths import Strengths
-from uavrt.messages import Pose, PulsePose
-from uavrt.recording.places import vehicle_note
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.elevation_files import open_elevation
+from uavrt.localization.estimates.flight_estimates import ReadAs, TagPosition
+from uavrt.localization.estimates.heard import PulseColumns
+from uavrt.localization.estimates.standing_receivers import strengths_of
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.strengths import Strengths
+from uavrt.localization.terrain.elevation_files import open_elevation
 
 pytestmark = pytest.mark.slow
 

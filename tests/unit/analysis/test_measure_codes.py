@@ -9,7 +9,7 @@ from command_line import uavrt
 from depth import share
 from gapped import GAP_S, KINDS, write_gapped
 
-from uavrt.config.tag_files import parse_tags
+from uavrt.config.tags.tag_files import parse_tags
 
 pytestmark = pytest.mark.slow
 

@@ -16,10 +16,10 @@ from gapped import GAP_S, KINDS, write_gapped
 from uavrt.analysis.measure.measure_tag import measure_tags
 from uavrt.analysis.measure.measured_tag import MeasuredTag
 from uavrt.analysis.measure.pulse_fit import fit_pulse
-from uavrt.config.tag_files import read_tags
+from uavrt.config.tags.tag_files import read_tags
+from uavrt.core.errors import ConfigError, UsageError
 from uavrt.detection.beeps.beats import find_beats
 from uavrt.detection.beeps.interval_fit import fit_beat
-from uavrt.errors import ConfigError, UsageError
 from uavrt.radio.opening import open_recording
 
 pytestmark = pytest.mark.slow
@@ -324,9 +324,9 @@ def test_the_beat_of_regular_times_is_exact() -> None:
 def test_the_command_measures_the_simulators_tag_and_writes_its_entry(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from uavrt.simulation.flight import Flight, Leg
-    from uavrt.simulation.recording import simulate_to_directory
-    from uavrt.simulation.scenario import Radio, Scenario
+    from uavrt.simulation.scene.flight import Flight, Leg
+    from uavrt.simulation.scene.scenario import Radio, Scenario
+    from uavrt.simulation.simulated_recording import simulate_to_directory
 
     scenario = Scenario(
         duration_s=20.0,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.config.tag_files import parse_tags
+from uavrt.config.tags.tag_files import parse_tags
 
 RATE_HZ = 48_000
 CENTER_HZ = 166_380_000

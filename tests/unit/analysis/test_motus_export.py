@@ -8,9 +8,9 @@ import pytest
 
 from uavrt.analysis.export.written import export_survey
 from uavrt.analysis.survey import read_survey
-from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.recording.formats.recognise import read_pulse_log
-from uavrt.recording.pulse_files import PulseWriter
+from uavrt.core.messages import Pulse, PulsePose, Tag
+from uavrt.flight.logs.pulse_files import PulseWriter
+from uavrt.flight.reading.recognise import read_pulse_log
 
 START_NS = 1_700_205_419_500_000_000
 LOW = made.tag(

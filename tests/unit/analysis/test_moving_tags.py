@@ -15,23 +15,23 @@ import pytest
 from command_line import uavrt
 from some import some
 
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.analysis.export.csv_tables import bearing_rows, movebank_csv, tag_paths_csv
 from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.export.gpx import NAMESPACE, gpx_text
 from uavrt.analysis.export.kmz import kml_text
-from uavrt.analysis.export.tables import bearing_rows, movebank_csv, tag_paths_csv
-from uavrt.analysis.positions import read_positions
-from uavrt.analysis.report import words
+from uavrt.analysis.report import report_words as words
 from uavrt.analysis.survey import Survey, read_survey
-from uavrt.clock import iso_utc, told_utc
+from uavrt.core.clock import iso_utc, told_utc
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.formats.bearings_csv import write_bearing_file
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
-from uavrt.ground.store.flights import FlightLibrary
-from uavrt.localization.flight_estimates import ReadAs
+from uavrt.ground.store.stored_flights import FlightLibrary
+from uavrt.localization.estimates.flight_estimates import ReadAs
 from uavrt.localization.results import Position
-from uavrt.recording.formats.bearings_csv import write_bearing_file
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Scenario, SimulatedTag
-from uavrt.tangent_plane import TangentPlane
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Scenario, SimulatedTag
 
 pytestmark = pytest.mark.slow
 

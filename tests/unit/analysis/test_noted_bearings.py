@@ -15,11 +15,11 @@ from tests.unit.analysis.test_bearings import (
 )
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
-from uavrt.analysis.bearings import read_bearings
-from uavrt.analysis.positions import read_positions
+from uavrt.analysis.estimates.bearings import read_bearings
+from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.survey import read_survey
-from uavrt.clock import iso_utc
-from uavrt.errors import FormatError
+from uavrt.core.clock import iso_utc
+from uavrt.core.errors import FormatError
 from uavrt.localization.results import Position
 
 HEADING = "latitude_deg;longitude_deg;tag_id;bearing_deg;time_utc;sigma_deg;who\n"

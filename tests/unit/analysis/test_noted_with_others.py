@@ -12,11 +12,11 @@ from tests.unit.analysis.test_bearings import STATIONS, flown, true_bearing
 from tests.unit.analysis.test_noted_bearings import from_there, miss_m, noted
 from tests.unit.analysis.test_tags_of_several_logs import as_log, pings
 
-from uavrt.analysis.positions import read_positions
+from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.survey import read_survey
-from uavrt.clock import iso_utc
-from uavrt.localization.flight_estimates import ReadAs
-from uavrt.messages import PulsePose
+from uavrt.core.clock import iso_utc
+from uavrt.core.messages import PulsePose
+from uavrt.localization.estimates.flight_estimates import ReadAs
 
 OFF_THE_TURNS = ((-250.0, 0.0), (0.0, 0.0), (400.0, 300.0))
 LEFT_OUT = "of turns in these flights: left out"

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from sql import write_mbtiles
 
-from uavrt.analysis.map_files import maps_in, read_map
-from uavrt.errors import FormatError
-from uavrt.ground.listeners import encode
-from uavrt.ground.web.maps import map_list
+from uavrt.analysis.inputs.map_files import maps_in, read_map
+from uavrt.core.errors import FormatError
+from uavrt.ground.page_listeners import encode
+from uavrt.ground.web.routes.map_routes import map_list
 
 ODD = (None, "", "a,b,c,d", "1,2,3", "nan,nan,nan,nan", "0,-91,1,91", b"\xff\xfe", -1, 1e999)
 

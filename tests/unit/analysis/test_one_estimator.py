@@ -13,14 +13,14 @@ from depth import seeds
 from some import some
 from turned import TurnedFlight, turned_flight
 
-from uavrt.analysis.bearings import read_bearings
-from uavrt.analysis.positions import read_positions
-from uavrt.analysis.records import bearing_record, position_record
+from uavrt.analysis.estimates.bearings import read_bearings
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.analysis.estimates.records import bearing_record, position_record
 from uavrt.analysis.survey import read_survey
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.store.flights import FlightLibrary
+from uavrt.ground.store.stored_flights import FlightLibrary
 from uavrt.localization.antenna import MONOPOLE
 
 pytestmark = pytest.mark.slow

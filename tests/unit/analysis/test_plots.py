@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.analysis.measure.waterfall import COLUMNS, MaximumHold, Waterfall
-from uavrt.analysis.plots import DetectionPlots, draw_beat, draw_snr, draw_waterfall
-from uavrt.errors import RecordingError
-from uavrt.messages import ChannelBlock, Pulse
+from uavrt.analysis.report.plots import DetectionPlots, draw_beat, draw_snr, draw_waterfall
+from uavrt.core.errors import RecordingError
+from uavrt.core.messages import ChannelBlock, Pulse
 
 RATE_HZ = 3750.0
 START_NS = 1_777_788_000_000_000_000  # 2026-05-03T06:00:00Z

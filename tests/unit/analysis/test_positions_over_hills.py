@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.cli.export import export
-from uavrt.cli.localize import localize
-from uavrt.cli.placing import Placing
-from uavrt.errors import FormatError, UsageError
-from uavrt.integration.places import places_around
+from uavrt.cli.options.placing_options import Placing
+from uavrt.cli.results.export import export
+from uavrt.cli.results.localize import localize
+from uavrt.core.errors import FormatError, UsageError
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.heard import PoseColumns
-from uavrt.terrain.hill_losses import HillLosses
+from uavrt.localization.estimates.heard import PoseColumns
+from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.whole_flight.tag_places import places_around
 from uavrt_experiments.search.terrain import PLANE, elevation_of
 
 WriteFlight = Callable[..., Path]

@@ -15,25 +15,25 @@ import numpy as np
 import pytest
 from some import some
 
-from uavrt.analysis.bearings import heard_in_flight
+from uavrt.analysis.estimates.bearings import heard_in_flight
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.analysis.estimates.power_survey import signal_of
 from uavrt.analysis.export.written import export_survey
-from uavrt.analysis.positions import read_positions
-from uavrt.analysis.power_survey import signal_of
-from uavrt.analysis.report import words
+from uavrt.analysis.report import report_words as words
 from uavrt.analysis.report.document import pdf_document
-from uavrt.analysis.report.page import html_page
+from uavrt.analysis.report.report_page import html_page
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.cli.app import app
-from uavrt.errors import UsageError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.localization.antenna import monopole_gain_db
-from uavrt.localization.flight_estimates import ReadAs, estimate, power_track
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.power_evidence import PowerTrack
-from uavrt.recording.flight_reader import read_flight
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Scenario
-from uavrt.tangent_plane import TangentPlane
+from uavrt.localization.estimates.flight_estimates import ReadAs, estimate, power_track
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.power_evidence import PowerTrack
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Scenario
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from depth import share
 
-from uavrt.cli.export import export
-from uavrt.cli.localize import localize
-from uavrt.cli.placing import Placing
-from uavrt.cli.report import report
+from uavrt.cli.options.placing_options import Placing
+from uavrt.cli.results.export import export
+from uavrt.cli.results.localize import localize
+from uavrt.cli.results.report import report
 
 WriteFlight = Callable[..., Path]
 PRIORS: dict[str, dict[str, Any]] = {

@@ -6,14 +6,14 @@ import made
 import pytest
 
 from uavrt.analysis.measure.redetect import FlightWriter
-from uavrt.attitude import yaw_deg
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
-from uavrt.errors import RecordingError
-from uavrt.messages import Pulse, StatusText
-from uavrt.recording.detector_configs import read_detector_config
-from uavrt.recording.flight_reader import Flight, read_flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import FlightLayout
+from uavrt.core.earth.attitude import yaw_deg
+from uavrt.core.errors import RecordingError
+from uavrt.core.messages import Pulse, StatusText
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.logs.detector_configs import read_detector_config
+from uavrt.flight.reading.flight_reader import Flight, read_flight
 
 START_NS = 1_700_000_000_000_000_000
 TAGS = (made.tag(2, 148.71e6, 1.0), made.tag(9, 148.72e6, 1.0))

@@ -16,23 +16,27 @@ from matplotlib.transforms import Bbox
 from some import some
 from sql import sql
 
-from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, learnt_antenna, read_recorded
-from uavrt.analysis.facts import Facts, facts_of, write_facts
-from uavrt.analysis.report import words
+from uavrt.analysis.estimates.bearings import (
+    NO_BEARINGS_FROM_THESE,
+    learnt_antenna,
+    read_recorded,
+)
+from uavrt.analysis.inputs.flight_facts import Facts, facts_of, write_facts
+from uavrt.analysis.report import report_words as words
 from uavrt.analysis.report.document import _Book, pdf_document
-from uavrt.analysis.report.maps import draw_overview, draw_tag_map
-from uavrt.analysis.report.page import html_page
+from uavrt.analysis.report.report_maps import draw_overview, draw_tag_map
+from uavrt.analysis.report.report_page import html_page
+from uavrt.analysis.report.report_times import draw_times
 from uavrt.analysis.report.roses import draw_roses
 from uavrt.analysis.report.searches import searches_of, sentences
 from uavrt.analysis.report.style import new_figure, styled
-from uavrt.analysis.report.times import draw_times
 from uavrt.analysis.survey import Survey, read_survey
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import SearchNote, SoughtTag
+from uavrt.flight.reading.flight_reader import read_search_notes
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import ReadAs
-from uavrt.messages import SearchNote, SoughtTag
-from uavrt.recording.flight_reader import read_search_notes
-from uavrt.simulation.scenario import Scenario
+from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.simulation.scene.scenario import Scenario
 
 pytestmark = pytest.mark.slow
 

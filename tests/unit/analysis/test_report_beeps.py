@@ -5,11 +5,11 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.analysis.report import words
-from uavrt.analysis.report.page import html_page
+from uavrt.analysis.report import report_words as words
+from uavrt.analysis.report.report_page import html_page
 from uavrt.analysis.survey import read_survey
-from uavrt.messages import BeepKind
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.core.messages import BeepKind
+from uavrt.flight.flight_recorder import FlightRecorder
 
 pytestmark = pytest.mark.slow
 

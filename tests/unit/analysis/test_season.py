@@ -9,12 +9,12 @@ import pytest
 
 from uavrt.analysis.season import read_season
 from uavrt.cli.app import app
-from uavrt.clock import Clock
-from uavrt.errors import FormatError
-from uavrt.messages import PulsePose, Tag
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.outline import battery_note
-from uavrt.recording.places import vehicle_note
+from uavrt.core.clock import Clock
+from uavrt.core.errors import FormatError
+from uavrt.core.messages import PulsePose, Tag
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.noted_places import vehicle_note
+from uavrt.flight.reading.outline import battery_note
 
 SECOND = 1_000_000_000
 MAY_NS = 1_777_600_000 * SECOND

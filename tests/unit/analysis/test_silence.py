@@ -12,18 +12,18 @@ import pytest
 from joined import joined
 from sql import sql
 
-from uavrt.analysis.whole_flight import JudgeAs, searched_for
-from uavrt.cli.coverage import coverage
-from uavrt.cli.report import report
-from uavrt.clock import iso_intervals
-from uavrt.config.tag_files import write_tags
-from uavrt.errors import FormatError, UsageError
+from uavrt.analysis.whole_flights.judged_flights import JudgeAs, searched_for
+from uavrt.cli.prediction.coverage import coverage
+from uavrt.cli.results.report import report
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.core.clock import iso_intervals
+from uavrt.core.earth.tangent_plane import plane_around
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.flight.integrated import IntegratedVerdict, write_integrated
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.flight_maps import CoverageMapJobs, CoverageMapRequest
+from uavrt.ground.web.work.flight_maps import CoverageMapJobs, CoverageMapRequest
 from uavrt.localization.antenna import pattern_named
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.integrated import IntegratedVerdict, write_integrated
-from uavrt.tangent_plane import plane_around
 
 pytestmark = pytest.mark.slow
 

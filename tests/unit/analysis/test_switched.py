@@ -17,16 +17,16 @@ from uavrt.analysis.measure.switched import (
     switched_bearings,
 )
 from uavrt.cli.app import app
-from uavrt.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import PulsePose
+from uavrt.core.units import SPEED_OF_LIGHT_M_S
 from uavrt.localization.angles import difference_deg
-from uavrt.messages import PulsePose
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.antenna_switch import AntennaSwitch
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.recording import simulate_to_directory
-from uavrt.simulation.scenario import Radio, Scenario
-from uavrt.simulation.world import World
-from uavrt.units import SPEED_OF_LIGHT_M_S
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.antenna_switch import AntennaSwitch
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Radio, Scenario
+from uavrt.simulation.scene.world import World
+from uavrt.simulation.simulated_recording import simulate_to_directory
 from uavrt_experiments.localization.array_bars import switched_bound_deg
 
 RATE_HZ = 48_000.0

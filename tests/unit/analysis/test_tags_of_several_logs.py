@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.analysis.positions import read_positions
+from uavrt.analysis.estimates.positions import read_positions
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import PulsePose
+from uavrt.flight.logs.pulse_files import PulseWriter
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import ReadAs, TagPosition
-from uavrt.messages import PulsePose
-from uavrt.recording.pulse_files import PulseWriter
-from uavrt.tangent_plane import TangentPlane
+from uavrt.localization.estimates.flight_estimates import ReadAs, TagPosition
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9

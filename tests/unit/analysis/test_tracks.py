@@ -16,28 +16,28 @@ from hypothesis import strategies as st
 from some import some
 
 from uavrt.analysis.tracks.attach import attach_poses, estimate_offset
-from uavrt.analysis.tracks.dataflash import read_dataflash
-from uavrt.analysis.tracks.declination import declination_deg
-from uavrt.analysis.tracks.points import MAGNETIC, read_nmea
 from uavrt.analysis.tracks.recognised import read_track
 from uavrt.analysis.tracks.tlog import read_tlog
-from uavrt.analysis.tracks.track import VehicleTrack
-from uavrt.analysis.tracks.ulog import read_ulog
-from uavrt.attitude import euler_deg, from_euler_deg, yaw_deg
-from uavrt.clock import iso_utc
-from uavrt.errors import FormatError, UsageError
+from uavrt.core.clock import iso_utc
+from uavrt.core.earth.attitude import euler_deg, from_euler_deg, yaw_deg
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import AttitudeSample, Pose, PositionSample, PulsePose
+from uavrt.flight.logs.pulse_files import PulseWriter
+from uavrt.flight.reading.flight_reader import Flight, read_flight
+from uavrt.formats.tracks.dataflash import read_dataflash
+from uavrt.formats.tracks.declination import declination_deg
+from uavrt.formats.tracks.gps_tracks import MAGNETIC, read_nmea
+from uavrt.formats.tracks.track import VehicleTrack
+from uavrt.formats.tracks.ulog import read_ulog
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.mavlink.message import Message
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import bearings_of
-from uavrt.localization.heard import Heard
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.messages import AttitudeSample, Pose, PositionSample, PulsePose
-from uavrt.recording.flight_reader import Flight, read_flight
-from uavrt.recording.pulse_files import PulseWriter
-from uavrt.simulation.telemetry import telemetry_message
-from uavrt.tangent_plane import TangentPlane
+from uavrt.localization.estimates.flight_estimates import bearings_of
+from uavrt.localization.estimates.heard import Heard
+from uavrt.simulation.vehicle.telemetry import telemetry_message
 
 pytestmark = pytest.mark.slow
 

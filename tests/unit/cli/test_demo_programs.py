@@ -4,8 +4,8 @@ import socket
 
 import pytest
 
-from uavrt.demo.programs import demo_environment, free_ros_domain
-from uavrt.ros2.dds import reach_of
+from uavrt.link.ros2.network.dds import reach_of
+from uavrt.simulation.demo.demo_programs import demo_environment, free_ros_domain
 
 
 def test_the_demo_s_ros_domain_is_nobody_s(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,10 +2,10 @@
 
 import made
 
-from uavrt.demo.summary import sampled_span, summarize_tag
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.world import World
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.simulation.demo.summary import sampled_span, summarize_tag
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.world import World
 
 
 def test_pulses_before_the_first_reported_sample_are_not_false() -> None:

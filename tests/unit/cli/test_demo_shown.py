@@ -14,14 +14,14 @@ from command_line import uavrt
 from pulses import pulse_at
 from rich.console import Console
 
-from uavrt.demo.search import SearchSummary, SoughtAnimal
-from uavrt.demo.telling import in_plain_words
-from uavrt.demo.view import DemoView, TagView
-from uavrt.demo.watch import samples_lost
-from uavrt.demo.workplace import LOCK, sweep, workplace
-from uavrt.errors import UavrtError
-from uavrt.messages import SearchNote, SoughtTag
-from uavrt.simulation.demo_world import demo_scenario
+from uavrt.core.errors import UavrtError
+from uavrt.core.messages import SearchNote, SoughtTag
+from uavrt.simulation.demo.demo_search import SearchSummary, SoughtAnimal
+from uavrt.simulation.demo.telling import in_plain_words
+from uavrt.simulation.demo.view import DemoView, TagView
+from uavrt.simulation.demo.watch import samples_lost
+from uavrt.simulation.demo.workplace import LOCK, sweep, workplace
+from uavrt.simulation.scene.demo_world import demo_scenario
 
 PROCESSES = ("receiver", "detector-1", "connection", "recorder", "supervisor", "ros2")
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.demo.summary import true_bursts
-from uavrt.demo.worlds import flight_world, search_world
-from uavrt.errors import UsageError
-from uavrt.simulation.demo_world import demo_scenario, search_scenario
-from uavrt.simulation.scenario_file import write_scenario
-from uavrt.simulation.world import World
+from uavrt.core.errors import UsageError
+from uavrt.simulation.demo.summary import true_bursts
+from uavrt.simulation.demo.worlds import flight_world, search_world
+from uavrt.simulation.scene.demo_world import demo_scenario, search_scenario
+from uavrt.simulation.scene.scenario_file import write_scenario
+from uavrt.simulation.scene.world import World
 
 GIVEN = demo_scenario(60.0, 7, coded=True)
 

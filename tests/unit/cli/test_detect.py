@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.ipc.pulse_datagram import PulseRecord
+from uavrt.drone.ipc.pulse_datagram import PulseRecord
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
 
 SECONDS = 14.0

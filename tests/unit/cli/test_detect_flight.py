@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.attitude import yaw_deg
-from uavrt.clock import iso_utc
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.core.clock import iso_utc
+from uavrt.core.earth.attitude import yaw_deg
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import read_flight
 
 CENTER_HZ, RATE_HZ, SECONDS = 148.7e6, 375_000, 12
 START_NS = 1_714_543_200_000_000_000

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from uavrt.cli.fly import fly
-from uavrt.errors import ConfigError
+from uavrt.cli.system.fly import fly
+from uavrt.core.errors import ConfigError
 
 
 @pytest.mark.parametrize(

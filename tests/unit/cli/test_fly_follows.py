@@ -8,19 +8,24 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.cli.fly import _Terminal
-from uavrt.commands import SystemState
-from uavrt.demo.programs import free_udp_port
-from uavrt.errors import LinkError, TunnelError
+from uavrt.cli.system.fly import _Terminal
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import LinkError, TunnelError
+from uavrt.core.messages import MotionRequest
 from uavrt.ground.link.keys import LinkKeys
-from uavrt.ground.link.motion import motion_request
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.messages import MotionRequest
-from uavrt.tunnel.convert import heartbeat_to_wire
-from uavrt.tunnel.motion import MotionConfirmation, MotionState, decode_motion, encode_state
-from uavrt.tunnel.private import MOTION_STATE_TYPE
-from uavrt.tunnel.wire import PAYLOAD_TYPE
+from uavrt.ground.link.motions.motion_requests import motion_request
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
+from uavrt.link.tunnel.own_messages.motion_messages import (
+    MotionConfirmation,
+    MotionState,
+    decode_motion,
+    encode_state,
+)
+from uavrt.link.tunnel.own_messages.private import MOTION_STATE_TYPE
+from uavrt.link.tunnel.tunnel_records import heartbeat_to_wire
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 EARLIER, ORDER, LATER = 3, 5, 7
 

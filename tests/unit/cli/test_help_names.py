@@ -7,8 +7,8 @@ import pytest
 from uavrt.analysis.export.written import EXPORT_FORMATS
 from uavrt.cli.app import run
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.bearing.estimate import ADDED_METHODS as BEARING_METHODS
-from uavrt.localization.position.estimate import ADDED_METHODS as POSITION_METHODS
+from uavrt.localization.bearing.estimate_bearing import ADDED_METHODS as BEARING_METHODS
+from uavrt.localization.position.estimate_position import ADDED_METHODS as POSITION_METHODS
 
 
 def help_of(

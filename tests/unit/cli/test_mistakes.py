@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.recording.pulse_files import PulseWriter
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.recording import simulate_to_directory
+from uavrt.flight.logs.pulse_files import PulseWriter
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.simulated_recording import simulate_to_directory
 
 TAG = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
 RADIO = "--sample-rate 250e3 --center-frequency 148.7e6"

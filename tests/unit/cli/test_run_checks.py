@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from uavrt.cli.run import check_link, without_autopilot
+from uavrt.cli.system.run import check_link, without_autopilot
 from uavrt.config.settings import MavlinkSettings, PoseSettings, Settings
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
 
 
 def settings(**mavlink: Any) -> Settings:

@@ -7,7 +7,7 @@ import pytest
 from command_line import uavrt
 from tests.unit.cli import test_detect
 
-from uavrt.config.tag_files import read_tags
+from uavrt.config.tags.tag_files import read_tags
 
 RATE_HZ = 8000.0
 RADIO = ("--sample-rate", "8e3", "--center-frequency", "148.7e6")

@@ -5,11 +5,11 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.cli.tags import correct
-from uavrt.config.tag_files import read_tags, write_tags
-from uavrt.messages import Beep, BeepKind, Tag
-from uavrt.recording.flight_reader import read_beeps
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.cli.signals.tags import correct
+from uavrt.config.tags.tag_files import read_tags, write_tags
+from uavrt.core.messages import Beep, BeepKind, Tag
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import read_beeps
 
 TAG = made.tag(2, 148_710_000.0, interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 OTHER = made.tag(4, 148_760_000.0, 1.0)

@@ -5,7 +5,7 @@ import os
 import time
 from typing import TextIO
 
-from uavrt.cli.terminal_lines import TerminalLines
+from uavrt.cli.shown.terminal_lines import TerminalLines
 
 
 def pipe() -> tuple[TextIO, TextIO]:

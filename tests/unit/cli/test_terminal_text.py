@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from rich.table import Table
 
-from uavrt.cli.terminal_text import TerminalText, harmless
+from uavrt.cli.shown.terminal_text import TerminalText, harmless
 
 TITLE, CLIPBOARD = "\x1b]0;owned\x07", "\x1b]52;c;ZWNobw==\x07"
 

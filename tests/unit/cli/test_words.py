@@ -5,12 +5,12 @@ from pathlib import Path
 
 from past_flight import write_flight
 
-from uavrt.analysis.report.words import health_table
+from uavrt.analysis.report.report_words import health_table
 from uavrt.analysis.survey import read_survey
-from uavrt.cli.ground import _text_of
-from uavrt.cli.words import counted
-from uavrt.commands import SystemState
-from uavrt.messages import Health
+from uavrt.cli.shown.plurals import counted
+from uavrt.cli.system.ground import _text_of
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Health
 
 
 def test_one_thing_is_not_told_as_several() -> None:

@@ -8,9 +8,9 @@ import made
 import pytest
 import yaml
 
-from uavrt.config.code_rules import near_codes, words_of_near_codes
-from uavrt.config.tag_files import parse_tags, read_tags, write_tags
-from uavrt.errors import ConfigError, TagFileError, UsageError
+from uavrt.config.tags.code_rules import near_codes, words_of_near_codes
+from uavrt.config.tags.tag_files import parse_tags, read_tags, write_tags
+from uavrt.core.errors import ConfigError, TagFileError, UsageError
 
 TOML = """\
 [defaults]

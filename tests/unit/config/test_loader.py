@@ -14,7 +14,7 @@ from uavrt.config.loader import (
     write_default_settings,
 )
 from uavrt.config.settings import AntennaSettings, RadioSettings, Settings
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
 from uavrt.planning.planners.registry import PLANNERS
 
 

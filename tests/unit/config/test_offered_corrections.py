@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.config.tag_corrections import (
+from uavrt.config.tags.tag_corrections import (
     MEASURED,
     TagCorrection,
     correction_of,
@@ -16,7 +16,7 @@ from uavrt.config.tag_corrections import (
     standing_corrections,
     still_holds,
 )
-from uavrt.messages import Beep, BeepKind, Tag
+from uavrt.core.messages import Beep, BeepKind, Tag
 
 TAG = made.tag(2, 148_710_000.0, interval_uncertainty_s=0.01)
 NEAR = made.tag(6, 148_710_400.0, 0.9, interval_uncertainty_s=0.01)

@@ -17,8 +17,8 @@ from uavrt.config.parameters import (
 )
 from uavrt.config.radios import RADIOS
 from uavrt.config.settings import DetectionSettings, OperatingModeName, RadioSettings, Settings
+from uavrt.core.errors import ConfigError
 from uavrt.detection.modes import OperatingMode
-from uavrt.errors import ConfigError
 
 TAG = made.tag()
 

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.computer.service import rule_text
 from uavrt.config.loader import load_settings
 from uavrt.config.parameters import with_parameter
 from uavrt.config.radios import RADIOS, RadioRow
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
+from uavrt.drone.computer.service import rule_text
+from uavrt.flight.flight_layout import FlightLayout
 from uavrt.radio.formats import sample_format
-from uavrt.radio.programs import ARGUMENTS
-from uavrt.recording.layout import FlightLayout
+from uavrt.radio.receivers.radio_programs import ARGUMENTS
 
 ROOT = Path(__file__).parents[3]
 EACH = pytest.mark.parametrize("radio", RADIOS.values(), ids=lambda row: row.kind)

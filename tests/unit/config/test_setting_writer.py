@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.config.loader import default_settings_text, load_settings
 from uavrt.config.setting_writer import change_settings
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
 
 BY_HAND = """\
 # Lynx, the drone with the blue arms

@@ -7,10 +7,10 @@ import made
 import pytest
 from some import some
 
-from uavrt.config.tag_corrections import TagCorrection, correction_of, still_holds
-from uavrt.ground.link.command_payloads import CommandEncoder
-from uavrt.messages import BeepKind, Command
-from uavrt.tunnel.exchange import Exchange
+from uavrt.config.tags.tag_corrections import TagCorrection, correction_of, still_holds
+from uavrt.core.messages import BeepKind, Command
+from uavrt.ground.link.requests.command_payloads import CommandEncoder
+from uavrt.link.tunnel.drone_exchange import Exchange
 
 TAG = made.tag(2, 148_710_000.0, interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 

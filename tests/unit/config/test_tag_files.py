@@ -8,10 +8,10 @@ import made
 import pytest
 from some import some
 
-from uavrt.config.tag_files import faults_of_tags, parse_tags, read_tags, write_tags
-from uavrt.detection.checks import check_searchable
-from uavrt.errors import ConfigError, TagFileError
-from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY
+from uavrt.config.tags.tag_files import faults_of_tags, parse_tags, read_tags, write_tags
+from uavrt.core.errors import ConfigError, TagFileError
+from uavrt.core.messages import DEFAULT_FALSE_ALARM_PROBABILITY
+from uavrt.detection.detector_checks import check_searchable
 
 HEADING = (
     "# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k, "

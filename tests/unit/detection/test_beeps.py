@@ -8,14 +8,14 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver
-from uavrt.config.tag_corrections import correction_of, shared_offset_ppm, words_of_beeps
+from uavrt.config.tags.tag_corrections import correction_of, shared_offset_ppm, words_of_beeps
+from uavrt.core.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.detection.beeps.beats import FoundBeat, find_beats
+from uavrt.detection.beeps.beep_points import Points, PointSearch
+from uavrt.detection.beeps.beep_search import BeepSearch
+from uavrt.detection.beeps.beep_trains import Train, find_trains
 from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.detection.beeps.naming import name_trains
-from uavrt.detection.beeps.points import Points, PointSearch
-from uavrt.detection.beeps.search import BeepSearch
-from uavrt.detection.beeps.trains import Train, find_trains
-from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt_experiments.detection.beeping import (
     Beeper,
     Scene,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from depth import share
 
+from uavrt.core.messages import Pulse, Tag
 from uavrt.detection.modes import OperatingMode
-from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 

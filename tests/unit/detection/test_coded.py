@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt import native
-from uavrt.detection.coded.detector import CodedDetector
-from uavrt.messages import Pulse, Tag
+from uavrt.core.messages import Pulse, Tag
+from uavrt.core.runtime import native
+from uavrt.detection.coded.coded_detector import CodedDetector
 from uavrt_experiments.detection.coded import add_burst, find, some_codes
 from uavrt_experiments.detection.signals import START_NS, noise
 

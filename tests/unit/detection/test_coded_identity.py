@@ -7,9 +7,9 @@ import pytest
 from foreign_bursts import Transmitter, send, white_noise
 from numpy.typing import NDArray
 
-from uavrt.detection.coded.detector import CodedDetector
-from uavrt.detection.coded.evidence import evidence, required_evidence
-from uavrt.messages import Pulse, Tag
+from uavrt.core.messages import Pulse, Tag
+from uavrt.detection.coded.code_evidence import evidence, required_evidence
+from uavrt.detection.coded.coded_detector import CodedDetector
 from uavrt_experiments.detection.coded_statistics import codes_and_strangers, confusions
 
 RATE_HZ = 7500.0

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.detection.coded.cells import Cells
+from uavrt.core.messages import Tag
 from uavrt.detection.coded.limits import rayleigh_limit
 from uavrt.detection.coded.refinement import refine
-from uavrt.messages import Tag
+from uavrt.detection.coded.slot_cells import Cells
 from uavrt_experiments.detection.coded import RATE_HZ, WINDOW_HZ, add_burst, some_codes
 from uavrt_experiments.detection.signals import noise
 

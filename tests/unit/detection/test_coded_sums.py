@@ -8,10 +8,10 @@ import pytest
 from depth import share
 from numpy.typing import NDArray
 
-from uavrt import native
-from uavrt.detection.coded.cells import Cells
-from uavrt.detection.coded.folds import Waiting
-from uavrt.detection.coded.judging import Burst, Overlaps, may_suffice, weigh
+from uavrt.core.runtime import native
+from uavrt.detection.coded.code_folds import Waiting
+from uavrt.detection.coded.code_judging import Burst, Overlaps, may_suffice, weigh
+from uavrt.detection.coded.slot_cells import Cells
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold, make_code_book
 from uavrt_experiments.detection.coded import some_codes
 

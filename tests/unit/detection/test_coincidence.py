@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.detection.track.coincidence import by_chance, of_ghosts
+from uavrt.detection.track.transmitters.coincidence import by_chance, of_ghosts
 
 
 def drawn(

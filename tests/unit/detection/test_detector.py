@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from some import some
 
+from uavrt.core.errors import ConfigError
 from uavrt.detection.modes import OperatingMode
-from uavrt.errors import ConfigError
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, noise
 from uavrt_experiments.detection.trials import blocks_of, compare, detect
 

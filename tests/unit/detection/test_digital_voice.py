@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from uavrt.core.messages import IQBlock
 from uavrt.detection.detector import PulseDetector
 from uavrt.dsp.frontend import FrontEnd
-from uavrt.messages import IQBlock
 from uavrt_experiments.detection.interference import impulses
 from uavrt_experiments.detection.neighbours import Neighbour
 from uavrt_experiments.detection.signals import (

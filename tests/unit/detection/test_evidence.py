@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from uavrt.detection.search.evidence import Evidence, gate
 from uavrt.detection.search.grid import make_grid
+from uavrt.detection.search.group_evidence import Evidence, gate
 from uavrt.detection.search.refine import Refiner
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, make_samples
 
 RATE_HZ = 3750.0

@@ -6,11 +6,11 @@ import made
 import numpy as np
 import pytest
 
+from uavrt.core.messages import Pulse
 from uavrt.detection.search.hypotheses import Candidate, best_first
 from uavrt.detection.search.noise import RowNoise
 from uavrt.detection.search.thresholds import young_margin
 from uavrt.detection.search.tuning import THRESHOLDS
-from uavrt.messages import Pulse
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, noise
 from uavrt_experiments.detection.trials import Flight, compare, detect
 

@@ -9,7 +9,7 @@ from some import some
 
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.refine import Measured, Refiner
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.measure.recorded_pulses import DetectionSummary, detect
 from uavrt.config.ghost_places import Receiver
-from uavrt.messages import Pulse, Tag
+from uavrt.core.messages import Pulse, Tag
 from uavrt.radio.opening import open_recording
 from uavrt_experiments.detection.ghosts import WITH_CARRIER, WITH_SECOND, Ghosts
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples

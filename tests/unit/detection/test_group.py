@@ -8,9 +8,9 @@ import pytest
 from depth import share
 from numpy.typing import NDArray
 
+from uavrt.core.messages import Pulse, Tag
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.group import DetectorGroup
-from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 RATE_HZ = 3750.0

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.detection.signal.carrier_lines import LineCanceller
-from uavrt.detection.signal.samples import Counters, SampleBuffer
+from uavrt.detection.signal.sample_buffer import Counters, SampleBuffer
 from uavrt.detection.signal.signal_cleaning import Cleaner
 from uavrt_experiments.detection.interference import carrier, coloured_noise, impulses
 from uavrt_experiments.detection.signals import (

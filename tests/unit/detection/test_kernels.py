@@ -10,11 +10,11 @@ import pytest
 from depth import share
 from numpy.typing import NDArray
 
-from uavrt import native
+from uavrt.core.messages import Pulse, Tag
+from uavrt.core.runtime import native
 from uavrt.detection.group import DetectorGroup
 from uavrt.detection.search.grid import Spectrogram, make_grid
 from uavrt.detection.search.levelling import Leveller
-from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from uavrt.detection.search.grid import Spectrogram, make_grid
 from uavrt.detection.search.levelling import Leveller
 from uavrt.detection.search.refine import Measured, Refiner
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 from uavrt_experiments.detection.rising import Rise, rising_noise
 from uavrt_experiments.detection.signals import (
     START_NS,

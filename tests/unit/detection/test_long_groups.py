@@ -6,9 +6,9 @@ import made
 import numpy as np
 import pytest
 
+from uavrt.core.messages import Tag
 from uavrt.detection.search.hypotheses import Candidate
 from uavrt.detection.search.long_groups import LongSearch
-from uavrt.messages import Tag
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 RATE_HZ = 3750.0

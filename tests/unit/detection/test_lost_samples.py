@@ -8,9 +8,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from uavrt.core.messages import IQBlock, Pulse
 from uavrt.detection.detector import PulseDetector
 from uavrt.dsp.frontend import FrontEnd
-from uavrt.messages import IQBlock, Pulse
 from uavrt_experiments.detection.signals import THESIS_TAG
 
 RATE_HZ = 60_000.0

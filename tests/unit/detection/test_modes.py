@@ -7,11 +7,11 @@ import made
 import numpy as np
 import pytest
 
+from uavrt.core.messages import Pulse
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.search.grid import make_grid
-from uavrt.detection.search.rates import make_searches
-from uavrt.messages import Pulse
+from uavrt.detection.search.rate_hypotheses import make_searches
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import compare, detect
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.refine import Measured, Refiner
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 from uavrt_experiments.detection.company import Neighbour
 from uavrt_experiments.detection.signals import TruePulse, make_samples
 

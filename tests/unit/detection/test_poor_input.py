@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from uavrt.core.messages import BeepKind, IQBlock
 from uavrt.dsp.input_check import GAIN_TOO_LOW, UNEQUAL, WRONG_FORMAT, InputCheck
-from uavrt.messages import BeepKind, IQBlock
 from uavrt_experiments.detection.beeping import (
     CENTER_HZ,
     Beeper,

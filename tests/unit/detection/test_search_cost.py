@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from uavrt.cli import detect
-from uavrt.clock import cpu_s
+from uavrt.cli.signals import detect
 from uavrt.config.settings import DetectionSettings
+from uavrt.core.clock import cpu_s
+from uavrt.core.messages import Tag
 from uavrt.detection.search_costs import search_cost
-from uavrt.messages import Tag
 from uavrt_experiments.detection.signals import THESIS_TAG
 
 pytestmark = pytest.mark.slow

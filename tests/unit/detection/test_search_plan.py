@@ -5,12 +5,12 @@ import math
 import made
 import pytest
 
-from uavrt.clock import cpu_s
 from uavrt.config.settings import DetectionSettings
+from uavrt.core.clock import cpu_s
+from uavrt.core.errors import ConfigError, TunerError
 from uavrt.detection import search_plan
 from uavrt.detection.search_plan import SearchPlan, plan_search
 from uavrt.dsp.frontend import FrontEnd
-from uavrt.errors import ConfigError, TunerError
 
 
 def planned(

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from depth import share
 
+from uavrt.core.messages import Pulse, Tag
 from uavrt.detection.group import DetectorGroup
-from uavrt.detection.track.senders import interval_separation, small_ratio
-from uavrt.messages import Pulse, Tag
+from uavrt.detection.track.transmitters.train_senders import interval_separation, small_ratio
 from uavrt_experiments.detection.one_band import OneBand
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of

@@ -5,9 +5,9 @@ from itertools import pairwise
 import made
 import pytest
 
+from uavrt.core.messages import Tag
 from uavrt.detection.sensitivity import detection_probability, enr_needed_db
-from uavrt.guidance.pulse_evidence import threshold_db
-from uavrt.messages import Tag
+from uavrt.guidance.search.pulse_evidence import threshold_db
 
 
 def tag(k: int, uncertainty_s: float = 0.060, jitter_s: float = 0.010) -> Tag:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import pytest
 
-from uavrt.detection.track.assignment import best_assignment, losses, parts
+from uavrt.detection.track.transmitters.train_assignment import best_assignment, losses, parts
 
 Worth = Mapping[int, float]
 

@@ -9,12 +9,12 @@ import pytest
 from depth import share
 from some import some
 
-from uavrt.demo.summary import summarize_tag
+from uavrt.core.messages import Pulse
 from uavrt.detection.detector import PulseDetector
 from uavrt.dsp.frontend import FrontEnd
-from uavrt.messages import Pulse
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.world import World
+from uavrt.simulation.demo.summary import summarize_tag
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.world import World
 from uavrt_experiments.simulated_source import SimulatedSource
 
 RATE_HZ = 375_000.0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from depth import seeds
 
+from uavrt.core.messages import Pulse
 from uavrt.detection.track.two_rates import log_evidence
-from uavrt.messages import Pulse
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import detect
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from uavrt.core.messages import SearchReport, Tag
 from uavrt.detection.track.search_band import SearchBand
-from uavrt.messages import SearchReport, Tag
-from uavrt.recording.flight_reader import read_search_reports
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import read_search_reports
 from uavrt_experiments.detection.neighbours import MainsSparks, Neighbour, Noise
 from uavrt_experiments.detection.signals import THESIS_TAG, add_pulse, noise, pulse_train
 from uavrt_experiments.detection.trials import Decision, blocks_of

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from filter_response import response_db
 
+from uavrt.core.errors import UsageError
 from uavrt.dsp.channelizer import Channelizer
 from uavrt.dsp.filters import bank_taps, compatible_bank_taps
-from uavrt.errors import UsageError
 
 Complex = np.ndarray[tuple[int], np.dtype[np.complex64]]
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from filter_response import response_db
 
+from uavrt.core.errors import UsageError
 from uavrt.dsp.decimator import Decimator
 from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
-from uavrt.errors import UsageError
 
 
 def noise(count: int, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.complex64]]:

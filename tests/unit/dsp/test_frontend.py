@@ -4,9 +4,9 @@ import made
 import numpy as np
 import pytest
 
+from uavrt.core.errors import TunerError, UsageError
+from uavrt.core.messages import ChannelBlock, IQBlock
 from uavrt.dsp.frontend import FrontEnd
-from uavrt.errors import TunerError, UsageError
-from uavrt.messages import ChannelBlock, IQBlock
 
 CENTER_HZ = 148.7e6
 START_NS = 1_700_205_419_230_494_976

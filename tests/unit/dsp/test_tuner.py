@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from original_tuner import original_center
 
+from uavrt.core.errors import TunerError, UsageError
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.tuner import tune
-from uavrt.errors import TunerError, UsageError
 
 Golden = tuple[list[float], list[tuple[float, list[int], list[float]]]]
 

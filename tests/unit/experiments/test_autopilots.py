@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from uavrt.errors import UavrtError, UsageError
-from uavrt.guidance.vehicle_commands import VehicleCommand
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.vehicle_messages import command_message
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES, FlyingVehicle
-from uavrt.simulation.geometry import TangentPlane
-from uavrt.simulation.vehicle_telemetry import position_message
+from uavrt.core.errors import UavrtError, UsageError
+from uavrt.guidance.control.vehicle_commands import VehicleCommand
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.autopilot.vehicle_messages import command_message
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.message import Message
+from uavrt.simulation.scene.geometry import TangentPlane
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES, FlyingVehicle
+from uavrt.simulation.vehicle.vehicle_telemetry import position_message
 from uavrt_experiments.autopilots import flights as flown_flights
 from uavrt_experiments.autopilots.builds import arducopter_build, px4_build, simulated_build
 from uavrt_experiments.autopilots.flights import (

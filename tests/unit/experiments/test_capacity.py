@@ -6,10 +6,10 @@ from dataclasses import replace
 import made
 import pytest
 
-from uavrt.clock import Clock
-from uavrt.demo.programs import free_udp_port
-from uavrt.messages import Pose
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.core.clock import Clock
+from uavrt.core.messages import Pose
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt_experiments.capacity.links import run_links
 from uavrt_experiments.capacity.model import model_row, our_sender_row
 from uavrt_experiments.capacity.thesis import COUNTS, GAPS_MS

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from depth import count
 
-from uavrt.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, UsageError
 from uavrt_experiments.commands.coverage import coverage
 from uavrt_experiments.coverage.absence import SILENCES, seek_tags, silence_rows
 from uavrt_experiments.kept import KeptOutcomes

@@ -15,7 +15,7 @@ import pytest
 from depth import share
 
 from uavrt import __version__
-from uavrt.errors import ConfigError, UsageError
+from uavrt.core.errors import ConfigError, UsageError
 from uavrt_experiments.commands.detection import detection
 from uavrt_experiments.detection import original, theory
 from uavrt_experiments.detection.campaign import short_rows

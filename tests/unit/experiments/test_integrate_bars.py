@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from depth import share
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt_experiments.commands.integrate import integrate
 from uavrt_experiments.integrate.catalogue import EXPERIMENTS
 from uavrt_experiments.integrate.false_alarms import flown, gumbel_share, white

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from depth import count
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt_experiments.commands.localization import localization
 from uavrt_experiments.figures import measured, median
 from uavrt_experiments.localization.experiments import EXPERIMENTS

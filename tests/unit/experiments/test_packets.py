@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.errors import FormatError
+from uavrt.core.errors import FormatError
 from uavrt_experiments.packets.matching import match_logs
 from uavrt_experiments.packets.model import model_rows
 

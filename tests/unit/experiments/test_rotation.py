@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from some import some
 
-from uavrt.attitude import yaw_deg
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.core.earth.attitude import yaw_deg
+from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt_experiments.rotation import words
 from uavrt_experiments.rotation.cart import BEARING_DEG, Cart, original_samples, with_poses
 from uavrt_experiments.rotation.figures import rotation_page

@@ -9,7 +9,7 @@ import pytest
 from depth import seeds, share
 from some import some
 
-from uavrt.planning.vehicle import VehicleState
+from uavrt.planning.drone_model.drone_motion import VehicleState
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.search import campaign
 from uavrt_experiments.search.campaign import fly_all, plan, so_far

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.demo.search import SearchSummary, SoughtAnimal
-from uavrt.errors import UavrtError
+from uavrt.core.errors import UavrtError
+from uavrt.simulation.demo.demo_search import SearchSummary, SoughtAnimal
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.search import processes
 from uavrt_experiments.search.page import put_section

@@ -9,7 +9,7 @@ from uavrt_experiments.resources.report import Load, cpu_table
 from uavrt_experiments.result import Row
 from uavrt_experiments.tables import aligned, drawn, write_rows
 
-SOURCE = Path(__file__).parents[3] / "src"
+SOURCE = Path(__file__).parents[3] / "claims"
 
 
 def test_no_experiment_lays_out_or_files_its_tables_by_itself() -> None:

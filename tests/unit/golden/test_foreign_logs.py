@@ -7,22 +7,22 @@ from pathlib import Path
 import pytest
 from some import some
 
-from uavrt.attitude import from_euler_deg, yaw_deg
-from uavrt.errors import FormatError
-from uavrt.recording.formats.bearings_csv import (
+from uavrt.core.earth.attitude import from_euler_deg, yaw_deg
+from uavrt.core.errors import FormatError
+from uavrt.flight.logs.pulse_files import read_pulse_file
+from uavrt.flight.reading.recognise import read_pulse_log, read_pulses, recognised
+from uavrt.formats.bearings_csv import (
     BearingRow,
     read_bearing_file,
     write_bearing_file,
 )
-from uavrt.recording.formats.positions_csv import (
+from uavrt.formats.positions_csv import (
     PositionRow,
     read_position_file,
     write_position_file,
 )
-from uavrt.recording.formats.recognise import read_pulse_log, read_pulses, recognised
-from uavrt.recording.formats.tagtracker import write_tagtracker
-from uavrt.recording.formats.ucsd import read_ucsd_estimates
-from uavrt.recording.pulse_files import read_pulse_file
+from uavrt.formats.pulses.tagtracker import write_tagtracker
+from uavrt.formats.pulses.ucsd import read_ucsd_estimates
 
 # A heading east by 91°: the quaternion of the thesis's Fig. 5.7.
 QUATERNION = "0.00189066, -0.00109068, 0.71339, 0.700764"

@@ -1,14 +1,14 @@
 """Bytes between a ground station and drones that search together: both may be of other days."""
 
-from uavrt.messages import Course, FoundTag, Neighbour
-from uavrt.tunnel.neighbours import (
+from uavrt.core.messages import Course, FoundTag, Neighbour
+from uavrt.link.tunnel.own_messages.neighbour_messages import (
     decode_course,
     decode_neighbour,
     encode_course,
     encode_neighbour,
 )
-from uavrt.tunnel.private import COURSE_TYPE, NEIGHBOUR_TYPE
-from uavrt.tunnel.seal import NEIGHBOUR_INSIDE
+from uavrt.link.tunnel.own_messages.private import COURSE_TYPE, NEIGHBOUR_TYPE
+from uavrt.link.tunnel.own_messages.seal import NEIGHBOUR_INSIDE
 
 COURSE = (
     "01053412060007004b52401c42f4170500200444f4010000c8000000c800e8030202010002000300"

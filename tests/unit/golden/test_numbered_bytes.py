@@ -6,11 +6,11 @@ import struct
 import made
 import pytest
 
-from uavrt.commands import CommandId, Generation
-from uavrt.tunnel.codec import TunnelMessage, decode
-from uavrt.tunnel.g0 import PulseG0
-from uavrt.tunnel.g1 import PulseG1, StartDetection
-from uavrt.tunnel.g2 import (
+from uavrt.core.commands import CommandId, Generation
+from uavrt.link.tunnel.generations.codec import TunnelMessage, decode
+from uavrt.link.tunnel.generations.g0 import PulseG0
+from uavrt.link.tunnel.generations.g1 import PulseG1, StartDetection
+from uavrt.link.tunnel.generations.g2 import (
     AckG2,
     BareG2,
     DetectorHeartbeat,

@@ -7,10 +7,10 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.attitude import yaw_deg
-from uavrt.errors import FormatError
-from uavrt.messages import PulsePose
-from uavrt.recording.pulse_pose_log import (
+from uavrt.core.earth.attitude import yaw_deg
+from uavrt.core.errors import FormatError
+from uavrt.core.messages import PulsePose
+from uavrt.flight.logs.pulse_pose_log import (
     READ_BYTES,
     PulsePoseLog,
     format_line,

@@ -4,12 +4,12 @@ import struct
 
 import pytest
 
-from uavrt.mavlink.dialect import CRC_EXTRAS, MESSAGES, Tunnel
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.tunnel.codec import decode
-from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0, TagG0
-from uavrt.tunnel.g1 import AckG1
-from uavrt.tunnel.wire import PAYLOAD_TYPE
+from uavrt.link.mavlink.dialect import CRC_EXTRAS, MESSAGES, Tunnel
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.tunnel.generations.codec import decode
+from uavrt.link.tunnel.generations.g0 import SUCCESS, AckG0, PulseG0, TagG0
+from uavrt.link.tunnel.generations.g1 import AckG1
+from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
 
 TAG_G0 = (
     "04000000020000007022dd0814000000e6040000000000003c0000000a0000000300000000000000"

@@ -2,8 +2,14 @@
 
 from itertools import product
 
-from uavrt.commands import Refused, SystemState, outcome
-from uavrt.ground.link.actions import ACTIONS, COMMAND_OF_ACTION, Busy, Situation, action_states
+from uavrt.core.commands import Refused, SystemState, outcome
+from uavrt.ground.link.button_states import (
+    ACTIONS,
+    COMMAND_OF_ACTION,
+    Busy,
+    Situation,
+    action_states,
+)
 
 ALWAYS = ("radio_status", "parameters")
 UPKEEP = {"save_logs", "clean_logs", *ALWAYS}

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.geodesy import utm
+from uavrt.core.earth.geodesy import utm
 from uavrt.ground.store.coordinates import dms, mgrs, readout
 
 PLACES = st.tuples(

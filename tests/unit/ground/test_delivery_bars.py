@@ -6,7 +6,7 @@ import pytest
 from depth import share
 
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.tunnel.pulse_memory import CAPACITY
+from uavrt.link.tunnel.pulses.pulse_memory import CAPACITY
 from uavrt_experiments.packets.link_trial import LinkTrial, TrialResult, TrialSettings
 from uavrt_experiments.packets.radio_link import RadioLinkSettings
 

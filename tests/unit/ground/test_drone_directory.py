@@ -6,18 +6,18 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.clock import Clock, boot_id
-from uavrt.commands import SystemState
 from uavrt.config.settings import RecordingSettings
+from uavrt.core.clock import Clock, boot_id
+from uavrt.core.commands import SystemState
+from uavrt.drone.supervisor.mission.saved_state import LOCK_NAME, SavedState, StateStore
+from uavrt.drone.supervisor.mission.storage.disk_guard import DiskGuard
+from uavrt.drone.supervisor.mission.storage.flight_removal import removable
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.flight_order import flights_in_order, note_flight
+from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store.flights import FlightLibrary
-from uavrt.ground.store.settings import GroundStore
-from uavrt.recording.flight_order import flights_in_order, note_flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import FlightLayout
-from uavrt.supervisor.mission.disk_guard import DiskGuard
-from uavrt.supervisor.mission.flight_removal import removable
-from uavrt.supervisor.mission.saved_state import LOCK_NAME, SavedState, StateStore
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.ground.store.stored_flights import FlightLibrary
 
 LOOPBACK = "udpout://127.0.0.1:14560"
 

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from virtual_time import START_S, VirtualClock
 
-from uavrt.cli.fetch import _list_samples, _wanted
-from uavrt.errors import LinkError, RecordingError
+from uavrt.cli.system.fetch import _list_samples, _wanted
+from uavrt.core.errors import LinkError, RecordingError
+from uavrt.flight.flight_order import flights_in_order, note_flight
+from uavrt.flight.samples.sample_file import SampleFile
 from uavrt.ground.fetch.flight_list import MOST_NOTED, drone_flights
 from uavrt.ground.fetch.ftp_client import (
     MOST_ENTRIES,
@@ -28,13 +30,11 @@ from uavrt.ground.fetch.ftp_client import (
     require_room,
 )
 from uavrt.ground.fetch.sample_files import BAND, CHANNELS
-from uavrt.mavlink.dialect import FileTransferProtocol
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import FileServer
-from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
-from uavrt.recording.flight_order import flights_in_order, note_flight
-from uavrt.recording.sample_file import SampleFile
+from uavrt.link.mavlink.dialect import FileTransferProtocol
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.services.ftp_files import FileTree
+from uavrt.link.mavlink.services.ftp_server import FileServer
+from uavrt.link.mavlink.services.ftp_wire import FtpError, FtpPacket, Opcode
 
 CONTENT = random.Random(6).randbytes(30_011)
 START_NS = 1_777_615_200_000_000_000

@@ -20,25 +20,25 @@ from some import some
 from sql import write_mbtiles
 from virtual_time import VirtualClock
 
-from uavrt.analysis.positions import read_positions
+from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.survey import read_survey
-from uavrt.clock import Clock, iso_utc
-from uavrt.errors import UsageError
+from uavrt.core.clock import Clock, iso_utc
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
+from uavrt.core.messages import LiveBearing, Pose, PulsePose
+from uavrt.flight.reading.flight_reader import Flight, read_flight
+from uavrt.flight.reading.noted_places import Places, home_note, mark_note
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flight_queue import RETRY_S
-from uavrt.ground.store.flights import Columns, FlightLibrary
-from uavrt.ground.store.settings import GroundSettings
-from uavrt.ground.web import maps
-from uavrt.ground.web.exports import EXPORTS, export
+from uavrt.ground.store.ground_settings import GroundSettings
+from uavrt.ground.store.stored_flights import Columns, FlightLibrary
+from uavrt.ground.web.routes import map_routes as maps
+from uavrt.ground.web.work.exports import EXPORTS, export
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import ReadAs
-from uavrt.localization.live_bearings import LiveBearings
-from uavrt.messages import LiveBearing, Pose, PulsePose
-from uavrt.recording.flight_reader import Flight, read_flight
-from uavrt.recording.places import Places, home_note, mark_note
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.elevation_files import open_elevation
+from uavrt.localization.estimates.flight_estimates import ReadAs
+from uavrt.localization.estimates.live_bearings import LiveBearings
+from uavrt.localization.terrain.elevation_files import open_elevation
 
 pytestmark = pytest.mark.slow
 

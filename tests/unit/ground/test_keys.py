@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from some import some
 
-from uavrt.cli.ground import ground
-from uavrt.errors import ConfigError
+from uavrt.cli.system.ground import ground
+from uavrt.core.errors import ConfigError
 from uavrt.ground.link.keys import NO_KEYS, read_link_keys
 
 

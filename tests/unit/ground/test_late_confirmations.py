@@ -6,12 +6,17 @@ from typing import Any
 
 import pytest
 
-from uavrt.errors import CommandRefused, LinkError
-from uavrt.ground.link import flying
+from uavrt.core.errors import CommandRefused, LinkError
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ground.link.flying import MotionCommands
-from uavrt.ground.link.motion import confirm
-from uavrt.tunnel.motion import MotionConfirmation, MotionState, encode_confirmation, is_stop
+from uavrt.ground.link.motions import page_motions as flying
+from uavrt.ground.link.motions.motion_requests import confirm
+from uavrt.ground.link.motions.page_motions import MotionCommands
+from uavrt.link.tunnel.own_messages.motion_messages import (
+    MotionConfirmation,
+    MotionState,
+    encode_confirmation,
+    is_stop,
+)
 
 SECOND_NS = 10**9
 

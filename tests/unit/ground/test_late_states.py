@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
+from uavrt.core.messages import SystemState
 from uavrt.ground.link.protocol import DroneHeartbeat
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store.settings import GroundStore
-from uavrt.messages import SystemState
+from uavrt.ground.store.ground_settings import GroundStore
 
 
 def hear(session: GroundSession, *states: SystemState) -> None:

@@ -12,14 +12,14 @@ import pytest
 from past_flight import write_flight
 from sql import sql
 
-from uavrt.analysis.bearings import past_turns
+from uavrt.analysis.estimates.bearings import past_turns
 from uavrt.analysis.season import read_season
-from uavrt.errors import UavrtError
-from uavrt.ground.listeners import encode
+from uavrt.core.errors import UavrtError
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.ground.page_listeners import encode
 from uavrt.ground.store.event_log import EventLog
-from uavrt.ground.store.flights import FlightLibrary
 from uavrt.ground.store.known_flights import FlightChoice, FlightSummary
-from uavrt.recording.flight_reader import read_flight
+from uavrt.ground.store.stored_flights import FlightLibrary
 
 GOOD, ODD = "flight_log_2026-05-01_12-00-00", "flight_log_2026-05-02_12-00-00"
 VALUES = (None, b"\xff\x00", 1e300)

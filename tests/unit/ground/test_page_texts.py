@@ -27,12 +27,14 @@ from page_texts import (
 )
 from virtual_time import VirtualClock
 
-from uavrt import card, errors
-from uavrt.card import Card
-from uavrt.computer import bench, checks
 from uavrt.config.settings import Settings
+from uavrt.core import errors
+from uavrt.drone import card
+from uavrt.drone.card import Card
+from uavrt.drone.computer import bench
+from uavrt.drone.computer import computer_checks as checks
 from uavrt.ground import fetch, link, store, web
-from uavrt.ground.link import actions
+from uavrt.ground.link import button_states as actions
 from uavrt.ground.store import tag_table
 
 SOURCES = sorted(set(PAGE.glob("*.ts")) - {PAGE / "types.ts"})
@@ -194,34 +196,58 @@ def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
     assert {text for text in shown if not has_words(text)} == set()
 
 
-FOR_TERMINALS = {"page", "server", "keys"}
+FOR_TERMINALS = {"page_program", "server", "keys"}
 """Modules whose errors end the program before there is a page."""
 IN_GROUND = [
     one.name
     for package in (web, link, fetch, store)
-    for one in pkgutil.iter_modules(package.__path__, f"{package.__name__}.")
+    for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     if one.name.rpartition(".")[2] not in FOR_TERMINALS
 ]
 ASKED_OF = [
     *IN_GROUND,
-    *("uavrt.ground.estimate_loop", "uavrt.ground.fleet", "uavrt.computer.first_setup"),
-    *("uavrt.analysis.coverage", "uavrt.analysis.flight_coverage"),
-    *("uavrt.analysis.fold_pictures", "uavrt.analysis.map_files"),
-    *("uavrt.analysis.facts", "uavrt.analysis.season", "uavrt.analysis.silence"),
+    *("uavrt.ground.estimate_loop", "uavrt.ground.fleet", "uavrt.drone.computer.first_setup"),
+    *("uavrt.analysis.covered.coverage_maps", "uavrt.analysis.covered.flight_coverage"),
+    *("uavrt.analysis.integrated.fold_pictures", "uavrt.analysis.inputs.map_files"),
     *(
-        "uavrt.analysis.flight_noise",
-        "uavrt.analysis.flown_with",
-        "uavrt.analysis.kept_samples",
+        "uavrt.analysis.inputs.flight_facts",
+        "uavrt.analysis.season",
+        "uavrt.analysis.covered.silence",
     ),
-    *("uavrt.batch.questions", "uavrt.config.tag_files", "uavrt.config.text_files"),
-    *("uavrt.localization.antenna", "uavrt.localization.flight_estimates"),
-    *("uavrt.recording.flight_reader", "uavrt.recording.integrated"),
-    *("uavrt.terrain.elevation", "uavrt.terrain.elevation_files", "uavrt.terrain.geotiff"),
-    *("uavrt.terrain.srtm", "uavrt.terrain.squares", "uavrt.terrain.viewshed"),
-    *("uavrt.guidance.area_text", "uavrt.guidance.path_text"),
-    *("uavrt.mavlink.address", "uavrt.mavlink.stream", "uavrt.mavlink.udp"),
-    *("uavrt.radio.program", "uavrt.radio.programs", "uavrt.radio.soapy"),
-    *("uavrt.radio.answers", "uavrt.radio.checking"),
+    *(
+        "uavrt.analysis.inputs.flight_noise",
+        "uavrt.analysis.inputs.flown_with",
+        "uavrt.analysis.whole_flights.kept_samples",
+    ),
+    *(
+        "uavrt.analysis.archive.parquet.questions",
+        "uavrt.config.tags.tag_files",
+        "uavrt.config.text_files",
+    ),
+    *("uavrt.localization.antenna", "uavrt.localization.estimates.flight_estimates"),
+    *("uavrt.flight.reading.flight_reader", "uavrt.flight.integrated"),
+    *(
+        "uavrt.localization.terrain.elevation",
+        "uavrt.localization.terrain.elevation_files",
+        "uavrt.localization.terrain.geotiff_elevation",
+    ),
+    *(
+        "uavrt.localization.terrain.srtm",
+        "uavrt.localization.terrain.squares",
+        "uavrt.localization.terrain.viewshed",
+    ),
+    *("uavrt.guidance.files.area_text", "uavrt.guidance.files.path_text"),
+    *(
+        "uavrt.link.mavlink.links.address",
+        "uavrt.link.mavlink.links.stream_links",
+        "uavrt.link.mavlink.links.udp",
+    ),
+    *(
+        "uavrt.radio.receivers.radio_program",
+        "uavrt.radio.receivers.radio_programs",
+        "uavrt.radio.receivers.soapy",
+    ),
+    *("uavrt.radio.receivers.program_messages", "uavrt.radio.checking"),
     "uavrt.radio.udp_address",
 ]
 RAISED = {
@@ -314,31 +340,31 @@ def test_what_is_wrong_between_tags_has_words() -> None:
 
 
 REMARKS = {
-    "uavrt.analysis.coverage": ("map_around",),
-    "uavrt.analysis.flight_coverage": ("_above_ground",),
-    "uavrt.analysis.hindsight": ("_ambiguity",),
-    "uavrt.analysis.kept_samples": ("left_out_in_words",),
-    "uavrt.analysis.listening": ("missing_in_words", "limits_of"),
-    "uavrt.analysis.measure.shapes": ("remarks_of",),
-    "uavrt.analysis.silence": (
+    "uavrt.analysis.covered.coverage_maps": ("map_around",),
+    "uavrt.analysis.covered.flight_coverage": ("_above_ground",),
+    "uavrt.analysis.integrated.hindsight": ("_ambiguity",),
+    "uavrt.analysis.whole_flights.kept_samples": ("left_out_in_words",),
+    "uavrt.analysis.inputs.listening_times": ("missing_in_words", "limits_of"),
+    "uavrt.analysis.measure.pulse_shapes": ("remarks_of",),
+    "uavrt.analysis.covered.silence": (
         *("_NOT_JUDGED", "_ANTENNA_UNKNOWN", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),
-    "uavrt.analysis.whole_flight": ("assumed_in_words",),
-    "uavrt.localization.heard": ("height_warning",),
-    "uavrt.localization.position.common_errors": (
+    "uavrt.analysis.whole_flights.judged_flights": ("assumed_in_words",),
+    "uavrt.localization.estimates.heard": ("height_warning",),
+    "uavrt.localization.position.bearings.common_errors": (
         *("UNCHECKED", "UNKNOWN_SIGMAS", "cautions_of", "_cautions_of_odd", "_contradicting"),
     ),
     "uavrt.localization.position.survey_walk": ("caution",),
     "uavrt.localization.results": ("remarks",),
-    "uavrt.localization.position.survey_errors": ("cautions_of_survey",),
-    "uavrt.terrain.elevation": ("cautions",),
-    "uavrt.terrain.hill_losses": ("cautions",),
+    "uavrt.localization.position.levels.survey_errors": ("cautions_of_survey",),
+    "uavrt.localization.terrain.elevation": ("cautions",),
+    "uavrt.localization.terrain.hill_losses": ("cautions",),
 }
 """What says in words how far a place, a map or a verdict is to be trusted."""
 TOGETHER = {
-    "uavrt.analysis.hindsight",
-    "uavrt.analysis.whole_flight",
-    "uavrt.analysis.listening",
+    "uavrt.analysis.integrated.hindsight",
+    "uavrt.analysis.whole_flights.judged_flights",
+    "uavrt.analysis.inputs.listening_times",
 }
 """Their remarks come in one text, and the page divides it at semicolons."""
 

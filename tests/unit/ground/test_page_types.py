@@ -6,12 +6,12 @@ from pathlib import Path
 
 import made
 
-from uavrt.ground.store.flights import PULSE_COLUMNS, STATUSES, pulse_cells
-from uavrt.ground.web.column_answers import YAW
-from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.recording import schema
-from uavrt.recording.fields import RecordField, fields_of
-from uavrt.recording.pulse_files import FIELDS
+from uavrt.core.messages import Pose, Pulse, PulsePose
+from uavrt.flight.database import schema
+from uavrt.flight.database.fields import RecordField, fields_of
+from uavrt.flight.logs.pulse_files import FIELDS
+from uavrt.ground.store.stored_flights import PULSE_COLUMNS, STATUSES, pulse_cells
+from uavrt.ground.web.work.column_answers import YAW
 
 PAGE = Path(__file__).parents[3] / "page/src"
 TYPES = {"whole": "number", "real": "number", "switch": "boolean", "word": "string"}

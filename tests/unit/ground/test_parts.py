@@ -11,15 +11,15 @@ import made
 import pytest
 
 from uavrt import ground
-from uavrt.commands import CommandId, SystemState
-from uavrt.config.tag_corrections import correction_of
-from uavrt.errors import CommandRefused
-from uavrt.ground.link.drone_contact import DroneContact
-from uavrt.ground.link.drone_reports import DroneReports
-from uavrt.ground.link.exchange import Exchange
+from uavrt.config.tags.tag_corrections import correction_of
+from uavrt.core.commands import CommandId, SystemState
+from uavrt.core.errors import CommandRefused
 from uavrt.ground.link.protocol import Acknowledged, DroneHeartbeat
+from uavrt.ground.link.received.drone_reports import DroneReports
+from uavrt.ground.link.requests.pending_commands import Exchange
+from uavrt.ground.link.vehicles.drone_contact import DroneContact
 from uavrt.ground.store.live_columns import POSE_STEP_NS, LiveColumns
-from uavrt.tunnel.g0 import HeaderMessage
+from uavrt.link.tunnel.generations.g0 import HeaderMessage
 
 MOST_LINES, MOST_METHODS, MOST_ATTRIBUTES = 250, 20, 12
 LARGER = {

@@ -8,10 +8,15 @@ from typing import Any
 
 import pytest
 
-from uavrt.errors import ConfigError
-from uavrt.ground.web.guard import Guard
-from uavrt.ground.web.page import PageSettings, PageStation
-from uavrt.ground.web.password_limit import LEAST_PASSWORD, TRIES, WINDOW_S, PasswordLimit
+from uavrt.core.errors import ConfigError
+from uavrt.ground.web.access.guard import Guard
+from uavrt.ground.web.access.password_limit import (
+    LEAST_PASSWORD,
+    TRIES,
+    WINDOW_S,
+    PasswordLimit,
+)
+from uavrt.ground.web.page_program import PageSettings, PageStation
 from uavrt.ground.web.server import ServerSettings
 
 PASSWORD = "marmot-7"

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ground.link.path_assignments import PathAssignments
-from uavrt.messages import Course
+from uavrt.core.messages import Course
+from uavrt.ground.link.motions.path_assignments import PathAssignments
 
 PLACE, GOAL = (47.0, 8.0), (47.001, 8.0)
 STANDS = Course(sequence=1, place=PLACE, altitude_amsl_m=500.0, goal=PLACE, searching=True)

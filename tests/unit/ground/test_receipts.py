@@ -8,16 +8,16 @@ import made
 import pytest
 from some import some
 
-from uavrt.errors import RecordingError
+from uavrt.core.errors import RecordingError
+from uavrt.core.messages import PulsePose
 from uavrt.ground.link import stored_pulses
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.ground.link.stored_pulses import RECEIVED_NAME, open_receipts
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.messages import PulsePose
-from uavrt.tunnel.convert import pulse_to_wire
-from uavrt.tunnel.private import payload_hash
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.message import Message
+from uavrt.link.tunnel.own_messages.private import payload_hash
+from uavrt.link.tunnel.tunnel_records import pulse_to_wire
 
 MS = 1_000_000
 

@@ -10,28 +10,33 @@ from pulses import pulse_at
 from sealed import introduce
 from some import some
 
-from uavrt.commands import CommandId
 from uavrt.config.parameters import OFFERED
 from uavrt.config.settings import Settings
+from uavrt.core.commands import CommandId
+from uavrt.core.messages import Command, Course, PulsePose
+from uavrt.drone.processes.connection_parts.parameter_desk import ParameterDesk
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.ground.link.drone_parameters import DroneParameters
 from uavrt.ground.link.protocol import GroundProtocol
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.messages import Command, Course, PulsePose
-from uavrt.processes.parameter_desk import ParameterDesk
-from uavrt.tunnel.codec import decode
-from uavrt.tunnel.convert import pulse_to_wire
-from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.g0 import FAILURE, SUCCESS, HeaderMessage
-from uavrt.tunnel.g1 import AckG1
-from uavrt.tunnel.gate import Gate, Sealer
-from uavrt.tunnel.motion import MotionState, encode_state
-from uavrt.tunnel.neighbours import encode_course
-from uavrt.tunnel.private import COURSE_TYPE, MAX_SEALED_HASHES, MOTION_STATE_TYPE, Receipt
-from uavrt.tunnel.seal import PLAIN_INSIDE, RECEIPT_INSIDE, Key, read_key
+from uavrt.ground.link.requests.drone_parameters import DroneParameters
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.message import Message
+from uavrt.link.tunnel.drone_exchange import Answer, Exchange
+from uavrt.link.tunnel.gate import Gate, Sealer
+from uavrt.link.tunnel.generations.codec import decode
+from uavrt.link.tunnel.generations.g0 import FAILURE, SUCCESS, HeaderMessage
+from uavrt.link.tunnel.generations.g1 import AckG1
+from uavrt.link.tunnel.own_messages.motion_messages import MotionState, encode_state
+from uavrt.link.tunnel.own_messages.neighbour_messages import encode_course
+from uavrt.link.tunnel.own_messages.private import (
+    COURSE_TYPE,
+    MAX_SEALED_HASHES,
+    MOTION_STATE_TYPE,
+    Receipt,
+)
+from uavrt.link.tunnel.own_messages.seal import PLAIN_INSIDE, RECEIPT_INSIDE, Key, read_key
+from uavrt.link.tunnel.tunnel_records import pulse_to_wire
 
 GROUND = (255, 190)
 DRONE = (1, 191)

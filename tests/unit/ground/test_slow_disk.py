@@ -11,13 +11,13 @@ from pulses import pulse_at
 from some import some
 from sql import sql
 
-from uavrt.clock import Clock
-from uavrt.ground.link.current_flight import ENDS_WITHIN_S
+from uavrt.core.clock import Clock
+from uavrt.core.messages import Delivered, PulsePose
+from uavrt.flight.database.disk_thread import DiskThread
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.ground.link.received.current_flight import ENDS_WITHIN_S
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.messages import Delivered, PulsePose
-from uavrt.recording.disk_thread import DiskThread
-from uavrt.recording.flight_reader import read_flight
 from world import THESIS_TAG, World, until
 
 START_NS = 1_777_636_800_000_000_000

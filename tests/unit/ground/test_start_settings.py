@@ -2,8 +2,8 @@
 
 import pytest
 
-from uavrt.errors import UavrtError
-from uavrt.ground.store.settings import GroundSettings
+from uavrt.core.errors import UavrtError
+from uavrt.ground.store.ground_settings import GroundSettings
 
 
 @pytest.mark.parametrize(

@@ -8,16 +8,16 @@ from pulses import pulse_at
 from some import some
 from virtual_time import follow
 
-from uavrt.clock import Clock
-from uavrt.errors import RecordingError
+from uavrt.core.clock import Clock
+from uavrt.core.errors import RecordingError
+from uavrt.core.messages import BurstInside, PulsePose
+from uavrt.flight.logs.pulse_files import read_pulse_file
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.store import flight_keeper, flight_queue
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flight_queue import RETRY_S
-from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.store.ground_settings import GroundStore
 from uavrt.ground.store.stored import PulseLines, read_ground_pulses
-from uavrt.messages import BurstInside, PulsePose
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.pulse_files import read_pulse_file
 
 START_NS = 1_777_636_800_000_000_000
 
@@ -162,7 +162,7 @@ def test_what_a_full_disk_did_not_keep_of_the_session_is_kept_when_there_is_room
         def refuse(*_: object) -> None:
             raise OSError(28, "No space left on device")
 
-        full.setattr("uavrt.ground.store.settings.write_atomically", refuse)
+        full.setattr("uavrt.ground.store.ground_settings.write_atomically", refuse)
         store.set_flight("flight_log_1")
         store.set_served(3, "uid", None)
     assert GroundStore(tmp_path).current_flight is None

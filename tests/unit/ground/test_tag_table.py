@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from page_texts import SERVER
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.ground.store.tag_table import (
     FIELDS,
     PRESETS,

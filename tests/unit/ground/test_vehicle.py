@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ground.link.vehicle import LossMeter, VehicleWatch
-from uavrt.ground.link.vehicle_identity import VehicleIdentity
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
+from uavrt.ground.link.vehicles.vehicle_identity import VehicleIdentity
+from uavrt.ground.link.vehicles.vehicle_state import LossMeter, VehicleWatch
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.link.mavlink.message import Message
 
 NOW_NS = 1_700_000_000_000_000_000
 SECOND = 1_000_000_000

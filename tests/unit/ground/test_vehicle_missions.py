@@ -9,15 +9,15 @@ import made
 import pytest
 from some import some
 
-from uavrt.clock import Clock
-from uavrt.demo.programs import free_udp_port
-from uavrt.errors import CommandRefused, FormatError, LinkError
+from uavrt.core.clock import Clock
+from uavrt.core.errors import CommandRefused, FormatError, LinkError
+from uavrt.core.messages import KeepOut, Pose, VehicleFence
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.guidance.mission import MissionItem, difference, fence_items, survey_items
-from uavrt.guidance.orders import Order
-from uavrt.mavlink import dialect
-from uavrt.messages import KeepOut, Pose, VehicleFence
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot, Flavour
+from uavrt.guidance.files.mission import MissionItem, difference, fence_items, survey_items
+from uavrt.guidance.operator_orders import Order
+from uavrt.link.mavlink import dialect
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot, Flavour
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 FIELD = ((46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0))

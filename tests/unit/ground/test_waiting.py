@@ -4,10 +4,10 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
-from uavrt.config.tag_files import read_tags
-from uavrt.demo.programs import free_udp_port
+from uavrt.config.tags.tag_files import read_tags
 from uavrt.ground.station import Station, StationSettings
-from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.scene.demo_world import demo_scenario
 
 
 async def test_a_missing_drone_is_reported_once_however_long_it_is_missing(

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.errors import FormatError
-from uavrt.geodesy import distance_m
-from uavrt.guidance.area_text import area_in, circle, keep_out_in
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.errors import FormatError
+from uavrt.guidance.files.area_text import area_in, circle, keep_out_in
 
 CORNERS = [(46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0)]
 RING = [[east, north] for north, east in [*CORNERS, CORNERS[0]]]

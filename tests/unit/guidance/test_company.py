@@ -6,12 +6,12 @@ import pytest
 from flown import Flown
 from some import some
 
-from uavrt.errors import PlanError
-from uavrt.guidance.orders import VehicleNow
+from uavrt.core.errors import PlanError
+from uavrt.core.messages import Course, FoundTag, Neighbour
+from uavrt.guidance.operator_orders import VehicleNow
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.seeker import Choice
-from uavrt.guidance.shared_search import SharedSearch
-from uavrt.messages import Course, FoundTag, Neighbour
+from uavrt.guidance.search.seeker import Choice
+from uavrt.guidance.search.shared_search import SharedSearch
 
 
 @pytest.fixture

@@ -8,13 +8,13 @@ import pytest
 from flown import Flown
 from searched import Animal, Searched
 
-from uavrt.errors import PlanError
+from uavrt.core.errors import PlanError
 from uavrt.guidance.energy_learning import EnergyLearning, energy_of
-from uavrt.guidance.orders import Limits, VehicleNow
+from uavrt.guidance.operator_orders import Limits, VehicleNow
 from uavrt.guidance.plans import must_return, way_home_wh
-from uavrt.planning.vehicle import Wind
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
+from uavrt.planning.drone_model.drone_motion import Wind
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 HOME = (47.1, 8.5)

@@ -8,15 +8,15 @@ import pytest
 from flown import HOME, STEP_S, Flown
 from some import some
 
-from uavrt.errors import CommandRefused, PlanError
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.heights import target_amsl_m
-from uavrt.guidance.orders import Limits
+from uavrt.core.errors import CommandRefused, PlanError
+from uavrt.core.messages import TurnInPlace
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.yaw import YawWatch
+from uavrt.guidance.height_frames import target_amsl_m
+from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.plans import Go
-from uavrt.guidance.yaw import YawWatch
-from uavrt.messages import TurnInPlace
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES, FlyingVehicle
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES, FlyingVehicle
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 FIELD = ((50, 0), (50, 150), (150, 150), (150, 0))

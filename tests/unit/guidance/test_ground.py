@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from searched import Animal, Searched
 from some import some
 
-from uavrt.errors import PlanError
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.ground import GroundAround
-from uavrt.guidance.orders import Limits
-from uavrt.simulation.airframe import Flavour
-from uavrt.tangent_plane import TangentPlane
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import PlanError
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.ground_heights import GroundAround
+from uavrt.guidance.operator_orders import Limits
+from uavrt.simulation.vehicle.airframe import Flavour
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 PLANE = TangentPlane(latitude_deg=HOME.latitude_deg, longitude_deg=HOME.longitude_deg)

@@ -6,11 +6,11 @@ import pytest
 from flown import HOME, Flown
 
 from uavrt.config.loader import parse_settings
-from uavrt.errors import CommandRefused, ConfigError
-from uavrt.guidance.authority import Standing
-from uavrt.messages import FlyThere
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.flying import MODES
+from uavrt.core.errors import CommandRefused, ConfigError
+from uavrt.core.messages import FlyThere
+from uavrt.guidance.control.authority import Standing
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 LOW = (1000,) * 6

@@ -2,8 +2,8 @@
 
 from math import atan2, degrees, hypot
 
+from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
 
 BEARING_DEG, AWAY_M = 67.5, 24.0
 FLOWN = [

@@ -10,16 +10,16 @@ from flown import HOME, Flown
 from searched import Animal, Searched
 from some import some
 
-from uavrt.errors import PlanError
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.orders import Limits
+from uavrt.core.errors import PlanError
+from uavrt.core.messages import KeepOut
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.plans import Go
 from uavrt.guidance.safety import SAFETY
-from uavrt.messages import KeepOut
-from uavrt.planning.actions import FlyTo
+from uavrt.planning.drone_model.drone_motion import VehicleState
+from uavrt.planning.drone_model.planner_actions import FlyTo
 from uavrt.planning.situation import Decision, Situation
-from uavrt.planning.vehicle import VehicleState
-from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.vehicle.airframe import Flavour
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 

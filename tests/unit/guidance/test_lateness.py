@@ -6,12 +6,12 @@ import pytest
 from flown import Flown
 from rough import Rough
 
-from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.lateness import Lateness
-from uavrt.guidance.observed import BootTimeSeen
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.flying import MODES
+from uavrt.core.errors import CommandRefused
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.lateness import Lateness
+from uavrt.guidance.control.observed import BootTimeSeen
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 

@@ -7,13 +7,13 @@ from functools import partial
 import pytest
 from flown import HOME, Flown
 
-from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Authority, Standing
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import FlyThere, GoHome
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.vehicle_commands import CommandWriter
-from uavrt.messages import FlyThere, GoHome
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
+from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.vehicle_commands import CommandWriter
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 

@@ -4,11 +4,11 @@ import pytest
 from flown import Flown
 from some import some
 
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.orders import Limits
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.plans import Go
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 FAR = Limits(battery_wh=600.0, fence_m=1500.0, speed_m_s=5.0)

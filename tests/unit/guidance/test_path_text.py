@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.errors import FormatError
-from uavrt.guidance.path_text import path_in
+from uavrt.core.errors import FormatError
+from uavrt.guidance.files.path_text import path_in
 
 WAY = ((46.5, 8.0), (46.51, 8.002), (46.52, 8.0))
 LINE = [[east, north] for north, east in WAY]

@@ -5,10 +5,10 @@ import math
 import pytest
 from flown import Flown
 
-from uavrt.guidance.authority import Standing
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.guidance.orders import Limits
-from uavrt.simulation.airframe import Frame
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.operator_orders import Limits
+from uavrt.simulation.vehicle.airframe import Frame
 
 STANDS_M_S = 0.1
 

@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from flown import HOME
 
-from uavrt.cli.fly import fly
-from uavrt.errors import ConfigError, FormatError, PlanError
-from uavrt.guidance.area_text import area_in, keep_out_in
-from uavrt.guidance.mission import survey_items
-from uavrt.guidance.orders import Limits, Order
-from uavrt.guidance.plan_file import survey_file
+from uavrt.cli.system.fly import fly
+from uavrt.core.errors import ConfigError, FormatError, PlanError
+from uavrt.core.messages import KeepOut
+from uavrt.guidance.files.area_text import area_in, keep_out_in
+from uavrt.guidance.files.mission import survey_items
+from uavrt.guidance.files.plan_file import survey_file
+from uavrt.guidance.operator_orders import Limits, Order
 from uavrt.guidance.plans import survey_places
-from uavrt.messages import KeepOut
 from uavrt.planning import area
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 import uavrt
-from uavrt.errors import CommandRefused, PlanError
+from uavrt.core.errors import CommandRefused, PlanError
+from uavrt.link.tunnel.own_messages.motion_messages import MAX_TEXT
 from uavrt.planning.area import Polygon, SearchArea
-from uavrt.tunnel.motion import MAX_TEXT
 
 ROOT = Path(uavrt.__file__).parent
 REFUSING = (
-    *sorted((ROOT / "guidance").glob("*.py")),
-    *(ROOT / "processes" / name for name in ("guide.py", "motion_desk.py")),
+    *sorted((ROOT / "guidance").rglob("*.py")),
+    *(ROOT / "drone/processes" / name for name in ("guide.py", "motions/motion_desk.py")),
     *(ROOT / "planning" / name for name in ("area.py", "search.py")),
 )
 ERRORS = (PlanError.__name__, CommandRefused.__name__)

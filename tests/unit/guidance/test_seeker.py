@@ -11,14 +11,14 @@ from flown import HOME
 from searched import Animal, Searched, pulse, report
 from some import some
 
-from uavrt.errors import PlanError
-from uavrt.guidance.orders import Limits
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import PlanError
+from uavrt.core.messages import Course, FoundTag, Neighbour, PulsePose
+from uavrt.guidance.operator_orders import Limits
 from uavrt.guidance.plans import Go
-from uavrt.guidance.pulse_evidence import Antenna, PulseEvidence, threshold_db
-from uavrt.messages import Course, FoundTag, Neighbour, PulsePose
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
-from uavrt.tangent_plane import TangentPlane
+from uavrt.guidance.search.pulse_evidence import Antenna, PulseEvidence, threshold_db
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 TAG = made.tag(2, 150e6, 1.0)

@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 from flown import Flown
 
-from uavrt.guidance.authority import Standing
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
 from uavrt.guidance.plans import Go
-from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
-from uavrt.mavlink import dialect
-from uavrt.simulation.airframe import Frame
-from uavrt.simulation.vehicle_telemetry import target_message
+from uavrt.link.mavlink import dialect
+from uavrt.simulation.vehicle.airframe import Frame
+from uavrt.simulation.vehicle.vehicle_telemetry import target_message
 
 FLOWN = [
     (  # Commanded to -59° during a right turn to 22°.

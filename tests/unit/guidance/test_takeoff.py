@@ -6,15 +6,15 @@ from typing import Any
 import pytest
 from flown import HOME, Flown
 
-from uavrt.errors import CommandRefused, PlanError
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.orders import Limits
-from uavrt.guidance.vehicle_commands import VehicleCommand
-from uavrt.mavlink.dialect import MavResult
-from uavrt.mavlink.vehicle_messages import command_message
-from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.flying import MODES
+from uavrt.core.errors import CommandRefused, PlanError
+from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.vehicle_commands import VehicleCommand
+from uavrt.guidance.operator_orders import Limits
+from uavrt.link.mavlink.autopilot.vehicle_messages import command_message
+from uavrt.link.mavlink.dialect import MavResult
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 

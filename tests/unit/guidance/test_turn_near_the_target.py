@@ -1,6 +1,6 @@
 """A pilot's turn is noticed also where the drone is about to arrive."""
 
-from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
+from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
 
 TURNED = [
     (190.1, 190.1, 10.4), (190.1, 190.1, 9.6), (190.1, 190.1, 8.9), (190.2, 190.0, 8.2),

@@ -2,9 +2,9 @@ import socket
 
 import pytest
 
-from uavrt.ipc.link import ChildLink, SupervisorGone
-from uavrt.ipc.topics import decode_record, encode_record
-from uavrt.messages import StatusText
+from uavrt.core.messages import StatusText
+from uavrt.drone.ipc.record_link import ChildLink, SupervisorGone
+from uavrt.drone.ipc.topics import decode_record, encode_record
 
 
 def text(number: int) -> StatusText:

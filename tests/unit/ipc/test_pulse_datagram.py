@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from uavrt.errors import FormatError, LinkError
-from uavrt.ipc.pulse_datagram import (
+from uavrt.core.errors import FormatError, LinkError
+from uavrt.drone.ipc.pulse_datagram import (
     PulseDatagramSender,
     PulseRecord,
     record_of_pulse,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ipc.sample_sockets import make_sample_sockets
-from uavrt.ipc.samples import (
+from uavrt.core.messages import ChannelBlock
+from uavrt.drone.ipc.sample_datagrams import (
     ENVELOPE,
     HEADER,
     MAX_CARRIERS,
@@ -18,7 +18,7 @@ from uavrt.ipc.samples import (
     ChannelReceiver,
     ChannelSender,
 )
-from uavrt.messages import ChannelBlock
+from uavrt.drone.ipc.sample_sockets import make_sample_sockets
 
 RATE_HZ = 7500.0
 

@@ -2,9 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ipc.link import LineBuffer
-from uavrt.ipc.topics import TOPICS, decode_record, encode_record
-from uavrt.messages import (
+from uavrt.core.messages import (
     Command,
     CommandReply,
     FlightInfo,
@@ -17,6 +15,8 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
+from uavrt.drone.ipc.record_link import LineBuffer
+from uavrt.drone.ipc.topics import TOPICS, decode_record, encode_record
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 times = st.integers(0, 2**62)

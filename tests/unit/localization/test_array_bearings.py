@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from switched_amplitudes import switched_amplitudes
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.bearing.array_bearings import (

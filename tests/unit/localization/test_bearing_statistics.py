@@ -10,7 +10,7 @@ from numpy.random import Generator
 
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.bearing.estimate_bearing import estimate_bearing
 from uavrt.localization.results import Bearing
 
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import lfilter
 from scipy.special import log_ndtr, ndtr
 
-from uavrt.localization.position import power_evidence
-from uavrt.localization.position.censored_power import normal_tail
-from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
+from uavrt.localization.position.levels import power_evidence
+from uavrt.localization.position.levels.censored_power import normal_tail
+from uavrt.localization.position.levels.level_evidence import Propagation
+from uavrt.localization.position.levels.power_evidence import PowerEvidence, PowerTrack
 from uavrt.localization.position.tuning import POWER
 
 

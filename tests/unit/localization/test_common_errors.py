@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.stations import Stations
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.results import Position
-from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.localization.circle_bars import Bearings, by_bearings
 
 Floats = NDArray[np.float64]

@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS, AntennaPattern
-from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.bearing.estimate_bearing import estimate_bearing
 from uavrt.localization.results import BearingMethod
-from uavrt.simulation import antenna as simulation
+from uavrt.simulation.scene import antenna as simulation
 
 METHODS = get_args(BearingMethod)
 

@@ -8,15 +8,15 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.errors import UsageError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
 from uavrt.localization.antenna import PATTERNS, monopole_gain_db
-from uavrt.localization.bearing.estimate import estimate_bearing
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.power_evidence import PowerTrack
-from uavrt.localization.position.stations import Stations
+from uavrt.localization.bearing.estimate_bearing import estimate_bearing
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.level_evidence import Propagation
+from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.results import Position, PositionMethod
-from uavrt.tangent_plane import TangentPlane
 
 METHODS = tuple(one for one in get_args(PositionMethod) if one != "track")
 """Those that need no times."""

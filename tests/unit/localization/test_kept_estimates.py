@@ -11,14 +11,14 @@ import pytest
 from depth import share
 from turned import turned_flight
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.ground.store.estimates import LIVE_AT_ONCE
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
-from uavrt.localization.estimate_cache import Cache
-from uavrt.localization.flight_estimates import Found, ReadAs, estimate
-from uavrt.localization.heard import Heard
-from uavrt.localization.position.strengths import Strengths
-from uavrt.terrain.elevation import Elevation
+from uavrt.localization.estimates.estimate_cache import Cache
+from uavrt.localization.estimates.flight_estimates import Found, ReadAs, estimate
+from uavrt.localization.estimates.heard import Heard
+from uavrt.localization.position.levels.strengths import Strengths
+from uavrt.localization.terrain.elevation import Elevation
 from uavrt_experiments.search.terrain import elevation_of
 
 

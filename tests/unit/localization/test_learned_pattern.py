@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS, AntennaPattern
-from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.bearing.estimate_bearing import estimate_bearing
 from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
 from uavrt_experiments.localization.bearing_bars import disturbed
 from uavrt_experiments.localization.rotations import matched_power

@@ -4,12 +4,12 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
+from uavrt.core.messages import LiveBearing, Pose, PulsePose
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.live_bearings import LiveBearings
+from uavrt.localization.estimates.live_bearings import LiveBearings
 from uavrt.localization.tuning import FLIGHT
-from uavrt.messages import LiveBearing, Pose, PulsePose
 
 START_NS = 1_700_000_000_000_000_000
 TRUTH_DEG = 130.0

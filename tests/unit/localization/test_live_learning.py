@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 from turned import turned_flight
 
-from uavrt.localization import flight_estimates
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
-from uavrt.localization.estimate_cache import Cache
-from uavrt.localization.flight_estimates import ReadAs, TagBearing, estimate
-from uavrt.localization.heard import Heard
+from uavrt.localization.estimates import flight_estimates
+from uavrt.localization.estimates.estimate_cache import Cache
+from uavrt.localization.estimates.flight_estimates import ReadAs, TagBearing, estimate
+from uavrt.localization.estimates.heard import Heard
 
 
 def test_poses_after_the_last_turn_teach_nothing_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
 from uavrt.localization.antenna import monopole_gain_db
-from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.levels.power_evidence import PowerTrack
+from uavrt.localization.position.levels.strongest import signal_surface, strongest_signal
 from uavrt.localization.position.regions import refined, region_outlines
-from uavrt.localization.position.strongest import signal_surface, strongest_signal
 from uavrt.localization.results import PositionGrid
-from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=-12.0, longitude_deg=131.0)
 AXIS = np.arange(-200.0, 201.0, 4.0)

@@ -7,13 +7,13 @@ import pytest
 from depth import seeds
 from some import some
 
-from uavrt.errors import UsageError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.power_evidence import PowerTrack
-from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.results import Position
-from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.localization.position_bars import survey
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)

@@ -9,14 +9,14 @@ from depth import seeds
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.errors import UsageError
-from uavrt.localization.heard import FlightGround, PoseColumns
+from uavrt.core.errors import UsageError
+from uavrt.localization.estimates.heard import FlightGround, PoseColumns
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.level_belief import Listening
-from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior
-from uavrt.terrain.hill_losses import HillLosses
+from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt_experiments.coverage.shadow import CASES, fly, surveyed
 from uavrt_experiments.search.terrain import PLANE, elevation_of
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from depth import count
 
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.strengths import Strengths
-from uavrt.tangent_plane import TangentPlane
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.strengths import Strengths
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 SIGMA_DEG = 4.0

@@ -5,10 +5,10 @@ import pytest
 from depth import seeds
 from scipy.signal import lfilter
 
+from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.localization import PowerTrack, estimate_position
-from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.power_evidence import PowerEvidence
-from uavrt.tangent_plane import TangentPlane
+from uavrt.localization.position.levels.level_evidence import Propagation
+from uavrt.localization.position.levels.power_evidence import PowerEvidence
 
 PLANE = TangentPlane(latitude_deg=47.0, longitude_deg=8.0)
 HEIGHT_M, PULSES, HALF_M = 30.0, 340, 40.0

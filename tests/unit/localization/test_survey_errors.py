@@ -6,10 +6,10 @@ import numpy as np
 from depth import count
 from some import some
 
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.results import Position
-from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.localization.circle_bars import Strengths, by_strength
 from uavrt_experiments.localization.position_bars import survey
 from uavrt_experiments.localization.survey_error_bars import CASES

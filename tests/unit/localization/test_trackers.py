@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.bearing_evidence import von_mises
-from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.bearings.bearing_evidence import von_mises
+from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior
 
 Floats = NDArray[np.float64]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
 from uavrt.localization.bearing.turns import Turn, find_turns
-from uavrt.tangent_plane import TangentPlane
 
 RATE_HZ = 5.0
 START_NS = 1_700_000_000_000_000_000

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.messages import Tag
+from uavrt.core.messages import Tag
 from world import THESIS_TAG, World
 
 

@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.computer.autopilot_rules import has_serial_ports, names_to_read, needs
-from uavrt.computer.autopilot_setup import _examine, examine_autopilot
-from uavrt.computer.finding import Finding
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
+from uavrt.core.units import ns_from_s
+from uavrt.drone.computer.autopilot_rules import has_serial_ports, names_to_read, needs
+from uavrt.drone.computer.autopilot_setup import _examine, examine_autopilot
+from uavrt.drone.computer.finding import Finding
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.mavlink import dialect
-from uavrt.mavlink.address import parse_address
-from uavrt.mavlink.discovery import station_heartbeat
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.units import ns_from_s
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.discovery import station_heartbeat
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.links.address import parse_address
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 from world import World
 
 WRONG_PX4 = {

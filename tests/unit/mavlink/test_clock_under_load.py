@@ -4,8 +4,8 @@ import random
 
 import pytest
 
-from uavrt.mavlink.timesync import TimeSync
-from uavrt.units import ns_from_s
+from uavrt.core.units import ns_from_s
+from uavrt.link.mavlink.autopilot.timesync import TimeSync
 
 SKEWS_PPM = (0.0, 50.0, 11_800.0, -11_800.0, 20_000.0, -20_000.0)
 

@@ -5,12 +5,12 @@ from typing import TypeVar
 import made
 import pytest
 
-from uavrt.mavlink import dialect as d
-from uavrt.mavlink.component import Component, Handlers
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.message import Message
-from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.core.messages import AttitudeSample, PositionSample
+from uavrt.link.mavlink import dialect as d
+from uavrt.link.mavlink.component import Component, Handlers
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.message import Message
 
 START_NS = 1_700_000_000 * 10**9
 SECOND = 10**9

@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 from until import until_async as until
 
-from uavrt.attitude import euler_deg
-from uavrt.commands import Generation, SystemState
-from uavrt.errors import CommandRefused, ConfigError, LinkError
+from uavrt.core.commands import Generation, SystemState
+from uavrt.core.earth.attitude import euler_deg
+from uavrt.core.errors import CommandRefused, ConfigError, LinkError
+from uavrt.core.messages import Pose, Poses, PulsePose, StatusText, Tag
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent
-from uavrt.mavlink.component import Handlers
-from uavrt.mavlink.connection import Connection
-from uavrt.messages import Pose, Poses, PulsePose, StatusText, Tag
-from uavrt.tunnel.convert import tag_to_wire
+from uavrt.link.mavlink.component import Handlers
+from uavrt.link.mavlink.mavlink_connection import Connection
+from uavrt.link.tunnel.tunnel_records import tag_to_wire
 from world import World
 
 MakeWorld = Callable[..., World]

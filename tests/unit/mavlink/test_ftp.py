@@ -10,11 +10,17 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
-from uavrt.mavlink.dialect import FileTransferProtocol
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import MAX_SESSIONS, FileServer
-from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from uavrt.link.mavlink.dialect import FileTransferProtocol
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.services.ftp_files import FileTree
+from uavrt.link.mavlink.services.ftp_server import MAX_SESSIONS, FileServer
+from uavrt.link.mavlink.services.ftp_wire import (
+    DATA_SIZE,
+    FtpError,
+    FtpPacket,
+    Opcode,
+    checksum,
+)
 
 CLIENT = Peer(255, 190)
 OTHER = Peer(245, 190)

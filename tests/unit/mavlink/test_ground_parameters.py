@@ -8,9 +8,9 @@ import pytest
 from until import until_async as until
 
 from uavrt.config.parameters import RUN, parameter_values
-from uavrt.errors import CommandRefused, LinkError, TunnelError
-from uavrt.messages import StatusText
-from uavrt.tunnel.seal import parameter_content, read_key, read_parameter
+from uavrt.core.errors import CommandRefused, LinkError, TunnelError
+from uavrt.core.messages import StatusText
+from uavrt.link.tunnel.own_messages.seal import parameter_content, read_key, read_parameter
 from world import World
 
 

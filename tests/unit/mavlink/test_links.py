@@ -10,13 +10,13 @@ import pytest
 import serial
 from until import until_async as until
 
-from uavrt.errors import ConfigError, LinkError
-from uavrt.mavlink import dialect as d
-from uavrt.mavlink.address import parse_address
-from uavrt.mavlink.frame import Frame, FrameWriter
-from uavrt.mavlink.stream import TcpLink
-from uavrt.mavlink.transport import open_link
-from uavrt.mavlink.udp import UdpLink
+from uavrt.core.errors import ConfigError, LinkError
+from uavrt.link.mavlink import dialect as d
+from uavrt.link.mavlink.frame import Frame, FrameWriter
+from uavrt.link.mavlink.links.address import parse_address
+from uavrt.link.mavlink.links.stream_links import TcpLink
+from uavrt.link.mavlink.links.transport import open_link
+from uavrt.link.mavlink.links.udp import UdpLink
 
 PING = d.Ping(time_usec=1, seq=2, target_system=0, target_component=0)
 FRAME = FrameWriter(1, 1).encode(PING)
@@ -154,7 +154,7 @@ def test_a_serial_port_held_by_another_program_is_named_as_such() -> None:
 
 
 def test_a_serial_port_without_permission_points_to_the_dialout_group() -> None:
-    from uavrt.mavlink.stream import _serial_error
+    from uavrt.link.mavlink.links.stream_links import _serial_error
 
     error = _serial_error(
         parse_address("serial:///dev/ttyUSB0"), PermissionError(errno.EACCES, "denied")

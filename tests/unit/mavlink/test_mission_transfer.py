@@ -7,12 +7,16 @@ from typing import Any
 import pytest
 from mission_wire import OWN, VEHICLE, MissionWire
 
-from uavrt.guidance.mission import MissionItem, difference, fence_items, fence_of
-from uavrt.mavlink import dialect
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.mission_transfer import MissionDownload, MissionUpload, with_home
-from uavrt.messages import KeepOut, VehicleFence
-from uavrt.simulation.fake_autopilot import Flavour
+from uavrt.core.messages import KeepOut, VehicleFence
+from uavrt.guidance.files.mission import MissionItem, difference, fence_items, fence_of
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.autopilot.mission_transfer import (
+    MissionDownload,
+    MissionUpload,
+    with_home,
+)
+from uavrt.link.mavlink.message import Message
+from uavrt.simulation.vehicle.fake_autopilot import Flavour
 
 BOTH: tuple[Flavour, ...] = ("px4", "ardupilot")
 MISSION = (

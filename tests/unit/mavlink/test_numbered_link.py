@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from until import until_async as until
 
-from uavrt.commands import Generation, SystemState
-from uavrt.errors import CommandRefused, LinkError
-from uavrt.messages import Command, Tag
+from uavrt.core.commands import Generation, SystemState
+from uavrt.core.errors import CommandRefused, LinkError
+from uavrt.core.messages import Command, Tag
 from world import World
 
 

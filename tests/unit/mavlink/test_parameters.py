@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from until import until_async as until
 
 from uavrt.config.parameters import OFFERED, RUN, parameter_values
-from uavrt.mavlink.dialect import MavParamType
-from uavrt.mavlink.parameters import decode_value, encode_value
-from uavrt.messages import CommandReply
+from uavrt.core.messages import CommandReply
+from uavrt.link.mavlink.dialect import MavParamType
+from uavrt.link.mavlink.services.parameter_service import decode_value, encode_value
 from world import World
 
 

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from until import until_async as until
 
-from uavrt.errors import ConfigError, LinkError
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
-from uavrt.mavlink.signing import EPOCH_S, Signing, SigningKey, read_signing_key
-from uavrt.messages import Command
+from uavrt.core.errors import ConfigError, LinkError
+from uavrt.core.messages import Command
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.link.mavlink.sending.signing import EPOCH_S, Signing, SigningKey, read_signing_key
 from world import World
 
 KEY = SigningKey(hashlib.sha256(b"over the hills").digest())

@@ -1,6 +1,6 @@
 """Operators get the texts that matter, and the link stays free."""
 
-from uavrt.mavlink.statustext import TextLimiter
+from uavrt.link.mavlink.sending.statustext import TextLimiter
 
 SECOND = 1_000_000_000
 

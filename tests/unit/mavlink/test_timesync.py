@@ -3,7 +3,7 @@ import random
 import pytest
 from some import some
 
-from uavrt.mavlink.timesync import TimeSync
+from uavrt.link.mavlink.autopilot.timesync import TimeSync
 
 START_NS = 1_700_000_000 * 10**9
 SECOND = 10**9

@@ -1,7 +1,7 @@
 """Whom a UDP link answers when more ports speak to it than it keeps."""
 
-from uavrt.mavlink.address import parse_address
-from uavrt.mavlink.udp import MAX_PEERS, UdpLink
+from uavrt.link.mavlink.links.address import parse_address
+from uavrt.link.mavlink.links.udp import MAX_PEERS, UdpLink
 
 
 def test_the_peers_known_longest_stay_however_many_ports_speak() -> None:

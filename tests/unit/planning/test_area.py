@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from some import some
 
-from uavrt.errors import PlanError
+from uavrt.core.errors import PlanError
 from uavrt.planning.area import Circle, Polygon, SearchArea, check_reach, survey_lines
 
 SQUARE = Polygon.rectangle(0.0, 400.0, 0.0, 400.0, name="search area")

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.errors import ConfigError
+from uavrt.core.errors import ConfigError
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.planning.beliefs import Beliefs, TagBelief
-from uavrt.planning.propagation import GroundReflection
+from uavrt.planning.detectability.ground_propagation import GroundReflection
 from uavrt.planning.stopping import HonestStop
-from uavrt.simulation.propagation import Propagation, ground_reflection
+from uavrt.simulation.scene.propagation import Propagation, ground_reflection
 
 AREA = Area(west_m=0.0, east_m=500.0, south_m=0.0, north_m=500.0)
 PRIOR = TagPrior(area=AREA, level_db=30.0, level_sigma_db=6.0, pattern=PATTERNS["RA-23K"])

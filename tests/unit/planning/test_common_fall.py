@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.common_fall import ExponentSharing

@@ -8,24 +8,24 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
+from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.detection.sensitivity import enr_needed_db
 from uavrt.localization.antenna import pattern_named
 from uavrt.localization.headings import Headings
-from uavrt.planning.coverage import (
+from uavrt.localization.terrain.squares import GroundGrid
+from uavrt.planning.detectability.detection_coverage import (
     AntennaPath,
     Coverage,
     absence,
     coverage_of,
     planned_antenna_path,
 )
-from uavrt.planning.link_budget import LinkBudget
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.propagation import Propagation
-from uavrt.simulation.scenario import Scenario
-from uavrt.simulation.world import World
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.squares import GroundGrid
+from uavrt.planning.detectability.link_budget import LinkBudget
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.propagation import Propagation
+from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.scene.world import World
 
 _Floats = NDArray[np.float64]
 TAG = made.tag(2, 150e6, interval_uncertainty_s=0.06, interval_jitter_s=0.01)
@@ -181,7 +181,7 @@ def test_the_simulated_world_loses_behind_hills_what_the_map_says() -> None:
         np.arange(-1500.0, 1501.0, 10.0), np.arange(-1500.0, 1501.0, 10.0)
     )
     ground = land(hill(north.T, east.T), cell_m=10.0)
-    from uavrt.planning.coverage import _View
+    from uavrt.planning.detectability.detection_coverage import _View
 
     budget = LinkBudget(
         frequency_hz=150e6,

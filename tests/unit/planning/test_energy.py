@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from uavrt.errors import ConfigError
-from uavrt.planning.energy import Battery, EnergyModel
-from uavrt.planning.vehicle import Multirotor, VehicleState, Wind
+from uavrt.core.errors import ConfigError
+from uavrt.planning.drone_model.drone_motion import Multirotor, VehicleState, Wind
+from uavrt.planning.drone_model.energy import Battery, EnergyModel
 
 DRONE = Multirotor(speed_m_s=10.0)
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.planning.link_budget import LinkBudget
+from uavrt.planning.detectability.link_budget import LinkBudget
 
 TAG = LinkBudget(
     frequency_hz=150e6,

@@ -6,8 +6,8 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.cli.range import range as range_command
-from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.cli.prediction.range import range as range_command
+from uavrt.flight.flight_recorder import FlightRecorder
 
 START_NS = 1_700_000_000_000_000_000
 

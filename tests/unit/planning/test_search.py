@@ -6,15 +6,23 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 
-from uavrt.errors import PlanError, UsageError
+from uavrt.core.errors import PlanError, UsageError
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.levels.level_belief import Listening
 from uavrt.localization.position.trackers import TagPrior
-from uavrt.planning.actions import FlyTo, Hold, Return, Rotate
 from uavrt.planning.area import Circle, Polygon, SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
-from uavrt.planning.energy import Battery, EnergyModel
+from uavrt.planning.drone_model.drone_motion import (
+    FixedWing,
+    Multirotor,
+    Vehicle,
+    VehicleState,
+    Wind,
+    flown,
+)
+from uavrt.planning.drone_model.energy import Battery, EnergyModel
+from uavrt.planning.drone_model.planner_actions import FlyTo, Hold, Return, Rotate
 from uavrt.planning.information import Listener, information_nats, minus_quarter_squares
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.planners.registry import PLANNERS, planner_named
@@ -22,7 +30,6 @@ from uavrt.planning.planners.ways import headings, sampled
 from uavrt.planning.search import Search
 from uavrt.planning.situation import Decision, SearchSettings
 from uavrt.planning.stopping import HonestStop
-from uavrt.planning.vehicle import FixedWing, Multirotor, Vehicle, VehicleState, Wind, flown
 from uavrt_experiments.search.baselines.names import BASELINES, any_planner
 
 SIDE_M = 400.0
@@ -279,7 +286,7 @@ def test_a_way_past_the_tag_tells_more_than_one_away_from_it() -> None:
 
 def test_others_add_planners_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "uavrt.plugins.entry_points",
+        "uavrt.core.plugins.entry_points",
         lambda group: [EntryPoint(name="stay", value=f"{__name__}:Stay", group=group)],
     )
     monkeypatch.setattr(PLANNERS, "_added", None)

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.guidance.neighbours import SEPARATION
-from uavrt.planning.actions import FlyTo
+from uavrt.guidance.search.neighbour_drones import SEPARATION
 from uavrt.planning.area import Polygon, SearchArea
 from uavrt.planning.division import Start, divided
+from uavrt.planning.drone_model.drone_motion import Multirotor, VehicleState, Wind, flown
+from uavrt.planning.drone_model.other_drones import OtherDrones, Separation
+from uavrt.planning.drone_model.planner_actions import FlyTo
 from uavrt.planning.information import information_nats
-from uavrt.planning.other_drones import OtherDrones, Separation
 from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.planners.ways import checked, sampled
 from uavrt.planning.search import Search
 from uavrt.planning.situation import SearchSettings, Situation
-from uavrt.planning.vehicle import Multirotor, VehicleState, Wind, flown
 from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.drones import FlightOfDrones
 from uavrt_experiments.search.flight import beliefs_of

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from uavrt.errors import ConfigError
-from uavrt.planning.actions import FlyTo, Hold, Rotate
-from uavrt.planning.vehicle import FixedWing, Multirotor, VehicleState, Wind, flown
+from uavrt.core.errors import ConfigError
+from uavrt.planning.drone_model.drone_motion import (
+    FixedWing,
+    Multirotor,
+    VehicleState,
+    Wind,
+    flown,
+)
+from uavrt.planning.drone_model.planner_actions import FlyTo, Hold, Rotate
 from uavrt_experiments.search.flight import reachable
 
 START = VehicleState(time_s=100.0, east_m=0.0, north_m=0.0, height_m=30.0, yaw_deg=0.0)

@@ -4,10 +4,10 @@ import made
 import pytest
 from some import some
 
-from uavrt.attitude import from_euler_deg, yaw_deg
-from uavrt.messages import AttitudeSample, PositionSample, Pulse
-from uavrt.pose.attacher import PoseAttacher
-from uavrt.pose.ring import PoseRing
+from uavrt.core.earth.attitude import from_euler_deg, yaw_deg
+from uavrt.core.messages import AttitudeSample, PositionSample, Pulse
+from uavrt.localization.pose.attacher import PoseAttacher
+from uavrt.localization.pose.ring import PoseRing
 
 START_NS = 1_700_205_419_230_494_976
 SECOND_NS = 1_000_000_000

@@ -5,12 +5,12 @@ import random
 
 import pytest
 
-from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.config.settings import AntennaSettings
-from uavrt.errors import PoseUnavailable
-from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.pose.ring import PoseRing
-from uavrt.units import wrap_degrees_180
+from uavrt.core.earth.attitude import from_euler_deg, yaw_deg
+from uavrt.core.errors import PoseUnavailable
+from uavrt.core.messages import AttitudeSample, PositionSample
+from uavrt.core.units import wrap_degrees_180
+from uavrt.localization.pose.ring import PoseRing
 
 START_NS = 1_700_205_419_230_494_976
 SECOND_NS = 1_000_000_000

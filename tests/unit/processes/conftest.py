@@ -14,18 +14,18 @@ from pulses import pulse_at
 from relay import Relay
 from some import some
 
-from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
-from uavrt.demo.programs import free_udp_port
+from uavrt.core.clock import Clock
+from uavrt.core.messages import Command, CommandReply, Health, Pose, Pulse, PulsePose, Recorded
+from uavrt.drone.ipc.process import ProcessFrame
+from uavrt.drone.ipc.record_link import ChildLink, LineBuffer
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.ipc.topics import decode_record, encode_record
+from uavrt.drone.processes.connection import ConnectionProcess
+from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ipc.assignment import Assignment
-from uavrt.ipc.link import ChildLink, LineBuffer
-from uavrt.ipc.process import ProcessFrame
-from uavrt.ipc.topics import decode_record, encode_record
-from uavrt.messages import Command, CommandReply, Health, Pose, Pulse, PulsePose, Recorded
-from uavrt.processes.connection import ConnectionProcess
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 from world import turning_vehicle
 
 turning = turning_vehicle(30.0)

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from until import until_async as until
 
-from uavrt.attitude import euler_deg
-from uavrt.mavlink import component, timesync
-from uavrt.messages import PulsePose, StatusText
-from uavrt.units import ns_from_s
+from uavrt.core.earth.attitude import euler_deg
+from uavrt.core.messages import PulsePose, StatusText
+from uavrt.core.units import ns_from_s
+from uavrt.link.mavlink import component
+from uavrt.link.mavlink.autopilot import timesync
 
 
 def yaw_error_deg(bay: Any, item: PulsePose) -> float:

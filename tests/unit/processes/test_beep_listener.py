@@ -10,10 +10,10 @@ import pytest
 from tests.unit.processes.test_live_beeps import RATE_HZ, Frame
 from tests.unit.processes.test_radio_restart import Sink
 
-from uavrt.detection.beeps.search import BeepSearch
-from uavrt.messages import Beep, BeepKind, IQBlock
-from uavrt.processes.beep_listener import BeepListener
-from uavrt.processes.receiver import Receiver
+from uavrt.core.messages import Beep, BeepKind, IQBlock
+from uavrt.detection.beeps.beep_search import BeepSearch
+from uavrt.drone.processes.receiver import Receiver
+from uavrt.drone.processes.samples.beep_listener import BeepListener
 from uavrt_experiments.detection.beeping import CENTER_HZ
 
 

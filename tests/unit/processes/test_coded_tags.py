@@ -4,9 +4,9 @@ import made
 import numpy as np
 
 from uavrt.config.settings import DetectionSettings
-from uavrt.messages import Pulse
-from uavrt.processes.detector import DetectorBank
-from uavrt.tunnel.tag_lists import searched_text, tag_list_digest
+from uavrt.core.messages import Pulse
+from uavrt.drone.processes.detector import DetectorBank
+from uavrt.link.tunnel.tag_lists import searched_text, tag_list_digest
 from uavrt_experiments.detection.coded import RATE_HZ, add_burst, some_codes
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, noise
 

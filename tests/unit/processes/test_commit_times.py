@@ -5,9 +5,9 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.messages import Health
-from uavrt.processes.commit_times import OTHERS_S, PULSES_S, CommitTimes
-from uavrt.processes.health_filter import PERIOD_NS, HealthFilter
+from uavrt.core.messages import Health
+from uavrt.drone.processes.recording.commit_times import OTHERS_S, PULSES_S, CommitTimes
+from uavrt.drone.processes.recording.health_filter import PERIOD_NS, HealthFilter
 
 STEP_S = 0.25
 

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from uavrt.config.settings import DetectionSettings, OperatingModeName
+from uavrt.core.messages import ChannelBlock, Tag
 from uavrt.detection import group
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.track.search_band import advance_together
-from uavrt.messages import ChannelBlock, Tag
-from uavrt.processes import hang_watch
-from uavrt.processes.detector import DetectorBank
+from uavrt.drone.processes.detector import DetectorBank
+from uavrt.drone.processes.samples import hang_watch
 
 RATE_HZ = 7500.0
 CENTER_HZ = 148_710_000.0

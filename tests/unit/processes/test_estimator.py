@@ -5,10 +5,10 @@ from dataclasses import replace
 import made
 
 from uavrt.config.settings import BearingSettings, Settings
-from uavrt.messages import LiveBearing
-from uavrt.processes.estimator import PERIOD_NS, REPEATS_NS, Outgoing
-from uavrt.supervisor.tree.shapes import rows_for
-from uavrt.supervisor.tree.table import PROCESSES, consumers_of
+from uavrt.core.messages import LiveBearing
+from uavrt.drone.processes.estimator import PERIOD_NS, REPEATS_NS, Outgoing
+from uavrt.drone.supervisor.tree.process_shapes import rows_for
+from uavrt.drone.supervisor.tree.table import PROCESSES, consumers_of
 
 SECOND = 1_000_000_000
 

@@ -5,8 +5,8 @@ from typing import Any
 import made
 from until import until_async as until
 
-from uavrt.card import NEW_CARD
-from uavrt.messages import StatusText
+from uavrt.core.messages import StatusText
+from uavrt.drone.card import NEW_CARD
 
 Bay = Any  # tests/unit/processes/conftest.py
 REASON = "Airspy: no radio is plugged in. Plug the radio in, or try another cable or port"

@@ -5,12 +5,12 @@ import random
 import made
 import pytest
 
-from uavrt.guidance.mission import MissionItem
-from uavrt.mavlink import dialect
-from uavrt.mavlink.message import Message
-from uavrt.messages import VehicleFence
-from uavrt.processes.fence_watch import FenceWatch
-from uavrt.simulation.mission_store import MissionStore
+from uavrt.core.messages import VehicleFence
+from uavrt.drone.processes.motions.fence_watch import FenceWatch
+from uavrt.guidance.files.mission import MissionItem
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.message import Message
+from uavrt.simulation.vehicle.mission_store import MissionStore
 
 OWN = (1, 191)
 

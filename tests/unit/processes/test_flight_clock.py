@@ -8,10 +8,10 @@ import made
 import pytest
 from until import until_async as until
 
-from uavrt.attitude import euler_deg
-from uavrt.clock import Clock
+from uavrt.core.clock import Clock
+from uavrt.core.earth.attitude import euler_deg
+from uavrt.core.messages import Poses, PulsePose
 from uavrt.ground.link.protocol import DetectorAlive, DroneHeartbeat
-from uavrt.messages import Poses, PulsePose
 
 Bay = Any  # tests/unit/processes/conftest.py
 HOUR_NS = 3600 * 10**9

@@ -10,10 +10,8 @@ import made
 import pytest
 from until import until_async as until
 
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import PulsePose, SystemStatus
-from uavrt.processes.station_limits import (
+from uavrt.core.messages import PulsePose, SystemStatus
+from uavrt.drone.processes.connection_parts.station_limits import (
     ANSWERED_BURST,
     ANSWERED_PER_S,
     OTHERS_BURST,
@@ -21,9 +19,11 @@ from uavrt.processes.station_limits import (
     OWN_BURST,
     StationLimits,
 )
-from uavrt.tunnel.private import Receipt, payload_hash
-from uavrt.tunnel.reliable import ReliableSender
-from uavrt.tunnel.stores import MOST_STORES
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.tunnel.own_messages.private import Receipt, payload_hash
+from uavrt.link.tunnel.pulses.receiving_stations import MOST_STORES
+from uavrt.link.tunnel.pulses.reliable import ReliableSender
 
 pytestmark = pytest.mark.slow
 

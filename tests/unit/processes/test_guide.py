@@ -15,8 +15,8 @@ from flown import Flown
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings, Settings
-from uavrt.geodesy import distance_m
-from uavrt.messages import (
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.messages import (
     FlyThere,
     KeepOut,
     MotionOffer,
@@ -27,7 +27,7 @@ from uavrt.messages import (
     VehicleSeen,
     VehicleWish,
 )
-from uavrt.processes.guide import Guide
+from uavrt.drone.processes.guide import Guide
 
 
 @dataclass

@@ -11,11 +11,11 @@ from tests.unit.processes.test_radio_restart import Sink
 
 from uavrt.config.loader import parse_settings
 from uavrt.config.settings import RecordingSettings, Settings
-from uavrt.errors import ConfigError
-from uavrt.ipc.assignment import Assignment
-from uavrt.messages import ChannelBlock
-from uavrt.processes.kept_channels import KeptChannels
-from uavrt.processes.receiver import Receiver
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import ChannelBlock
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.processes.receiver import Receiver
+from uavrt.drone.processes.samples.kept_channels import KeptChannels
 from uavrt_experiments.resources.decimator import BandReceiver
 
 RATE_HZ = 3e6

@@ -3,7 +3,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.processes.latencies import Latencies
+from uavrt.drone.processes.samples.latencies import Latencies
 
 SECONDS = st.floats(0.0, 9.0)
 

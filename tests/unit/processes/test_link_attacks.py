@@ -19,10 +19,10 @@ from attacked import BATCH_S, CONFIRMER, DRONE, SECRET, Attacker, Guided, key_fi
 from serial_line import ADDRESS, BYTE_S, SerialLine
 from some import some
 
-from uavrt.ground.link.motion import ask, confirm, motion_request, stop
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import PulsePose, SystemStatus
-from uavrt.tunnel.motion import (
+from uavrt.core.messages import PulsePose, SystemStatus
+from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.link.mavlink.frame import FrameWriter
+from uavrt.link.tunnel.own_messages.motion_messages import (
     MotionConfirmation,
     MotionState,
     MotionStop,
@@ -30,8 +30,8 @@ from uavrt.tunnel.motion import (
     encode_request,
     encode_stop,
 )
-from uavrt.tunnel.private import MOTION_TYPE, SEALED_TYPE
-from uavrt.tunnel.seal import MOTION_INSIDE, Key, SealKeeper, seal, session_of
+from uavrt.link.tunnel.own_messages.private import MOTION_TYPE, SEALED_TYPE
+from uavrt.link.tunnel.own_messages.seal import MOTION_INSIDE, Key, SealKeeper, seal, session_of
 
 Bay = Any  # tests/unit/processes/conftest.py
 TRIALS = int(os.environ.get("UAVRT_LINK_TRIALS", "4"))

@@ -8,10 +8,10 @@ import pytest
 from tests.unit.processes.test_radio_restart import Sink
 
 from uavrt.config.settings import RecordingSettings, Settings
-from uavrt.ipc.assignment import Assignment
-from uavrt.messages import Beep, BeepKind
-from uavrt.processes import beep_listener
-from uavrt.processes.receiver import Receiver
+from uavrt.core.messages import Beep, BeepKind
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.processes.receiver import Receiver
+from uavrt.drone.processes.samples import beep_listener
 from uavrt_experiments.detection.beeping import CENTER_HZ, Beeper, Scene, blocks_of, regular
 
 RATE_HZ = 1e6

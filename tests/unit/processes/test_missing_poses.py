@@ -2,8 +2,8 @@ import made
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.messages import Pulse
-from uavrt.processes.missing_poses import AwaitedPoses
+from uavrt.core.messages import Pulse
+from uavrt.drone.processes.recording.missing_poses import AwaitedPoses
 
 PATIENCE_S = 8.0
 

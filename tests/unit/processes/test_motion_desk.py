@@ -12,10 +12,7 @@ from some import some
 from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance.mission import fence_items
-from uavrt.mavlink import dialect
-from uavrt.mavlink.address import parse_address
-from uavrt.messages import (
+from uavrt.core.messages import (
     Command,
     CommandReply,
     Course,
@@ -31,13 +28,13 @@ from uavrt.messages import (
     VehicleReport,
     VehicleWish,
 )
-from uavrt.processes.motion_control import Outlets
-from uavrt.processes.motion_desk import MotionDesk
-from uavrt.processes.reported_autopilot import SIMULATOR_NUMBER
-from uavrt.simulation.airframe import Flavour
-from uavrt.simulation.flying import MODES
-from uavrt.simulation.mission_store import MissionStore
-from uavrt.tunnel.motion import (
+from uavrt.drone.processes.motions.motion_control import Outlets
+from uavrt.drone.processes.motions.motion_desk import MotionDesk
+from uavrt.drone.processes.motions.reported_autopilot import SIMULATOR_NUMBER
+from uavrt.guidance.files.mission import fence_items
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.links.address import parse_address
+from uavrt.link.tunnel.own_messages.motion_messages import (
     MotionConfirmation,
     MotionState,
     MotionStop,
@@ -46,7 +43,10 @@ from uavrt.tunnel.motion import (
     encode_request,
     encode_stop,
 )
-from uavrt.tunnel.neighbours import encode_neighbour
+from uavrt.link.tunnel.own_messages.neighbour_messages import encode_neighbour
+from uavrt.simulation.vehicle.airframe import Flavour
+from uavrt.simulation.vehicle.mission_store import MissionStore
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 US, OTHERS = (254, 190), (254, 191)
 SETTINGS = GuidanceSettings(enabled=True, battery_wh=120.0, may_take_off=True)

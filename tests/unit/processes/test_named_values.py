@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.mavlink.dialect import MavAutopilot, MavState, MavType
-from uavrt.mavlink.discovery import Discovery, Peer, station_heartbeat
-from uavrt.processes.named_values import NamedValues
-from uavrt.processes.tag_texts import TagTexts
+from uavrt.drone.processes.connection_parts.named_values import NamedValues
+from uavrt.drone.processes.connection_parts.tag_texts import TagTexts
+from uavrt.link.mavlink.dialect import MavAutopilot, MavState, MavType
+from uavrt.link.mavlink.discovery import Discovery, Peer, station_heartbeat
 
 S = 1_000_000_000
 SLOW = made.tag(7, 148.7e6, 8.0, 2.0)

@@ -6,7 +6,7 @@ import pytest
 from flown import Flown
 from tests.unit.processes.test_motion_desk import Link, begin
 
-from uavrt.messages import TurnInPlace, VehicleWish
+from uavrt.core.messages import TurnInPlace, VehicleWish
 
 
 def logged(capsys: pytest.CaptureFixture[str], event: str) -> list[float | None]:

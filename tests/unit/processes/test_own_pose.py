@@ -13,13 +13,13 @@ from tests.unit.test_nmea import sentence
 from until import until_async as until
 
 from uavrt.config.settings import MavlinkSettings, PoseSettings, RecordingSettings, Settings
-from uavrt.demo.programs import free_udp_port
-from uavrt.errors import ConfigError
-from uavrt.ground.link.vehicle import VehicleWatch
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
-from uavrt.messages import Poses, PulsePose, StatusText
-from uavrt.processes.own_pose import pose_address
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import Poses, PulsePose, StatusText
+from uavrt.drone.processes.connection_parts.own_pose import pose_address
+from uavrt.ground.link.vehicles.vehicle_state import VehicleWatch
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 Bay = Any  # tests/unit/processes/conftest.py
 MAST = PoseSettings(

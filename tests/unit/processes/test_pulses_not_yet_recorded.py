@@ -8,16 +8,16 @@ import made
 import pytest
 from until import until_async as until
 
+from uavrt.core.messages import PulsePose, Recorded
+from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.messages import PulsePose, Recorded
-from uavrt.recording.flight_recorder import FlightRecorder
 
 
 @pytest.mark.timeout(90)
 async def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwards(
     bay: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavrt.processes.pulse_path.FIRST_REFILL_NS", 0)
+    monkeypatch.setattr("uavrt.drone.processes.connection_parts.pulse_path.FIRST_REFILL_NS", 0)
     bay.recorder_quick = False
     directory = tmp_path / "flight_log_1"
 

@@ -11,8 +11,8 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.messages import IQBlock
-from uavrt.processes.receiver import Receiver
+from uavrt.core.messages import IQBlock
+from uavrt.drone.processes.receiver import Receiver
 
 RATE_HZ = 3e6
 SIZE = 65_536
@@ -39,7 +39,7 @@ def block_at(time_ns: int, lost: int = 0) -> IQBlock:
 
 def make_receiver(directory: Path) -> Receiver:
     from uavrt.config.settings import RecordingSettings, Settings
-    from uavrt.ipc.assignment import Assignment
+    from uavrt.drone.ipc.tag_assignment import Assignment
 
     flight = made.flight_info(directory, (TAG,), sample_rate_hz=RATE_HZ)
     assignment = Assignment(

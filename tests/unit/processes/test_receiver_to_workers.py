@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver as GhostPlaces
 from uavrt.config.settings import DetectionSettings, RecordingSettings, Settings
-from uavrt.ipc.assignment import Assignment
-from uavrt.ipc.sample_sockets import make_sample_sockets
-from uavrt.ipc.samples import ChannelReceiver, ChannelSender
-from uavrt.messages import Pulse, Tag
-from uavrt.processes.detector import DetectorBank
-from uavrt.processes.receiver import Receiver
-from uavrt.supervisor.mission.flight_opening import share_tags
+from uavrt.core.messages import Pulse, Tag
+from uavrt.drone.ipc.sample_datagrams import ChannelReceiver, ChannelSender
+from uavrt.drone.ipc.sample_sockets import make_sample_sockets
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.processes.detector import DetectorBank
+from uavrt.drone.processes.receiver import Receiver
+from uavrt.drone.supervisor.mission.flight_opening import share_tags
 from uavrt_experiments.detection.signals import make_samples
 
 RATE_HZ = 96_000.0

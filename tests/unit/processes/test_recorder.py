@@ -13,11 +13,7 @@ from sql import sql
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import AntennaSettings, RecordingSettings, Settings
-from uavrt.ipc.assignment import Assignment
-from uavrt.ipc.link import ChildLink, LineBuffer
-from uavrt.ipc.process import ProcessFrame
-from uavrt.ipc.topics import decode_record, encode_record
-from uavrt.messages import (
+from uavrt.core.messages import (
     Command,
     CommandReply,
     Delivered,
@@ -30,14 +26,18 @@ from uavrt.messages import (
     StatusText,
     Taken,
 )
-from uavrt.pose.mounting import Mounting
-from uavrt.processes.commit_times import PULSES_S
-from uavrt.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
-from uavrt.recording.flight_database import FlightDatabase
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.pulse_pose_log import read_pulse_pose_log
-from uavrt.supervisor.tree.waiting_records import Outbox
+from uavrt.drone.ipc.process import ProcessFrame
+from uavrt.drone.ipc.record_link import ChildLink, LineBuffer
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.ipc.topics import decode_record, encode_record
+from uavrt.drone.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
+from uavrt.drone.processes.recording.commit_times import PULSES_S
+from uavrt.drone.supervisor.tree.waiting_records import Outbox
+from uavrt.flight.database.flight_database import FlightDatabase
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.logs.pulse_pose_log import read_pulse_pose_log
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.localization.pose.mounting import Mounting
 
 S = 1_000_000_000
 START_NS = 1_700_000_000 * S

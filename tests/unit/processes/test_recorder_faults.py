@@ -7,8 +7,8 @@ import pytest
 from tests.unit.processes.test_recorder import Drone, posed, pulse
 from tests.unit.processes.test_recorder import drone as drone
 
-from uavrt.messages import StatusText
-from uavrt.recording.flight_reader import read_flight
+from uavrt.core.messages import StatusText
+from uavrt.flight.reading.flight_reader import read_flight
 
 WITHIN_S = 5
 

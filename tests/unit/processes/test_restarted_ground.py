@@ -9,11 +9,11 @@ import made
 import pytest
 from until import until_async as until
 
+from uavrt.core.messages import Tag
 from uavrt.ground.station import Station, StationSettings
-from uavrt.mavlink import dialect
-from uavrt.messages import Tag
-from uavrt.tunnel.convert import tag_from_wire, tag_to_wire
-from uavrt.tunnel.tag_lists import digest_in, searched_text, tag_list_digest
+from uavrt.link.mavlink import dialect
+from uavrt.link.tunnel.tag_lists import digest_in, searched_text, tag_list_digest
+from uavrt.link.tunnel.tunnel_records import tag_from_wire, tag_to_wire
 
 TAGS = tuple(
     made.tag(

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from some import some
 
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
-from uavrt.mavlink.signing import EPOCH_S, Signing, SigningKey
-from uavrt.processes.signing_memory import TIMES_NAME, SigningMemory
+from uavrt.drone.processes.connection_parts.signing_memory import TIMES_NAME, SigningMemory
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.link.mavlink.sending.signing import EPOCH_S, Signing, SigningKey
 
 KEY = SigningKey(bytes(range(32)))
 NOW_NS = (EPOCH_S + 300_000_000) * 10**9

@@ -7,10 +7,10 @@ import pytest
 from flown import Flown
 from tests.unit.processes.test_motion_desk import Link, begin
 
+from uavrt.core.messages import FlyThere, TakeMode, TakeOff, VehicleWish, Wish
 from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
-from uavrt.mavlink.dialect import MavCmd
-from uavrt.messages import FlyThere, TakeMode, TakeOff, VehicleWish, Wish
-from uavrt.simulation.airframe import Flavour
+from uavrt.link.mavlink.dialect import MavCmd
+from uavrt.simulation.vehicle.airframe import Flavour
 
 STEP_S = 0.05
 OBEYS_S = 0.1

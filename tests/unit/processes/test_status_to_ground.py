@@ -6,11 +6,11 @@ from typing import Any
 import made
 from until import until_async as until
 
-from uavrt.commands import SystemState
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import SearchReport, StatusText, SystemStatus
 from uavrt.ground.link.protocol import DetectorAlive, DroneHeartbeat
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import Frame
-from uavrt.messages import SearchReport, StatusText, SystemStatus
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import Frame
 
 Bay = Any  # tests/unit/processes/conftest.py
 TAGS = tuple(made.tag(number, 148.7e6 + 10_000.0 * number) for number in (2, 4))

@@ -13,11 +13,11 @@ import pytest
 from pulses import pulse_at
 from until import until_async as until
 
-from uavrt.commands import SystemState
-from uavrt.messages import Command, FlightInfo, PulsePose, StatusText
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Command, FlightInfo, PulsePose, StatusText
+from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.drone.supervisor.mission.saved_state import StateStore
+from uavrt.flight.flight_recorder import FlightRecorder
 
 Bay = Any  # tests/unit/processes/conftest.py
 LYNX = made.tag(2, 148_710_000.0, name="lynx")

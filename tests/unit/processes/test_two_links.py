@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from until import until_async as until
 
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.routes import FRESH_NS, STEADY_NS, Routes
-from uavrt.messages import PulsePose
+from uavrt.core.messages import PulsePose
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.sending.routes import FRESH_NS, STEADY_NS, Routes
 
 Bay = Any  # tests/unit/processes/conftest.py
 STATION = Peer(254, 190)

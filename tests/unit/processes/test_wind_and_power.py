@@ -9,15 +9,15 @@ from tests.unit.processes.test_motion_desk import Link
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance.reports import now_of
-from uavrt.mavlink import dialect
-from uavrt.mavlink.vehicle_messages import WATCHED_HZ
-from uavrt.mavlink.wind import wind_of
-from uavrt.messages import VehicleFence, VehicleReport
-from uavrt.processes import guide
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flown import REQUESTABLE_IDS
-from uavrt.simulation.vehicle_telemetry import wind_message
+from uavrt.core.messages import VehicleFence, VehicleReport
+from uavrt.drone.processes import guide
+from uavrt.guidance.vehicle_reports import now_of
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.autopilot.vehicle_messages import WATCHED_HZ
+from uavrt.link.mavlink.autopilot.wind import wind_of
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.commanded_vehicle import REQUESTABLE_IDS
+from uavrt.simulation.vehicle.vehicle_telemetry import wind_message
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 BLOWS = (-3.0, 4.0)

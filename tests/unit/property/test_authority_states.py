@@ -12,11 +12,11 @@ from attacked_world import AttackedWorld, WorldClock, in_its_time
 from authority_world import KEYS, World
 from explored import assert_equal_states_stay_equal, explore
 
-from uavrt.errors import TunnelError
-from uavrt.guidance.offers import Offers
-from uavrt.simulation.airframe import Flavour
-from uavrt.tunnel.gate import Gate, Sealer
-from uavrt.tunnel.seal import SealKeeper
+from uavrt.core.errors import TunnelError
+from uavrt.guidance.control.offers import Offers
+from uavrt.link.tunnel.gate import Gate, Sealer
+from uavrt.link.tunnel.own_messages.seal import SealKeeper
+from uavrt.simulation.vehicle.airframe import Flavour
 
 DEPTH = int(os.environ.get("UAVRT_DEPTH", "7"))
 LINK_DEPTH = int(os.environ.get("UAVRT_LINK_DEPTH", "4"))

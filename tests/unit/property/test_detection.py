@@ -8,10 +8,10 @@ import numpy as np
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from uavrt.core.messages import Pulse
 from uavrt.detection.search.anchors import AnchorSearch
 from uavrt.detection.search.grid import make_grid, sliding_maximum
 from uavrt.detection.search.hypotheses import interval_grid, jitter_reach
-from uavrt.messages import Pulse
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, noise
 
 RATE_HZ = 3750.0

@@ -11,7 +11,7 @@ from uavrt.detection.search.hypotheses import interval_grid, jitter_reach
 from uavrt.detection.search.long_groups import LongSearch
 from uavrt.detection.search.noise import _truncated
 from uavrt.detection.search.tuning import NOISE
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -4,12 +4,12 @@ from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
 from original_tuner import original_center
 
+from uavrt.core.errors import TunerError
+from uavrt.core.messages import ChannelBlock, IQBlock
 from uavrt.dsp.channelizer import Channelizer
 from uavrt.dsp.decimator import Decimator
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.tuner import compatible_cost, tune
-from uavrt.errors import TunerError
-from uavrt.messages import ChannelBlock, IQBlock
 
 Complex = np.ndarray[tuple[int], np.dtype[np.complex64]]
 RATE_HZ = 3e6

@@ -10,7 +10,7 @@ import os
 import pytest
 from campaigns import BEGUN, CROSSED, TAKEOVERS, fault_of, takeover_fault
 
-from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.vehicle.airframe import Flavour
 
 FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "6"))
 INSTANTS = int(os.environ.get("UAVRT_TAKEOVERS", "3"))

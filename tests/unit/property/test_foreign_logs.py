@@ -8,13 +8,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from uavrt.errors import FormatError
-from uavrt.recording.formats.bearings_csv import read_bearing_file
-from uavrt.recording.formats.positions_csv import read_position_file
-from uavrt.recording.formats.pyradiotracking import read_pyradiotracking
-from uavrt.recording.formats.recognise import read_pulse_log
-from uavrt.recording.formats.tagtracker import read_tagtracker
-from uavrt.recording.formats.ucsd import read_ucsd_estimates, read_ucsd_pings
+from uavrt.core.errors import FormatError
+from uavrt.flight.reading.recognise import read_pulse_log
+from uavrt.formats.bearings_csv import read_bearing_file
+from uavrt.formats.positions_csv import read_position_file
+from uavrt.formats.pulses.pyradiotracking import read_pyradiotracking
+from uavrt.formats.pulses.tagtracker import read_tagtracker
+from uavrt.formats.pulses.ucsd import read_ucsd_estimates, read_ucsd_pings
 
 cells = st.one_of(
     st.sampled_from(["7", "10", "11", "20", "nan", "-inf", "-9999", "1e400", "", "0", "1"]),

@@ -18,25 +18,25 @@ import made
 import pytest
 from until import until_async as until
 
-from uavrt.clock import Clock
-from uavrt.commands import CommandId
-from uavrt.errors import UavrtError
-from uavrt.ground.link import parallel_links as ways
+from uavrt.core.clock import Clock
+from uavrt.core.commands import CommandId
+from uavrt.core.errors import UavrtError
+from uavrt.core.messages import PulsePose
+from uavrt.flight.logs.pulse_files import read_pulse_file
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.ground.link.requests import parallel_links as ways
 from uavrt.ground.session import GroundSession
 from uavrt.ground.station import Station, StationSettings, json_line
-from uavrt.ground.store.settings import GroundStore
-from uavrt.mavlink import dialect
-from uavrt.mavlink.address import Address, parse_address
-from uavrt.mavlink.frame import Frame, FrameWriter
-from uavrt.mavlink.link import Link
-from uavrt.mavlink.message import Message
-from uavrt.messages import PulsePose
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.pulse_files import read_pulse_file
-from uavrt.tunnel.burst import BURST_TYPE
-from uavrt.tunnel.codec import DECODERS
-from uavrt.tunnel.convert import pulse_to_wire
-from uavrt.tunnel.live_bearing import BEARING_TYPE
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.frame import Frame, FrameWriter
+from uavrt.link.mavlink.links.address import Address, parse_address
+from uavrt.link.mavlink.links.mavlink_link import Link
+from uavrt.link.mavlink.message import Message
+from uavrt.link.tunnel.generations.codec import DECODERS
+from uavrt.link.tunnel.own_messages.burst import BURST_TYPE
+from uavrt.link.tunnel.own_messages.live_bearing import BEARING_TYPE
+from uavrt.link.tunnel.tunnel_records import pulse_to_wire
 
 COUNT = int(os.environ.get("UAVRT_FUZZ", "6000"))
 NASTY = (0.0, -0.0, 1.0, -1.0, math.nan, math.inf, -math.inf, 1e308, 5e-324, 9.5e9, 1.7e9, 1e19)

@@ -19,12 +19,12 @@ from flown import CENTRED, HOME, STEP_S, Flown, nonce_of
 from rough import Rough
 from searched import Animal, Searched
 
-from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Standing
-from uavrt.messages import FlyThere, VehicleWish
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
-from uavrt.simulation.vehicle_telemetry import target_message
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import FlyThere, VehicleWish
+from uavrt.guidance.control.authority import Standing
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
+from uavrt.simulation.vehicle.vehicle_telemetry import target_message
 
 HISTORIES = int(os.environ.get("UAVRT_HISTORIES", "200"))
 ROUGH = 2 * HISTORIES // 5

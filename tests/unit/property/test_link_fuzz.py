@@ -13,17 +13,21 @@ import pytest
 
 from uavrt.config.parameters import parameter_values, with_parameter
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, TunnelError
-from uavrt.mavlink import dialect
-from uavrt.mavlink.component import Component, Handlers
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.parameters import ParameterChange, ParameterServer, Requests
-from uavrt.messages import Command
-from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.gate import Gate
-from uavrt.tunnel.reliable import ReliableSender
-from uavrt.tunnel.seal import Key, SealKeeper
+from uavrt.core.errors import ConfigError, TunnelError
+from uavrt.core.messages import Command
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.component import Component, Handlers
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter
+from uavrt.link.mavlink.services.parameter_service import (
+    ParameterChange,
+    ParameterServer,
+    Requests,
+)
+from uavrt.link.tunnel.drone_exchange import Answer, Exchange
+from uavrt.link.tunnel.gate import Gate
+from uavrt.link.tunnel.own_messages.seal import Key, SealKeeper
+from uavrt.link.tunnel.pulses.reliable import ReliableSender
 
 COUNT = int(os.environ.get("UAVRT_FUZZ", "20000"))
 NOW_NS = 1_700_000_000_000_000_000

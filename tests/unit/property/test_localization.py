@@ -5,13 +5,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from some import some
 
+from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.bearing.estimate import estimate_bearing
-from uavrt.localization.position.estimate import estimate_position
-from uavrt.localization.position.stations import Stations
+from uavrt.localization.bearing.estimate_bearing import estimate_bearing
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.power_law import power_tables
-from uavrt.tangent_plane import TangentPlane
 
 angles = st.floats(0.0, 360.0, exclude_max=True)
 

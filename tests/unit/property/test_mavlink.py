@@ -8,16 +8,16 @@ import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.clock import Clock
-from uavrt.mavlink.component import Component, Handlers
-from uavrt.mavlink.dialect import MESSAGES, Ping, Statustext, Tunnel
-from uavrt.mavlink.frame import FrameParser, FrameWriter, crc16_mcrf4xx
-from uavrt.mavlink.pacing import CAPACITY, PacedQueue, Priority
-from uavrt.mavlink.statustext import TextAssembler, chunks_of
-from uavrt.mavlink.timesync import TimeSync
-from uavrt.messages import TunnelPayload
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.core.clock import Clock
+from uavrt.core.messages import TunnelPayload
+from uavrt.link.mavlink.autopilot.timesync import TimeSync
+from uavrt.link.mavlink.component import Component, Handlers
+from uavrt.link.mavlink.dialect import MESSAGES, Ping, Statustext, Tunnel
+from uavrt.link.mavlink.frame import FrameParser, FrameWriter, crc16_mcrf4xx
+from uavrt.link.mavlink.sending.pacing import CAPACITY, PacedQueue, Priority
+from uavrt.link.mavlink.sending.statustext import TextAssembler, chunks_of
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 PAYLOADS = st.binary(max_size=128)
 START_NS = 1_700_000_000 * 10**9

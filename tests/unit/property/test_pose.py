@@ -6,13 +6,20 @@ import made
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from uavrt.attitude import Quaternion, from_euler_deg, normalised, product, rotated, slerp
 from uavrt.config.settings import AntennaSettings
-from uavrt.errors import PoseUnavailable
-from uavrt.messages import AttitudeSample, PositionSample, Pulse
-from uavrt.pose.attacher import PoseAttacher
-from uavrt.pose.ring import PoseRing
-from uavrt.units import wrap_degrees_180
+from uavrt.core.earth.attitude import (
+    Quaternion,
+    from_euler_deg,
+    normalised,
+    product,
+    rotated,
+    slerp,
+)
+from uavrt.core.errors import PoseUnavailable
+from uavrt.core.messages import AttitudeSample, PositionSample, Pulse
+from uavrt.core.units import wrap_degrees_180
+from uavrt.localization.pose.attacher import PoseAttacher
+from uavrt.localization.pose.ring import PoseRing
 
 START_NS = 1_700_205_419_230_494_976
 

@@ -12,12 +12,12 @@ import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.errors import FormatError
-from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.recording.detector_configs import read_detector_config
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.pulse_files import PulseFormat, PulseWriter, read_pulse_file
-from uavrt.recording.pulse_pose_log import format_line, parse_line, read_pulse_pose_log
+from uavrt.core.errors import FormatError
+from uavrt.core.messages import Pose, Pulse, PulsePose
+from uavrt.flight.logs.detector_configs import read_detector_config
+from uavrt.flight.logs.pulse_files import PulseFormat, PulseWriter, read_pulse_file
+from uavrt.flight.logs.pulse_pose_log import format_line, parse_line, read_pulse_pose_log
+from uavrt.flight.reading.flight_reader import read_flight
 
 times = st.integers(0, 2**62 - 1)
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)

@@ -6,14 +6,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.simulation import geometry
-from uavrt.simulation.counter_random import stream_key, uniform
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.propagation import Fading, Propagation
-from uavrt.simulation.scenario import Interferer, Radio, Scenario, SimulatedTag
-from uavrt.simulation.scenario_file import parse_scenario, scenario_toml
+from uavrt.simulation.scene import geometry
+from uavrt.simulation.scene.counter_random import stream_key, uniform
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.propagation import Fading, Propagation
+from uavrt.simulation.scene.scenario import Interferer, Radio, Scenario, SimulatedTag
+from uavrt.simulation.scene.scenario_file import parse_scenario, scenario_toml
+from uavrt.simulation.scene.world import World
 from uavrt.simulation.synthesis import IQSynthesizer
-from uavrt.simulation.world import World
 
 TAG = made.simulated_tag(
     1,

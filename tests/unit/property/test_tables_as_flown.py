@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from campaigns import WELL, Framed
 
-from uavrt.guidance.authority import Standing
-from uavrt.guidance.orders import Limits, Order
-from uavrt.planning.vehicle import VehicleState
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.operator_orders import Limits, Order
+from uavrt.planning.drone_model.drone_motion import VehicleState
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
 from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.drones import FlightOfDrones
 from uavrt_experiments.search.flight import Outcome

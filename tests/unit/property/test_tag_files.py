@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from uavrt.config.loader import parse_settings
 from uavrt.config.settings import Settings
-from uavrt.config.tag_files import parse_tags, read_tags, write_tags
-from uavrt.errors import ConfigError, TagFileError
-from uavrt.messages import Tag
-from uavrt.units import s_from_ms
+from uavrt.config.tags.tag_files import parse_tags, read_tags, write_tags
+from uavrt.core.errors import ConfigError, TagFileError
+from uavrt.core.messages import Tag
+from uavrt.core.units import s_from_ms
 
 KEYS = (
     "id", "name", "frequency_mhz", "frequency_hz", "interval_ms", "second_interval_ms",

@@ -13,9 +13,9 @@ from depth import share
 from searched import Animal
 from together import Together
 
-from uavrt.guidance.neighbours import SEPARATION
-from uavrt.simulation.airframe import Frame
-from uavrt.simulation.flying import MODES
+from uavrt.guidance.search.neighbour_drones import SEPARATION
+from uavrt.simulation.vehicle.airframe import Frame
+from uavrt.simulation.vehicle.simulated_flying import MODES
 
 FLIGHTS = int(os.environ.get("UAVRT_TOGETHER", "2"))
 

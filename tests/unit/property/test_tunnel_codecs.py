@@ -8,14 +8,26 @@ import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.attitude import euler_deg, from_euler_deg
-from uavrt.commands import Generation
-from uavrt.errors import TunnelError
-from uavrt.messages import PulsePose, Tag
-from uavrt.tunnel.codec import DECODERS, TunnelMessage, decode, generation_of
-from uavrt.tunnel.convert import pulse_from_wire, pulse_to_wire, tag_from_wire, tag_to_wire
-from uavrt.tunnel.g0 import AckG0, PulseG0, TagG0
-from uavrt.tunnel.g1 import AckG1, Heartbeat, PulseG1, RawCapture, StartDetection, TagG1
+from uavrt.core.commands import Generation
+from uavrt.core.earth.attitude import euler_deg, from_euler_deg
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import PulsePose, Tag
+from uavrt.link.tunnel.generations.codec import DECODERS, TunnelMessage, decode, generation_of
+from uavrt.link.tunnel.generations.g0 import AckG0, PulseG0, TagG0
+from uavrt.link.tunnel.generations.g1 import (
+    AckG1,
+    Heartbeat,
+    PulseG1,
+    RawCapture,
+    StartDetection,
+    TagG1,
+)
+from uavrt.link.tunnel.tunnel_records import (
+    pulse_from_wire,
+    pulse_to_wire,
+    tag_from_wire,
+    tag_to_wire,
+)
 
 U8, U16, U32 = (st.integers(0, 2**bits - 1) for bits in (8, 16, 32))
 F64 = st.floats(allow_nan=False)

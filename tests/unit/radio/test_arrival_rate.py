@@ -7,9 +7,9 @@ import pytest
 from uavrt.config.parameters import tuned_frequency
 from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import ConfigError
-from uavrt.radio.arrival_rate import ArrivalRate
-from uavrt.radio.placing import Placer
+from uavrt.core.errors import ConfigError
+from uavrt.radio.timing.arrival_rate import ArrivalRate
+from uavrt.radio.timing.sample_placing import Placer
 
 RATE_HZ = 250e3
 TRANSFER = 4096

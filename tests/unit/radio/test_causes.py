@@ -6,9 +6,10 @@ import pytest
 
 from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import RadioError, RadioMissing, RadioStopped
-from uavrt.radio import answers, devices
-from uavrt.radio.answers import exit_error
+from uavrt.core.errors import RadioError, RadioMissing, RadioStopped
+from uavrt.radio.receivers import devices
+from uavrt.radio.receivers import program_messages as answers
+from uavrt.radio.receivers.program_messages import exit_error
 
 NOT_FOUND = {
     "airspy": "airspy_open_sn() failed: AIRSPY_ERROR_NOT_FOUND (-5)",

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uavrt.errors import FormatError
-from uavrt.radio.channel_datagram import (
+from uavrt.core.errors import FormatError
+from uavrt.radio.channels.channel_datagram import (
     BYTES,
     StampStyle,
     channel_port,

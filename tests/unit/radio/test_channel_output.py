@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from uavrt.config.settings import UdpChannelSettings
-from uavrt.messages import Tag
-from uavrt.radio.channel_datagram import decode_channel_datagram
-from uavrt.radio.channel_output import ChannelOutput
+from uavrt.core.messages import Tag
+from uavrt.flight.logs.detector_configs import detector_config
+from uavrt.radio.channels.channel_datagram import decode_channel_datagram
+from uavrt.radio.channels.channel_output import ChannelOutput
 from uavrt.radio.udp_address import listen
-from uavrt.recording.detector_configs import detector_config
 
 CENTER_HZ = 148.7e6
 RATE_HZ = 375_000.0

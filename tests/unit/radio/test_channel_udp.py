@@ -10,13 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.demo.programs import free_udp_port
-from uavrt.errors import ConfigError, RadioError
-from uavrt.messages import ChannelBlock
-from uavrt.radio.channel_datagram import decode_channel_datagram, encode_channel_datagram
-from uavrt.radio.channel_sender import ChannelDatagramSender
-from uavrt.radio.channel_source import HELD_FRAMES, ChannelDatagramSource, FrameOrder
+from uavrt.core.errors import ConfigError, RadioError
+from uavrt.core.messages import ChannelBlock
+from uavrt.radio.channels.channel_datagram import (
+    decode_channel_datagram,
+    encode_channel_datagram,
+)
+from uavrt.radio.channels.channel_sender import ChannelDatagramSender
+from uavrt.radio.channels.channel_source import HELD_FRAMES, ChannelDatagramSource, FrameOrder
 from uavrt.radio.udp_address import listen, parse_udp_address
+from uavrt.simulation.demo.demo_programs import free_udp_port
 
 RATE_HZ = 3750.0
 START_NS = 1_700_000_000_000_000_000

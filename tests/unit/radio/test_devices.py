@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from uavrt.config.settings import RadioSettings
-from uavrt.radio.devices import ambiguous_radios, usb_radios
+from uavrt.radio.receivers.devices import ambiguous_radios, usb_radios
 
 Plug = Callable[..., None]
 AIRSPY, HACKRF, RTLSDR = ("1d50", "60a1"), ("1d50", "6089"), ("0bda", "2838")
@@ -15,7 +15,7 @@ AIRSPY, HACKRF, RTLSDR = ("1d50", "60a1"), ("1d50", "6089"), ("0bda", "2838")
 @pytest.fixture(name="plug")
 def plug_fixture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plug:
     """Plug a radio in, as the kernel would list it."""
-    monkeypatch.setattr("uavrt.radio.devices.SYSFS_USB", tmp_path)
+    monkeypatch.setattr("uavrt.radio.receivers.devices.SYSFS_USB", tmp_path)
 
     def plug(usb: tuple[str, str], serial: str = "") -> None:
         number = len(list(tmp_path.iterdir())) + 1

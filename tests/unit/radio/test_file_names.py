@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.clock import parse_iso_utc
-from uavrt.errors import FormatError
-from uavrt.radio.file_names import read_name
+from uavrt.core.clock import parse_iso_utc
+from uavrt.core.errors import FormatError
+from uavrt.radio.files.file_names import read_name
 from uavrt.radio.opening import open_recording
 
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from uavrt.errors import FormatError
+from uavrt.core.errors import FormatError
 from uavrt.radio.formats import CF32, FORMATS, SampleFormat, clean, sample_format, sigmf_format
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from depth import share
 
-from uavrt.radio.losses import most_lost
-from uavrt.radio.placing import Placer
+from uavrt.radio.timing.losses import most_lost
+from uavrt.radio.timing.sample_placing import Placer
 from uavrt_experiments.detection.arrivals import DeliveredStream, Delivery
 from uavrt_experiments.detection.unsaid import TimesKept, Unsaid, place
 

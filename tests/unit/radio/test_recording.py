@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.clock import parse_iso_utc
-from uavrt.errors import FormatError
-from uavrt.messages import IQBlock
+from uavrt.core.clock import parse_iso_utc
+from uavrt.core.errors import FormatError
+from uavrt.core.messages import IQBlock
+from uavrt.radio.files.recording_source import RecordingSource
 from uavrt.radio.opening import open_recording
-from uavrt.radio.recording import RecordingSource
 
 RATE_HZ = 250_000.0
 CENTER_HZ = 148.7e6

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavrt.errors import RadioGarbled, RadioStalled
-from uavrt.messages import IQBlock
+from uavrt.core.errors import RadioGarbled, RadioStalled
+from uavrt.core.messages import IQBlock
 from uavrt.radio.sanity import DEAD_S, SampleCheck
 
 RATE_HZ = 375_000.0

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from uavrt.analysis.measure.recorded_pulses import DetectionSummary
-from uavrt.messages import IQBlock
+from uavrt.core.messages import IQBlock
 from uavrt.radio.live_source import LiveSource
-from uavrt.radio.placing import Placer
-from uavrt.radio.program import ProgramSource
-from uavrt.radio.stream import StreamSource
+from uavrt.radio.receivers.radio_program import ProgramSource
+from uavrt.radio.sample_stream import StreamSource
+from uavrt.radio.timing.sample_placing import Placer
 
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ = 250_000.0

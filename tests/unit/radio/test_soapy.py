@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import RadioMissing, RadioStopped
+from uavrt.core.errors import RadioMissing, RadioStopped
 from uavrt.radio.opening import open_radio
-from uavrt.radio.soapy import SoapySource
+from uavrt.radio.receivers.soapy import SoapySource
 
 MODULE = """
 import os

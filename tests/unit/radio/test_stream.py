@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.errors import FormatError
+from uavrt.core.errors import FormatError
 from uavrt.radio.formats import CF32, CS16
 from uavrt.radio.opening import open_stream
-from uavrt.radio.stream import StreamSource
+from uavrt.radio.sample_stream import StreamSource
 
 RATE_HZ = 250_000.0
 CENTER_HZ = 148.7e6

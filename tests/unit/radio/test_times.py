@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.radio.times import NominalTimes, TimeKeeper
+from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 RATE_HZ = 3_000_000.0
 BLOCK = 262_200

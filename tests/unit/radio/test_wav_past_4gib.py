@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.radio.recording import Layout
-from uavrt.radio.wav import wav_layout
+from uavrt.radio.files.recording_source import Layout
+from uavrt.radio.files.wav import wav_layout
 
 RATE_HZ = 3_000_000
 GIB4 = 1 << 32

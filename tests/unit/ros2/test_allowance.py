@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.allowance import Allowance
+from uavrt.link.allowance import Allowance
 
 
 @given(

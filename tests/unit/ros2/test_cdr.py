@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from uavrt.errors import FormatError
-from uavrt.ros2 import messages
-from uavrt.ros2.cdr import decode, encode
-from uavrt.ros2.interface import Field, definition, fields_of, full_name
-from uavrt.ros2.messages import RosMessage
+from uavrt.core.errors import FormatError
+from uavrt.link.ros2.types import ros_messages as messages
+from uavrt.link.ros2.types.cdr import decode, encode
+from uavrt.link.ros2.types.interface import Field, definition, fields_of, full_name
+from uavrt.link.ros2.types.ros_messages import RosMessage
 
 KINDS = (
     messages.RosPulse,

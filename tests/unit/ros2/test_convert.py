@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.errors import FormatError
-from uavrt.messages import Pulse, PulsePose
-from uavrt.ros2 import convert
-from uavrt.ros2.messages import RosPulse, RosTag, Time
+from uavrt.core.errors import FormatError
+from uavrt.core.messages import Pulse, PulsePose
+from uavrt.link.ros2 import ros_records as convert
+from uavrt.link.ros2.types.ros_messages import RosPulse, RosTag, Time
 
 PULSE = made.pulse(
     1_700_205_419_019_828_320,

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from uavrt.ros2 import dds_warnings
-from uavrt.ros2.dds_warnings import DdsWarnings
+from uavrt.link.ros2.network import dds_warnings
+from uavrt.link.ros2.network.dds_warnings import DdsWarnings
 
 TOO_LONG = (
     "1795877120.811663 [175]       recv: dropping oversize (16000084 > 4194304) sample 1 from "

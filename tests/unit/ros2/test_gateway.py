@@ -17,13 +17,13 @@ from ros_bench import (
     tags,
 )
 
-from uavrt.commands import SystemState
-from uavrt.messages import Command, ProcessStatus
-from uavrt.ros2.cdr import decode, encode
-from uavrt.ros2.convert import coded_tag_to_ros, pulse_to_ros, tag_to_ros
-from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.messages import DiagnosticArray, Flag, RosBurst, RosTag
-from uavrt.ros2.senders import Arrival, Sender
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Command, ProcessStatus
+from uavrt.link.ros2.graph import TOPICS
+from uavrt.link.ros2.ros_records import coded_tag_to_ros, pulse_to_ros, tag_to_ros
+from uavrt.link.ros2.ros_senders import Arrival, Sender
+from uavrt.link.ros2.types.cdr import decode, encode
+from uavrt.link.ros2.types.ros_messages import DiagnosticArray, Flag, RosBurst, RosTag
 
 
 def worker(name: str = "detector-1") -> ProcessStatus:

@@ -6,9 +6,9 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.inbox import BYTES_OF_ONE, Inbox, SendingOrder
-from uavrt.ros2.senders import Arrival, Sender
+from uavrt.link.ros2.graph import TOPICS
+from uavrt.link.ros2.inbox import BYTES_OF_ONE, Inbox, SendingOrder
+from uavrt.link.ros2.ros_senders import Arrival, Sender
 
 OPERATOR = Sender(key="operator")
 GATEWAY = Sender(key="gateway", gateway=True)

@@ -7,9 +7,10 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from uavrt.ros2 import graph, messages
-from uavrt.ros2.interface import definition, full_definition, full_name, type_hash
-from uavrt.ros2.messages import RosMessage
+from uavrt.link.ros2 import graph
+from uavrt.link.ros2.types import ros_messages as messages
+from uavrt.link.ros2.types.interface import definition, full_definition, full_name, type_hash
+from uavrt.link.ros2.types.ros_messages import RosMessage
 
 PACKAGE = Path(__file__).parents[3] / "ros" / "uavrt_interfaces"
 OURS = (

@@ -2,7 +2,14 @@
 
 import pytest
 
-from uavrt.ros2.senders import DETECTOR_MARK, GATEWAY_MARK, REMEMBERED, UNKNOWN, Sender, Senders
+from uavrt.link.ros2.ros_senders import (
+    DETECTOR_MARK,
+    GATEWAY_MARK,
+    REMEMBERED,
+    UNKNOWN,
+    Sender,
+    Senders,
+)
 
 ORDER = "rt/control_start_subprocess"
 

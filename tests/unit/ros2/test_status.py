@@ -3,7 +3,7 @@
 import made
 
 from uavrt.config.settings import Settings
-from uavrt.ros2.status import component_status
+from uavrt.link.ros2.status import component_status
 
 
 def test_tags_of_one_band_show_the_one_worker_that_serves_both() -> None:

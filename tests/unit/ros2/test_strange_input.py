@@ -7,10 +7,16 @@ import made
 import pytest
 from ros_bench import FLIGHT, PULSE, TAG, Bench, S, started_with, tags
 
-from uavrt.commands import SystemState
-from uavrt.messages import Tag
-from uavrt.ros2.convert import pulse_to_ros, tag_to_ros
-from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, KeyValue, RosTag
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Tag
+from uavrt.link.ros2.ros_records import pulse_to_ros, tag_to_ros
+from uavrt.link.ros2.types.ros_messages import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Flag,
+    KeyValue,
+    RosTag,
+)
 
 
 def start(**values: str) -> DiagnosticArray:

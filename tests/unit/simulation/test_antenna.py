@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from uavrt.simulation import geometry
-from uavrt.simulation.antenna import PATTERNS_DB, Antenna, pattern_db, polarization_db
+from uavrt.simulation.scene import geometry
+from uavrt.simulation.scene.antenna import PATTERNS_DB, Antenna, pattern_db, polarization_db
 
 
 def towards(azimuth_deg: float, elevation_deg: float = 0.0) -> geometry.Vector:

@@ -8,11 +8,15 @@ import pytest
 from flown import HOME, Flown
 from some import some
 
-from uavrt.mavlink import dialect
-from uavrt.mavlink.dialect import MavResult
-from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, FlyingVehicle
-from uavrt.simulation.vehicle_telemetry import home_message, position_message, target_message
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.dialect import MavResult
+from uavrt.simulation.vehicle.airframe import Flavour, Frame
+from uavrt.simulation.vehicle.simulated_flying import DO_PAUSE_CONTINUE, MODES, FlyingVehicle
+from uavrt.simulation.vehicle.vehicle_telemetry import (
+    home_message,
+    position_message,
+    target_message,
+)
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 STEP_S = 0.05

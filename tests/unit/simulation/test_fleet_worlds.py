@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from uavrt.simulation.demo_world import demo_scenario, fleet_scenarios
+from uavrt.simulation.scene.demo_world import demo_scenario, fleet_scenarios
 
 
 @pytest.mark.parametrize("duration_s", [40.0, 120.0])

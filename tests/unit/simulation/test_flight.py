@@ -3,12 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from uavrt.errors import ConfigError
-from uavrt.simulation import geometry
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Scenario
+from uavrt.core.errors import ConfigError
+from uavrt.simulation.scene import geometry
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.scenario import Scenario
 
 
 def heading_of(quaternion: geometry.Quaternion) -> float:

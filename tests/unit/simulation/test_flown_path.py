@@ -8,14 +8,14 @@ import made
 import pytest
 from some import some
 
-from uavrt.mavlink import dialect
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.flight import Flight
-from uavrt.simulation.flown import STEP_NS, Flown
-from uavrt.simulation.flown_path import FlownPath, PathWriter
-from uavrt.simulation.scenario import Scenario
+from uavrt.link.mavlink import dialect
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.flight import Flight
+from uavrt.simulation.scene.flown_path import FlownPath, PathWriter
+from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.scene.world import World
 from uavrt.simulation.synthesis import IQSynthesizer
-from uavrt.simulation.world import World
+from uavrt.simulation.vehicle.commanded_vehicle import STEP_NS, Flown
 
 SECOND_NS = 10**9
 

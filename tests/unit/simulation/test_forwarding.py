@@ -5,10 +5,10 @@ import itertools
 import made
 import pytest
 
-from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
-from uavrt.mavlink.pacing import PacedQueue, Priority
-from uavrt.messages import TunnelPayload
-from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
+from uavrt.core.messages import TunnelPayload
+from uavrt.link.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.link.mavlink.sending.pacing import PacedQueue, Priority
+from uavrt.simulation.vehicle.forwarding import ForwardRing, Impairment, Routes
 
 START_NS = 1_700_000_000 * 10**9
 

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from uavrt.simulation.antenna import Antenna
-from uavrt.simulation.propagation import (
+from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.propagation import (
     SPEED_OF_LIGHT_M_S,
     Fading,
     Link,

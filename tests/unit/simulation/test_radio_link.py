@@ -2,7 +2,7 @@
 
 import pytest
 
-from uavrt.units import ns_from_s
+from uavrt.core.units import ns_from_s
 from uavrt_experiments.packets.radio_link import RadioLink, RadioLinkSettings, VirtualTime
 
 

@@ -2,11 +2,11 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.config.tag_files import parse_tags
-from uavrt.errors import ConfigError
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.scenario import Scenario
-from uavrt.simulation.scenario_file import (
+from uavrt.config.tags.tag_files import parse_tags
+from uavrt.core.errors import ConfigError
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.scene.scenario_file import (
     load_scenario,
     parse_scenario,
     scenario_toml,

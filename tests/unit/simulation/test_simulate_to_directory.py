@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import sigmf
 
-from uavrt.cli.simulate import simulate
-from uavrt.config.tag_files import read_tags
-from uavrt.errors import ConfigError, RecordingError
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.recording import simulate_to_directory
-from uavrt.simulation.scenario_file import load_scenario
+from uavrt.cli.system.simulate import simulate
+from uavrt.config.tags.tag_files import read_tags
+from uavrt.core.errors import ConfigError, RecordingError
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.scenario_file import load_scenario
+from uavrt.simulation.scene.world import World
+from uavrt.simulation.simulated_recording import simulate_to_directory
 from uavrt.simulation.synthesis import IQSynthesizer
-from uavrt.simulation.world import World
 
 RATE_HZ = 250_000.0
 

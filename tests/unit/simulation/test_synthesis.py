@@ -4,10 +4,10 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.scenario import Interferer, Radio
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.scenario import Interferer, Radio
+from uavrt.simulation.scene.world import World
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode, phasor
-from uavrt.simulation.world import World
 
 SECOND_NS = 10**9
 RATE_HZ = 48_000.0

@@ -4,11 +4,11 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.propagation import SPEED_OF_LIGHT_M_S, Propagation
-from uavrt.simulation.scenario import Scenario
-from uavrt.simulation.world import World
+from uavrt.simulation.scene.demo_world import demo_scenario
+from uavrt.simulation.scene.flight import Flight, Leg
+from uavrt.simulation.scene.propagation import SPEED_OF_LIGHT_M_S, Propagation
+from uavrt.simulation.scene.scenario import Scenario
+from uavrt.simulation.scene.world import World
 
 SECOND_NS = 10**9
 

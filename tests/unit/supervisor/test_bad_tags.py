@@ -10,15 +10,15 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.config.tag_files import faults_of_tags, read_tags, write_tags
-from uavrt.errors import TagFileError
-from uavrt.messages import Command, CommandReply
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.tunnel.codec import decode
-from uavrt.tunnel.convert import tag_to_wire
-from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.g0 import FAILURE
-from uavrt.tunnel.g1 import AckG1
+from uavrt.config.tags.tag_files import faults_of_tags, read_tags, write_tags
+from uavrt.core.errors import TagFileError
+from uavrt.core.messages import Command, CommandReply
+from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.link.tunnel.drone_exchange import Answer, Exchange
+from uavrt.link.tunnel.generations.codec import decode
+from uavrt.link.tunnel.generations.g0 import FAILURE
+from uavrt.link.tunnel.generations.g1 import AckG1
+from uavrt.link.tunnel.tunnel_records import tag_to_wire
 
 TAG = made.tag(interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 BAD: list[tuple[dict[str, Any], str]] = [

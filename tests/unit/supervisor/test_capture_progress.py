@@ -4,8 +4,8 @@ import made
 import pytest
 from virtual_time import follow
 
-from uavrt.messages import Health
-from uavrt.supervisor.mission.progress import FlightProgress
+from uavrt.core.messages import Health
+from uavrt.drone.supervisor.mission.mission_progress import FlightProgress
 
 
 @pytest.mark.parametrize(

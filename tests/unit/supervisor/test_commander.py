@@ -7,15 +7,15 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, CommandReply
-from uavrt.recording.flight_order import flights_in_order, note_flight
-from uavrt.recording.layout import FlightLayout
-from uavrt.supervisor.mission.disk_guard import DiskGuard
-from uavrt.supervisor.mission.flight_removal import SecondStep, removable
-from uavrt.supervisor.mission.operations import Operations
-from uavrt.supervisor.mission.who_commands import SILENCE_S, Commander
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Command, CommandReply
+from uavrt.drone.supervisor.mission.storage.disk_guard import DiskGuard
+from uavrt.drone.supervisor.mission.storage.flight_removal import SecondStep, removable
+from uavrt.drone.supervisor.mission.storage.operations import Operations
+from uavrt.drone.supervisor.mission.who_commands import SILENCE_S, Commander
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.flight_order import flights_in_order, note_flight
 
 TAG = made.tag()
 FIRST, STRANGER, ROS = "mavlink 255/190", "mavlink 254/190", "ros2"

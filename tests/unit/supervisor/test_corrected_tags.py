@@ -8,14 +8,14 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.commands import SystemState
 from uavrt.config.parameters import parameter_values
 from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.errors import TunerError
-from uavrt.messages import Command, CommandReply, FlightInfo
-from uavrt.supervisor.mission.flights import Tuner
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.tuning import Tuning, TuningRequest, request_tuning
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import TunerError
+from uavrt.core.messages import Command, CommandReply, FlightInfo
+from uavrt.drone.supervisor.mission.mission_flights import Tuner
+from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.drone.supervisor.mission.search_planning import Tuning, TuningRequest, request_tuning
 
 TAG = made.tag(2, 148_710_000.0, 1.254, name="otter")
 Say = Callable[..., CommandReply]

@@ -9,7 +9,7 @@ from functools import partial
 import pytest
 from until import until_async as until
 
-from uavrt.supervisor.tree.child_records import Intake
+from uavrt.drone.supervisor.tree.child_records import Intake
 
 LONG_S = 3600.0
 """A period that does not end while a test runs."""

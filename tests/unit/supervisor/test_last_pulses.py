@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.supervisor.mission.last_pulses import FOUND, POSED, LastPulses
+from uavrt.drone.supervisor.mission.last_pulses import FOUND, POSED, LastPulses
 
 LONG_S = 3600.0
 

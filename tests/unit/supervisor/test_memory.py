@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from some import some
 from virtual_time import VirtualClock
 
-from uavrt.clock import Clock
-from uavrt.commands import SystemState
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.errors import ConfigError
-from uavrt.messages import Command, FlightInfo
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
-from uavrt.supervisor.mission.wall_clock import (
+from uavrt.core.clock import Clock
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import Command, FlightInfo
+from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.drone.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
+from uavrt.drone.supervisor.mission.wall_clock import (
     REPEAT_AFTER_S,
     REPORTED_CORRECTION_S,
     WallClockWatch,

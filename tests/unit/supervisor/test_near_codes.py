@@ -5,7 +5,7 @@ from pathlib import Path
 import made
 
 from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command
+from uavrt.core.messages import Command
 
 
 def _told(directory: Path, gaps_ms: list[float]) -> list[str]:

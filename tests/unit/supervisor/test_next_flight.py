@@ -3,14 +3,14 @@
 import asyncio
 from pathlib import Path
 
-from uavrt.clock import monotonic_s
 from uavrt.config.settings import RecordingSettings, Settings
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
-from uavrt.supervisor.start.launcher import Launcher
-from uavrt.supervisor.tree.fleet import Fleet
-from uavrt.supervisor.tree.instance import Instance
-from uavrt.supervisor.tree.table import PROCESSES
+from uavrt.core.clock import monotonic_s
+from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.drone.supervisor.mission.saved_state import StateStore
+from uavrt.drone.supervisor.start.launcher import Launcher
+from uavrt.drone.supervisor.tree.instance import Instance
+from uavrt.drone.supervisor.tree.process_fleet import Fleet
+from uavrt.drone.supervisor.tree.table import PROCESSES
 
 
 def test_what_ended_again_and_again_in_one_flight_is_not_degraded_in_the_next(

@@ -9,13 +9,13 @@ import made
 import pytest
 from until import until_async as until
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.errors import RecordingError, UavrtError
-from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation
-from uavrt.supervisor.mission.copying import save_flights
-from uavrt.supervisor.mission.operations import Operations, removable_drives
-from uavrt.supervisor.mission.progress import FlightProgress
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import RecordingError, UavrtError
+from uavrt.core.messages import Command, CommandReply, FlightInfo, Health, Operation
+from uavrt.drone.supervisor.mission.mission_progress import FlightProgress
+from uavrt.drone.supervisor.mission.storage.copying import save_flights
+from uavrt.drone.supervisor.mission.storage.operations import Operations, removable_drives
 
 
 class Drone:

@@ -4,10 +4,10 @@ import made
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ipc.topics import TOPICS, decode_record, encode_record
-from uavrt.messages import FlightInfo, PulsePose, StatusText
-from uavrt.supervisor.tree.table import PROCESSES
-from uavrt.supervisor.tree.waiting_records import MOST_KEPT, RUNS_WITHOUT_PROGRESS, Outbox
+from uavrt.core.messages import FlightInfo, PulsePose, StatusText
+from uavrt.drone.ipc.topics import TOPICS, decode_record, encode_record
+from uavrt.drone.supervisor.tree.table import PROCESSES
+from uavrt.drone.supervisor.tree.waiting_records import MOST_KEPT, RUNS_WITHOUT_PROGRESS, Outbox
 
 
 def status(number: int) -> bytes:

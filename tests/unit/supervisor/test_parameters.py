@@ -8,11 +8,11 @@ import made
 import msgspec
 import pytest
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, CommandReply, FlightInfo
-from uavrt.supervisor.mission.kept_parameters import PARAMETERS_NAME
-from uavrt.supervisor.mission.tag_upload import LAST_TAGS_NAME
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Command, CommandReply, FlightInfo
+from uavrt.drone.supervisor.mission.kept_parameters import PARAMETERS_NAME
+from uavrt.drone.supervisor.mission.tag_upload import LAST_TAGS_NAME
 
 TAG = made.tag()
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import made
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, CommandReply
-from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
+from uavrt.core.messages import Command, CommandReply
+from uavrt.link.tunnel.tag_lists import digest_in, tag_list_digest
 
 TAG = made.tag()
 

@@ -9,10 +9,10 @@ import pytest
 
 from uavrt.config.parameters import check_start
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.errors import ConfigError
-from uavrt.messages import Command, CommandReply, Tag
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import Command, CommandReply, Tag
+from uavrt.drone.supervisor.mission.operator_commands import Mission
+from uavrt.drone.supervisor.mission.saved_state import StateStore
 
 TAGS = [made.tag(2 * number, 148.7e6 + 5e3 * number) for number in range(1, 4)]
 SOURCES = ["ros2", "mavlink 255/190", "command line 1"]

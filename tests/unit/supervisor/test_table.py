@@ -2,7 +2,6 @@ import importlib
 
 import pytest
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import (
     BearingSettings,
     DetectionSettings,
@@ -12,9 +11,10 @@ from uavrt.config.settings import (
     Settings,
     Shape,
 )
-from uavrt.ipc.topics import TOPICS
-from uavrt.supervisor.tree.shapes import SHAPES, rows_for
-from uavrt.supervisor.tree.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
+from uavrt.core.commands import SystemState
+from uavrt.drone.ipc.topics import TOPICS
+from uavrt.drone.supervisor.tree.process_shapes import SHAPES, rows_for
+from uavrt.drone.supervisor.tree.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
 
 PUBLISHED_BY_SUPERVISOR = {
     "corrected_tags",

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from some import some
 
-from uavrt.errors import ConfigError
-from uavrt.supervisor.viewers import Viewers
+from uavrt.core.errors import ConfigError
+from uavrt.drone.supervisor.viewers import Viewers
 
 
 async def test_two_systems_cannot_share_a_socket(tmp_path: Path) -> None:

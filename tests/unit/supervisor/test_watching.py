@@ -7,15 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.config.settings import RecordingSettings
-from uavrt.detection.track.reporting import _REPORT_EVERY_NS
-from uavrt.ipc.topics import TOPICS
-from uavrt.recording.flight_order import FLIGHT_ORDER, flights_in_order, note_flight
-from uavrt.recording.layout import FlightLayout
-from uavrt.supervisor.mission.disk_guard import DiskGuard
-from uavrt.supervisor.pace import PaceWatch
-from uavrt.supervisor.start.restarts import SOON, RestartPolicy, Restarts
-from uavrt.supervisor.tree.budget import CPU_ALLOWANCE, REPEAT_S, WINDOW_S, BudgetWatch
-from uavrt.units import s_from_ns
+from uavrt.core.units import s_from_ns
+from uavrt.detection.track.pulse_reporting import _REPORT_EVERY_NS
+from uavrt.drone.ipc.topics import TOPICS
+from uavrt.drone.supervisor.mission.storage.disk_guard import DiskGuard
+from uavrt.drone.supervisor.pace import PaceWatch
+from uavrt.drone.supervisor.start.restarts import SOON, RestartPolicy, Restarts
+from uavrt.drone.supervisor.tree.process_budgets import (
+    CPU_ALLOWANCE,
+    REPEAT_S,
+    WINDOW_S,
+    BudgetWatch,
+)
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.flight_order import FLIGHT_ORDER, flights_in_order, note_flight
 
 
 def test_the_first_restart_comes_at_once_and_the_next_ones_ever_later() -> None:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin
 from some import some
 
-from uavrt.errors import FormatError
-from uavrt.geodesy import utm
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.elevation_files import open_elevation
-from uavrt.terrain.squares import ground_grid
+from uavrt.core.earth.geodesy import utm
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import FormatError
+from uavrt.localization.terrain.elevation_files import open_elevation
+from uavrt.localization.terrain.squares import ground_grid
 
 _Floats = NDArray[np.float64]
 
@@ -445,7 +445,7 @@ def test_squares_over_a_void_are_told_from_the_others(tmp_path: Path) -> None:
 
 def test_a_picture_in_memory_of_the_exporter_is_read_back(tmp_path: Path) -> None:
     """The map that a report exports is a GeoTIFF, too."""
-    from uavrt.analysis.export.geotiff import geotiff_bytes
+    from uavrt.analysis.export.geotiff_export import geotiff_bytes
     from uavrt.localization.results import PositionGrid
 
     axis = np.arange(-500.0, 501.0, 20.0)

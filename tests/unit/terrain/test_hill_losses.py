@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.elevation import Elevation
-from uavrt.terrain.hill_losses import HillLosses
-from uavrt.terrain.squares import ground_grid
-from uavrt.terrain.viewshed import terrain_loss_map
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.localization.terrain.elevation import Elevation
+from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.terrain.squares import ground_grid
+from uavrt.localization.terrain.viewshed import terrain_loss_map
 from uavrt_experiments.search.terrain import PLANE, elevation_of
 
 _Floats = NDArray[np.float64]

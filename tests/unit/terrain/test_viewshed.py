@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.special import fresnel
 from terrain_loss import terrain_loss_db
 
-from uavrt import native
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.diffraction import bullington_db, knife_edge_db
-from uavrt.terrain.squares import GroundGrid
-from uavrt.terrain.viewshed import terrain_loss_map
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.runtime import native
+from uavrt.localization.terrain.diffraction import bullington_db, knife_edge_db
+from uavrt.localization.terrain.squares import GroundGrid
+from uavrt.localization.terrain.viewshed import terrain_loss_map
 
 _Floats = NDArray[np.float64]
 PLANE = TangentPlane(latitude_deg=47.0, longitude_deg=8.0)

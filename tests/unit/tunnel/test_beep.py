@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.config.tag_corrections import correction_of, shared_offset_ppm
-from uavrt.errors import TunnelError
-from uavrt.messages import Beep, BeepKind
-from uavrt.recording.schema import BEEP_COLUMNS, beep_from_row, beep_row
-from uavrt.tunnel.beep import decode_beep, encode_beep
-from uavrt.tunnel.wire import MAX_PAYLOAD
+from uavrt.config.tags.tag_corrections import correction_of, shared_offset_ppm
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import Beep, BeepKind
+from uavrt.flight.database.schema import BEEP_COLUMNS, beep_from_row, beep_row
+from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
+from uavrt.link.tunnel.own_messages.beep import decode_beep, encode_beep
 
 NAMED = made.beep(offsets_hz=(640.0,), tag_ids=(2,))
 offsets = st.floats(-1e5, 1e5, width=32)

@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.errors import TunnelError
-from uavrt.messages import BurstInside, Delivered, Pulse, PulsePose
-from uavrt.processes.pulse_outlet import PulseOutlet
-from uavrt.tunnel.burst import BURST_TYPE, decode_burst, encode_burst
-from uavrt.tunnel.exchange import Exchange
-from uavrt.tunnel.private import Receipt, payload_hash
-from uavrt.tunnel.wire import MAX_PAYLOAD
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import BurstInside, Delivered, Pulse, PulsePose
+from uavrt.drone.processes.connection_parts.pulse_outlet import PulseOutlet
+from uavrt.link.tunnel.drone_exchange import Exchange
+from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
+from uavrt.link.tunnel.own_messages.burst import BURST_TYPE, decode_burst, encode_burst
+from uavrt.link.tunnel.own_messages.private import Receipt, payload_hash
 
 START_NS = 1_795_000_000_123_456_789
 SECOND = 1_000_000_000

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.commands import CommandId
-from uavrt.errors import LinkError, TunnelError
-from uavrt.ground.link.command_payloads import CommandEncoder
-from uavrt.messages import Command
-from uavrt.tunnel.codec import decode
-from uavrt.tunnel.coded_tag import CodedTag
-from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.g1 import AckG1
-from uavrt.tunnel.g2 import UploadG2
-from uavrt.tunnel.seal import MAX_INSIDE
-from uavrt.tunnel.tag_lists import tag_list_digest
-from uavrt.tunnel.wire import MAX_PAYLOAD
+from uavrt.core.commands import CommandId
+from uavrt.core.errors import LinkError, TunnelError
+from uavrt.core.messages import Command
+from uavrt.ground.link.requests.command_payloads import CommandEncoder
+from uavrt.link.tunnel.drone_exchange import Answer, Exchange
+from uavrt.link.tunnel.generations.codec import decode
+from uavrt.link.tunnel.generations.g1 import AckG1
+from uavrt.link.tunnel.generations.g2 import UploadG2
+from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
+from uavrt.link.tunnel.own_messages.coded_tag import CodedTag
+from uavrt.link.tunnel.own_messages.seal import MAX_INSIDE
+from uavrt.link.tunnel.tag_lists import tag_list_digest
 
 GROUND = (255, 190)
 TAG = made.tag(

@@ -3,8 +3,8 @@ import tracemalloc
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.messages import PulseKey
-from uavrt.tunnel.delivery import REMEMBERED, PulseDelivery
+from uavrt.core.messages import PulseKey
+from uavrt.link.tunnel.pulses.delivery import REMEMBERED, PulseDelivery
 
 
 def key(number: int) -> PulseKey:

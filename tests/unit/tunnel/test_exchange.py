@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.commands import CommandId, SystemState
-from uavrt.messages import Command, CommandReply, PulsePose
-from uavrt.tunnel.codec import decode
-from uavrt.tunnel.convert import tag_to_wire
-from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.g0 import AckG0, HeaderMessage, PulseG0
-from uavrt.tunnel.g1 import AckG1, PulseG1, StartDetection
+from uavrt.core.commands import CommandId, SystemState
+from uavrt.core.messages import Command, CommandReply, PulsePose
+from uavrt.link.tunnel.drone_exchange import Answer, Exchange
+from uavrt.link.tunnel.generations.codec import decode
+from uavrt.link.tunnel.generations.g0 import AckG0, HeaderMessage, PulseG0
+from uavrt.link.tunnel.generations.g1 import AckG1, PulseG1, StartDetection
+from uavrt.link.tunnel.tunnel_records import tag_to_wire
 
 QGC = (255, 190)
 MAVSDK = (245, 190)

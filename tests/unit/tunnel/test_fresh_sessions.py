@@ -8,10 +8,16 @@ from hypothesis import strategies as st
 from sealed import introduce
 from virtual_time import VirtualClock
 
-from uavrt.errors import LinkError, TunnelError
-from uavrt.tunnel.gate import ALIVE_S, Sealer
-from uavrt.tunnel.motion import MAX_TEXT, MotionState, decode_state, encode_state
-from uavrt.tunnel.seal import (
+from uavrt.core.errors import LinkError, TunnelError
+from uavrt.link.tunnel.gate import ALIVE_S, Sealer
+from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
+from uavrt.link.tunnel.own_messages.motion_messages import (
+    MAX_TEXT,
+    MotionState,
+    decode_state,
+    encode_state,
+)
+from uavrt.link.tunnel.own_messages.seal import (
     ALIVE_INSIDE,
     Key,
     SealKeeper,
@@ -23,7 +29,6 @@ from uavrt.tunnel.seal import (
     seal,
     session_of,
 )
-from uavrt.tunnel.wire import MAX_PAYLOAD
 
 KEY = Key(bytes(range(32)))
 GROUND, DRONE = (254, 190), (1, 191)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.errors import TunnelError
-from uavrt.messages import LiveBearing
-from uavrt.tunnel.live_bearing import decode_bearing, encode_bearing
-from uavrt.tunnel.wire import MAX_PAYLOAD
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import LiveBearing
+from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
+from uavrt.link.tunnel.own_messages.live_bearing import decode_bearing, encode_bearing
 
 angles = st.floats(0.0, 359.0, width=32)
 bearings = st.builds(

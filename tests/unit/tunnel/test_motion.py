@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.errors import TunnelError, UsageError
-from uavrt.messages import KeepOut, MotionRequest
-from uavrt.tunnel.motion import (
+from uavrt.core.errors import TunnelError, UsageError
+from uavrt.core.messages import KeepOut, MotionRequest
+from uavrt.link.tunnel.own_messages.motion_messages import (
     MAX_TEXT,
     MOTION_ACTIONS,
     STANDINGS,
@@ -26,7 +26,7 @@ from uavrt.tunnel.motion import (
     encode_state,
     encode_stop,
 )
-from uavrt.tunnel.seal import MAX_INSIDE
+from uavrt.link.tunnel.own_messages.seal import MAX_INSIDE
 
 ASKER = (254, 190)
 places = st.lists(

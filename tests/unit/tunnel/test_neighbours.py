@@ -9,13 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.errors import TunnelError
-from uavrt.messages import Course, FoundTag, Neighbour
-from uavrt.tunnel.neighbours import decode_course, decode_neighbour
-from uavrt.tunnel.neighbours import encode_course as course_bytes
-from uavrt.tunnel.neighbours import encode_neighbour as neighbour_bytes
-from uavrt.tunnel.seal import MAX_INSIDE
-from uavrt.tunnel.wire import MAX_PAYLOAD
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import Course, FoundTag, Neighbour
+from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
+from uavrt.link.tunnel.own_messages.neighbour_messages import decode_course, decode_neighbour
+from uavrt.link.tunnel.own_messages.neighbour_messages import encode_course as course_bytes
+from uavrt.link.tunnel.own_messages.neighbour_messages import (
+    encode_neighbour as neighbour_bytes,
+)
+from uavrt.link.tunnel.own_messages.seal import MAX_INSIDE
 
 numbers = st.integers(0, 65_535)
 near = st.tuples(st.floats(46.95, 47.05), st.floats(7.95, 8.05))

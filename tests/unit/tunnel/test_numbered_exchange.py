@@ -9,16 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.commands import CommandId, Generation, SystemState
-from uavrt.errors import ConfigError
-from uavrt.ground.link.command_payloads import CommandEncoder
-from uavrt.messages import Command, Operation, PulsePose
-from uavrt.tunnel.codec import decode
-from uavrt.tunnel.convert import ack_to_wire, pulse_to_wire
-from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.g0 import FAILURE, SUCCESS
-from uavrt.tunnel.g1 import AckG1, PulseG1
-from uavrt.tunnel.g2 import (
+from uavrt.core.commands import CommandId, Generation, SystemState
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import Command, Operation, PulsePose
+from uavrt.ground.link.requests.command_payloads import CommandEncoder
+from uavrt.link.tunnel.drone_exchange import Answer, Exchange
+from uavrt.link.tunnel.generations.codec import decode
+from uavrt.link.tunnel.generations.g0 import FAILURE, SUCCESS
+from uavrt.link.tunnel.generations.g1 import AckG1, PulseG1
+from uavrt.link.tunnel.generations.g2 import (
     AckG2,
     BareG2,
     DetectorHeartbeat,
@@ -29,7 +28,8 @@ from uavrt.tunnel.g2 import (
     TagG2,
     UploadG2,
 )
-from uavrt.tunnel.requests import KEPT, KEPT_S
+from uavrt.link.tunnel.requests import KEPT, KEPT_S
+from uavrt.link.tunnel.tunnel_records import ack_to_wire, pulse_to_wire
 
 GROUND = (255, 190)
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from some import some
 
-from uavrt.errors import TunnelError
-from uavrt.tunnel.private import Receipt, payload_hash
-from uavrt.tunnel.pulse_memory import CAPACITY
-from uavrt.tunnel.reliable import ReliableSender
-from uavrt.tunnel.stores import PLAIN
+from uavrt.core.errors import TunnelError
+from uavrt.link.tunnel.own_messages.private import Receipt, payload_hash
+from uavrt.link.tunnel.pulses.pulse_memory import CAPACITY
+from uavrt.link.tunnel.pulses.receiving_stations import PLAIN
+from uavrt.link.tunnel.pulses.reliable import ReliableSender
 
 SECOND = 1_000_000_000
 GROUND = (255, 190)

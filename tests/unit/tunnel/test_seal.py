@@ -7,10 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sealed import introduce
 
-from uavrt.errors import ConfigError, LinkError, TunnelError
-from uavrt.mavlink.signing import read_signing_key
-from uavrt.tunnel.gate import Sealer
-from uavrt.tunnel.seal import Key, SealKeeper, Session, read_key, seal, session_of
+from uavrt.core.errors import ConfigError, LinkError, TunnelError
+from uavrt.link.mavlink.sending.signing import read_signing_key
+from uavrt.link.tunnel.gate import Sealer
+from uavrt.link.tunnel.own_messages.seal import (
+    Key,
+    SealKeeper,
+    Session,
+    read_key,
+    seal,
+    session_of,
+)
 
 KEY = Key(bytes(range(32)))
 GROUND, DRONE = (255, 190), (1, 191)

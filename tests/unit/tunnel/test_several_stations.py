@@ -5,12 +5,12 @@ from random import Random
 
 import pytest
 
-from uavrt.messages import TunnelPayload
-from uavrt.tunnel.private import payload_hash
-from uavrt.tunnel.reliable import ReliableSender
-from uavrt.tunnel.stores import PLAIN
-from uavrt.tunnel.underway import ItemKey
-from uavrt.tunnel.wire import Ids
+from uavrt.core.messages import TunnelPayload
+from uavrt.link.tunnel.generations.wire import Ids
+from uavrt.link.tunnel.own_messages.private import payload_hash
+from uavrt.link.tunnel.pulses.receiving_stations import PLAIN
+from uavrt.link.tunnel.pulses.reliable import ReliableSender
+from uavrt.link.tunnel.pulses.underway import ItemKey
 
 SECOND = 1_000_000_000
 GROUND, OTHER = (255, 190), (245, 190)

@@ -4,11 +4,16 @@ import math
 import made
 import pytest
 
-from uavrt.commands import CommandId, Generation, SystemState
-from uavrt.errors import TunnelError
-from uavrt.messages import PulsePose
-from uavrt.tunnel.codec import acked_command_of, decode, generation_of
-from uavrt.tunnel.convert import (
+from uavrt.core.commands import CommandId, Generation, SystemState
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import PulsePose
+from uavrt.core.units import ns_from_s
+from uavrt.link.tunnel.generations.codec import acked_command_of, decode, generation_of
+from uavrt.link.tunnel.generations.g0 import PulseG0
+from uavrt.link.tunnel.generations.g1 import AckG1, Heartbeat, PulseG1, StartDetection, TagG1
+from uavrt.link.tunnel.generations.g2 import BareG2, UploadG2
+from uavrt.link.tunnel.generations.wire import command_name
+from uavrt.link.tunnel.tunnel_records import (
     detector_heartbeat,
     has_place,
     heartbeat_to_wire,
@@ -19,11 +24,6 @@ from uavrt.tunnel.convert import (
     tag_of_number,
     tag_to_wire,
 )
-from uavrt.tunnel.g0 import PulseG0
-from uavrt.tunnel.g1 import AckG1, Heartbeat, PulseG1, StartDetection, TagG1
-from uavrt.tunnel.g2 import BareG2, UploadG2
-from uavrt.tunnel.wire import command_name
-from uavrt.units import ns_from_s
 
 TAG = made.tunnel_tag()
 POSE = made.pose(10**18, 46.5, 7.5, altitude_amsl_m=900.0)

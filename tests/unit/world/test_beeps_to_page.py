@@ -8,9 +8,9 @@ from typing import Any
 import made
 from asked_page import AskedPage
 
-from uavrt.config.tag_files import read_tags
-from uavrt.messages import Beep, BeepKind
-from uavrt.recording.flight_reader import read_beeps
+from uavrt.config.tags.tag_files import read_tags
+from uavrt.core.messages import Beep, BeepKind
+from uavrt.flight.reading.flight_reader import read_beeps
 from world import THESIS_TAG, World, until
 
 OFF_LABEL = made.beep(

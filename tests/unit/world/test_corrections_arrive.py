@@ -19,9 +19,9 @@ from corrected import (
     press,
 )
 
-from uavrt.commands import SystemState
-from uavrt.ipc.process import ProcessFrame
-from uavrt.messages import StatusText
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import StatusText
+from uavrt.drone.ipc.process import ProcessFrame
 from world import World, until
 
 

@@ -18,10 +18,10 @@ from corrected import (
     press,
 )
 
-from uavrt.config.tag_corrections import correction_of
-from uavrt.errors import ConfigError
-from uavrt.ground.store import settings
-from uavrt.ground.store.settings import GroundStore
+from uavrt.config.tags.tag_corrections import correction_of
+from uavrt.core.errors import ConfigError
+from uavrt.ground.store import ground_settings as settings
+from uavrt.ground.store.ground_settings import GroundStore
 from world import World, until
 
 

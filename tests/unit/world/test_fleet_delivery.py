@@ -6,9 +6,9 @@ from pathlib import Path
 
 from asked_page import AskedPage
 
-from uavrt.commands import SystemState
-from uavrt.demo.programs import free_udp_port
-from uavrt.recording.flight_reader import read_flight
+from uavrt.core.commands import SystemState
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.simulation.demo.demo_programs import free_udp_port
 from world import THESIS_TAG, World, until
 
 VEHICLES, PULSES, PULSES_HZ, LOSS = 5, 64, 8.0, 0.2

@@ -3,8 +3,8 @@
 import asyncio
 from pathlib import Path
 
-from uavrt.commands import SystemState
-from uavrt.messages import PulsePose
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import PulsePose
 from world import THESIS_TAG, World, until
 
 

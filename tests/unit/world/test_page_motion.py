@@ -10,7 +10,7 @@ import pytest
 from asked_page import AskedPage
 from searched import Animal
 
-from uavrt.messages import MotionRequest
+from uavrt.core.messages import MotionRequest
 from world import HOME, World, until
 
 GUIDANCE = {"battery_wh": 120.0, "fence_m": 300.0}

@@ -11,10 +11,10 @@ import pytest
 from asked_page import AskedPage
 from pulses import pulse_at
 
+from uavrt.core.messages import Command
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.store.tag_table import table_version
-from uavrt.messages import Command
-from uavrt.recording.flight_reader import read_flight
-from uavrt.units import NANOSECONDS_PER_SECOND
 from world import THESIS_TAG, World, until
 
 SECOND_NS = NANOSECONDS_PER_SECOND
@@ -44,7 +44,9 @@ def pulses(count: int) -> Callable[[dict[str, Any]], bool]:
 async def test_a_drone_is_found_and_its_state_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavrt.processes.ground_status.cpu_temperature_c", lambda: 51.5)
+    monkeypatch.setattr(
+        "uavrt.drone.processes.connection_parts.ground_status.cpu_temperature_c", lambda: 51.5
+    )
 
     async with flown(tmp_path) as (_, page):
         state = await page.state()

@@ -9,10 +9,10 @@ import pytest
 from depth import count
 from searched import Animal
 
-from uavrt.geodesy import distance_m
-from uavrt.ground.link.motion import ask, confirm, motion_request
-from uavrt.guidance.authority import Standing
-from uavrt.messages import PulsePose, SearchNote
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.messages import PulsePose, SearchNote
+from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request
+from uavrt.guidance.control.authority import Standing
 from world import World, until
 
 SEARCH_S = 60.0 * count(5, 10)

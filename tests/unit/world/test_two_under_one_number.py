@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.commands import SystemState
-from uavrt.errors import CommandRefused
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import CommandRefused
 from world import THESIS_TAG, World
 
 

@@ -9,8 +9,8 @@ import pytest
 from asked_page import AskedPage
 from searched import Animal
 
-from uavrt.demo.programs import free_udp_port
-from uavrt.messages import Neighbour
+from uavrt.core.messages import Neighbour
+from uavrt.simulation.demo.demo_programs import free_udp_port
 from world import HOME, World, until
 
 GUIDANCE = {"battery_wh": 120.0, "speed_m_s": 8.0, "keep_away_m": 30.0}

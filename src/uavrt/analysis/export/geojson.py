@@ -5,7 +5,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from uavrt.analysis.measure.shapes import (
+from uavrt.analysis.estimates.power_survey import HeightBand, TagSignal
+from uavrt.analysis.estimates.records import bearing_record, known, position_record
+from uavrt.analysis.measure.pulse_shapes import (
     REGION_SHARES,
     Point,
     path_points,
@@ -17,13 +19,11 @@ from uavrt.analysis.measure.shapes import (
     split_at_date_line,
     wedge,
 )
-from uavrt.analysis.power_survey import HeightBand, TagSignal
-from uavrt.analysis.records import bearing_record, known, position_record
 from uavrt.analysis.survey import Survey, thinned
-from uavrt.clock import iso_utc
-from uavrt.localization.position.strongest import StrongestSignal
+from uavrt.core.clock import iso_utc
+from uavrt.flight.integrated import Ring
+from uavrt.localization.position.levels.strongest import StrongestSignal
 from uavrt.localization.results import Position
-from uavrt.recording.integrated import Ring
 
 _PLACES = 8
 """Decimals of coordinates in degrees; the eighth is 1 mm."""

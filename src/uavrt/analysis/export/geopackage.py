@@ -20,7 +20,7 @@ from uavrt.analysis.export.geopackage_index import SCHEMA as INDEX_SCHEMA
 from uavrt.analysis.export.geopackage_index import add_index
 from uavrt.analysis.export.geopackage_styles import SCHEMA as STYLE_SCHEMA
 from uavrt.analysis.export.geopackage_styles import add_style
-from uavrt.analysis.measure.shapes import Point
+from uavrt.analysis.measure.pulse_shapes import Point
 from uavrt.analysis.survey import Survey
 
 APPLICATION_ID = 0x47504B47

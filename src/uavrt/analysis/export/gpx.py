@@ -5,12 +5,12 @@ from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 import uavrt
-from uavrt.analysis.export.xml_text import add_text
 from uavrt.analysis.survey import Survey, thinned
-from uavrt.clock import iso_utc
+from uavrt.core.clock import iso_utc
+from uavrt.core.messages import Pose
+from uavrt.core.units import wrap_degrees_180
+from uavrt.formats.xml_text import add_text
 from uavrt.localization.results import TrackPoint
-from uavrt.messages import Pose
-from uavrt.units import wrap_degrees_180
 
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
 

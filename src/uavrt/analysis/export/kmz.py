@@ -14,9 +14,7 @@ from uavrt.analysis.export.geojson import (
     integrated_places,
     integrated_regions,
 )
-from uavrt.analysis.export.png import disc, heat, png_bytes, signal
-from uavrt.analysis.export.xml_text import add_text
-from uavrt.analysis.measure.shapes import (
+from uavrt.analysis.measure.pulse_shapes import (
     REGION_SHARES,
     Point,
     path_points,
@@ -27,11 +25,13 @@ from uavrt.analysis.measure.shapes import (
     wedge,
 )
 from uavrt.analysis.survey import Survey, thinned
-from uavrt.clock import iso_utc
-from uavrt.localization.position.strongest import SignalSurface
+from uavrt.core.clock import iso_utc
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import PulsePose
+from uavrt.formats.png import disc, heat, png_bytes, signal
+from uavrt.formats.xml_text import add_text
+from uavrt.localization.position.levels.strongest import SignalSurface
 from uavrt.localization.results import Position, PositionGrid
-from uavrt.messages import PulsePose
-from uavrt.tangent_plane import TangentPlane
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _STYLES = {

@@ -5,20 +5,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.analysis.export import bursts, tables
+from uavrt.analysis.export import burst_files as bursts
+from uavrt.analysis.export import csv_tables as tables
 from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
-from uavrt.analysis.export.geotiff import geotiff_bytes
+from uavrt.analysis.export.geotiff_export import geotiff_bytes
 from uavrt.analysis.export.gpx import gpx_text
 from uavrt.analysis.export.kmz import kml_text, kmz_bytes
 from uavrt.analysis.survey import Survey
-from uavrt.atomic_file import make_directories, replacing
-from uavrt.errors import RecordingError, UsageError
-from uavrt.localization.position.strongest import SignalSurface
+from uavrt.core.atomic_file import make_directories, replacing
+from uavrt.core.errors import RecordingError, UsageError
+from uavrt.formats.bearings_csv import write_bearing_file
+from uavrt.formats.positions_csv import write_position_file
+from uavrt.formats.whole_file import write_whole
+from uavrt.localization.position.levels.strongest import SignalSurface
 from uavrt.localization.results import PositionGrid
-from uavrt.recording.formats.bearings_csv import write_bearing_file
-from uavrt.recording.formats.positions_csv import write_position_file
-from uavrt.recording.formats.whole_file import write_whole
 
 
 @dataclass(frozen=True, slots=True)

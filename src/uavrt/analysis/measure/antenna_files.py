@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.formats.csv_line import csv_cells
+from uavrt.formats.text import read_lines
+from uavrt.formats.whole_file import write_whole
 from uavrt.localization.antenna import PATTERNS, AntennaPattern
-from uavrt.recording.csv_line import csv_cells
-from uavrt.recording.formats.text import read_lines
-from uavrt.recording.formats.whole_file import write_whole
 
 STEP_DEG = 5.0
 _WIDEST_GAP_DEG = 45.0

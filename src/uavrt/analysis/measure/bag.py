@@ -16,14 +16,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from uavrt.analysis.flown_with import antenna_poses
-from uavrt.errors import FormatError, UsageError, needs_extra, os_errors_as
-from uavrt.messages import FlightInfo, PulsePose, StatusText
-from uavrt.recording.flight_reader import Flight, read_flight, read_search_reports, read_stops
-from uavrt.recording.integrated import read_integrated
-from uavrt.recording.layout import FlightLayout
-from uavrt.ros2.cdr import encode
-from uavrt.ros2.convert import (
+from uavrt.analysis.inputs.flown_with import antenna_poses
+from uavrt.core.errors import FormatError, UsageError, needs_extra, os_errors_as
+from uavrt.core.messages import FlightInfo, PulsePose, StatusText
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.integrated import read_integrated
+from uavrt.flight.reading.flight_reader import (
+    Flight,
+    read_flight,
+    read_search_reports,
+    read_stops,
+)
+from uavrt.link.ros2.drone_state import LOG_LEVELS
+from uavrt.link.ros2.graph import LOG_DEPTH, LOG_MESSAGE, LOG_TOPIC, START_STOP, TOPICS
+from uavrt.link.ros2.ros_records import (
     burst_to_ros,
     coded_tag_to_ros,
     heartbeat,
@@ -34,10 +40,16 @@ from uavrt.ros2.convert import (
     tag_to_ros,
     time_to_ros,
 )
-from uavrt.ros2.drone_state import LOG_LEVELS
-from uavrt.ros2.graph import LOG_DEPTH, LOG_MESSAGE, LOG_TOPIC, START_STOP, TOPICS
-from uavrt.ros2.interface import full_definition, full_name, type_hash
-from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, Header, Log, RosMessage
+from uavrt.link.ros2.types.cdr import encode
+from uavrt.link.ros2.types.interface import full_definition, full_name, type_hash
+from uavrt.link.ros2.types.ros_messages import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Flag,
+    Header,
+    Log,
+    RosMessage,
+)
 
 CHUNK_BYTES = 65536
 RECORDED = "recorded/"

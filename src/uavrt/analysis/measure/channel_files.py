@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from uavrt.clock import monotonic_s
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import ConfigError
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.plan import channel_center_hz
-from uavrt.errors import ConfigError
-from uavrt.radio.channel_datagram import PortScheme, channel_port
-from uavrt.radio.channel_sender import ChannelDatagramSender
+from uavrt.radio.channels.channel_datagram import PortScheme, channel_port
+from uavrt.radio.channels.channel_sender import ChannelDatagramSender
 from uavrt.radio.source import SampleSource
 
 ORIGINAL_CHANNELS: Final = 100

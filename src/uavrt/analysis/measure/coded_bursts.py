@@ -11,13 +11,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config.code_rules import GAP_TOLERANCE_S
+from uavrt.config.tags.code_rules import GAP_TOLERANCE_S
+from uavrt.core.messages import ChannelBlock, Tag
+from uavrt.detection.beeps.beep_trains import split_bursts
 from uavrt.detection.beeps.interval_fit import Beat, fit_beat
-from uavrt.detection.beeps.trains import split_bursts
 from uavrt.detection.beeps.tuning import TRAINS
-from uavrt.detection.coded.cells import Cells
+from uavrt.detection.coded.slot_cells import Cells
 from uavrt.dsp.block_times import BlockTimes
-from uavrt.messages import ChannelBlock, Tag
 
 LONGEST_PULSE_S: Final = 0.006
 """Pulse width up to which a tag may be coded [s]; beeping tags have 8 ms or more."""

@@ -15,10 +15,10 @@ from uavrt.analysis.measure.pulse_fit import (
     without_carriers,
     without_impulses,
 )
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.detection.beeps.beats import FoundBeat
 from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.detection.beeps.tuning import INTERVALS
-from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAME_RATE: Final = 0.004
 """Largest relative difference between two measurements of one pulse interval."""

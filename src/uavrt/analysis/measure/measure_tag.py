@@ -23,16 +23,16 @@ from uavrt.analysis.measure.coded_bursts import (
 from uavrt.analysis.measure.measure_pulses import PulseWindow, measure_pulses
 from uavrt.analysis.measure.measured_tag import MeasuredTag
 from uavrt.config.ghost_places import Receiver
-from uavrt.detection.beeps.points import Points, PointSearch
-from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.core.errors import ConfigError, UavrtError, UsageError
+from uavrt.core.messages import ChannelBlock, IQBlock
+from uavrt.core.units import ns_from_s
+from uavrt.detection.beeps.beep_points import Points, PointSearch
+from uavrt.detection.beeps.beep_trains import Train, find_trains
 from uavrt.detection.beeps.tuning import INTERVALS
 from uavrt.dsp.block_times import BlockTimes
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.plan import ONE_CHANNEL_RATE_HZ, usable_half_span_hz
-from uavrt.errors import ConfigError, UavrtError, UsageError
-from uavrt.messages import ChannelBlock, IQBlock
 from uavrt.radio.source import SampleSource
-from uavrt.units import ns_from_s
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from uavrt.messages import Tag
+from uavrt.core.messages import Tag
 
 INTERVAL_MARGIN: Final = 0.01
 """Suggested relative uncertainty of the interval: with temperature and battery a tag's interval

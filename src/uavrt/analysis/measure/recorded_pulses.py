@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from uavrt.clock import monotonic_s
 from uavrt.config.ghost_places import Receiver
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import ConfigError, UavrtError
+from uavrt.core.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.group import DetectorGroup
 from uavrt.detection.modes import OperatingMode
@@ -19,12 +21,10 @@ from uavrt.dsp.carriers import Carriers
 from uavrt.dsp.clipping import Clipping
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.input_check import InputCheck
-from uavrt.errors import ConfigError, UavrtError
-from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio.source import SampleSource
 
 if TYPE_CHECKING:
-    from uavrt.detection.coded.detector import CodedDetector
+    from uavrt.detection.coded.coded_detector import CodedDetector
 
 _LOOK_S: Final = 0.5
 """Interval at which a reader without data checks for a stop request [s]."""
@@ -32,7 +32,7 @@ _LOOK_S: Final = 0.5
 
 def _coded_detector() -> "type[CodedDetector]":
     """Import the coded-tag detector only when needed: it loads scipy.special, 22 MB."""
-    from uavrt.detection.coded.detector import CodedDetector
+    from uavrt.detection.coded.coded_detector import CodedDetector
 
     return CodedDetector
 

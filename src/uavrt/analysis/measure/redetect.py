@@ -9,15 +9,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from uavrt.analysis.flown_with import flight_settings
+from uavrt.analysis.inputs.flown_with import flight_settings
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
-from uavrt.messages import FlightInfo, Pulse, PulsePose, Tag
-from uavrt.pose.attacher import PoseAttacher
-from uavrt.pose.ring import PoseRing
+from uavrt.core.messages import FlightInfo, Pulse, PulsePose, Tag
+from uavrt.flight.flight_layout import new_flight_directory
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import Flight
+from uavrt.localization.pose.attacher import PoseAttacher
+from uavrt.localization.pose.ring import PoseRing
 from uavrt.radio.source import SampleSource
-from uavrt.recording.flight_reader import Flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import new_flight_directory
 
 
 class FlightWriter:

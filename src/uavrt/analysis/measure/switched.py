@@ -14,8 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import Pose, PulsePose
+from uavrt.core.units import SPEED_OF_LIGHT_M_S
 from uavrt.dsp.block_times import BlockTimes
-from uavrt.errors import FormatError, UsageError
 from uavrt.localization.bearing.array_bearings import (
     Steering,
     circle_steering,
@@ -27,14 +30,11 @@ from uavrt.localization.bearing.switched_pulse import (
     SwitchSchedule,
     measure_switched_pulse,
 )
-from uavrt.localization.flight_estimates import TagBearing
+from uavrt.localization.estimates.flight_estimates import TagBearing
 from uavrt.localization.headings import Headings
 from uavrt.localization.results import ArrayMethod
-from uavrt.messages import Pose, PulsePose
+from uavrt.radio.files.sigmf import sigmf_global
 from uavrt.radio.opening import open_recording
-from uavrt.radio.sigmf import sigmf_global
-from uavrt.tangent_plane import TangentPlane
-from uavrt.units import SPEED_OF_LIGHT_M_S
 
 SWITCH_KEY = "uavrt:antenna_switch"
 """Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""

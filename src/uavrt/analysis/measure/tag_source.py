@@ -5,12 +5,12 @@ import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from uavrt.config.tag_files import read_tags
+from uavrt.config.tags.tag_files import read_tags
+from uavrt.core.errors import FormatError
+from uavrt.core.messages import Tag
 from uavrt.detection.modes import OperatingMode
 from uavrt.dsp.plan import widest_half_span_hz
-from uavrt.errors import FormatError
-from uavrt.messages import Tag
-from uavrt.recording.detector_configs import read_detector_config
+from uavrt.flight.logs.detector_configs import read_detector_config
 
 _KEYS_OF_ITS_OWN = re.compile(rb"(?:^|[\r\n])[ \t]*(?:tagFreqMHz|channelCenterFreqMHz)[ \t]*:")
 

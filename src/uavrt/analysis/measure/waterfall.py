@@ -13,8 +13,8 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from uavrt.messages import ChannelBlock
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.core.messages import ChannelBlock
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 COLUMNS: Final = 1024
 """Number of spectrogram columns, about as many as a picture has pixels across."""

@@ -3,7 +3,13 @@
 import io
 from typing import TYPE_CHECKING
 
-from uavrt.analysis.report import folds, heights, maps, roses, searches, silences, times, words
+from uavrt.analysis.covered.silence import SilentMap
+from uavrt.analysis.report import fold_page as folds
+from uavrt.analysis.report import report_heights as heights
+from uavrt.analysis.report import report_maps as maps
+from uavrt.analysis.report import report_times as times
+from uavrt.analysis.report import report_words as words
+from uavrt.analysis.report import roses, searches, silences
 from uavrt.analysis.report.style import (
     A4_IN,
     FAINT,
@@ -13,9 +19,8 @@ from uavrt.analysis.report.style import (
     tag_color,
     wrapped,
 )
-from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
-from uavrt.recording.integrated import FlightFold
+from uavrt.flight.integrated import FlightFold
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

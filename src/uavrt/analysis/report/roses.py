@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.report.style import INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey
-from uavrt.attitude import yaw_deg
+from uavrt.core.earth.attitude import yaw_deg
+from uavrt.core.units import wrap_degrees_180, wrap_degrees_360
 from uavrt.localization.antenna import pattern_named
-from uavrt.localization.flight_estimates import TagBearing
-from uavrt.units import wrap_degrees_180, wrap_degrees_360
+from uavrt.localization.estimates.flight_estimates import TagBearing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uavrt.analysis.report.maps import LocalMap, draw_track, finish_legend
+from uavrt.analysis.report.report_maps import LocalMap, draw_track, finish_legend
+from uavrt.analysis.report.report_words import Table, title_of, zones
 from uavrt.analysis.report.style import SOFT, tag_color
-from uavrt.analysis.report.words import Table, title_of, zones
 from uavrt.analysis.survey import Survey
-from uavrt.messages import SearchNote, SoughtTag
+from uavrt.core.messages import SearchNote, SoughtTag
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uavrt.analysis.export.png import chance
-from uavrt.analysis.report.maps import LocalMap, draw_track
+from uavrt.analysis.covered.silence import SilentMap
+from uavrt.analysis.report.report_maps import LocalMap, draw_track
 from uavrt.analysis.report.style import SOFT, new_figure, styled
-from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
-from uavrt.planning.coverage import Coverage
+from uavrt.formats.png import chance
+from uavrt.planning.detectability.detection_coverage import Coverage
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable

@@ -8,7 +8,7 @@ import io
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from uavrt.errors import needs_extra
+from uavrt.core.errors import needs_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,16 +14,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.tracks.track import VehicleTrack
-from uavrt.attitude import yaw_deg
 from uavrt.config.settings import AntennaSettings
-from uavrt.errors import UsageError
+from uavrt.core.earth.attitude import yaw_deg
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
+from uavrt.core.messages import PulsePose
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.formats.tracks.track import VehicleTrack
 from uavrt.localization.antenna import PATTERNS
-from uavrt.messages import PulsePose
-from uavrt.pose.attacher import PoseAttacher
-from uavrt.pose.ring import PoseRing
-from uavrt.tangent_plane import TangentPlane
-from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.localization.pose.attacher import PoseAttacher
+from uavrt.localization.pose.ring import PoseRing
 
 _ZONES_S, _MOST_ZONES_S = 1800.0, 26 * 3600.0
 """Step and largest value of clock errors caused by local time zones [s]."""

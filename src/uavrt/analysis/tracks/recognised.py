@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from uavrt.analysis.tracks.dataflash import MARK, read_dataflash
-from uavrt.analysis.tracks.points import read_gpx, read_nmea
 from uavrt.analysis.tracks.simulated import FIRST_COLUMN, read_simulated
 from uavrt.analysis.tracks.tlog import read_tlog
-from uavrt.analysis.tracks.track import VehicleTrack
-from uavrt.analysis.tracks.ulog import read_ulog
-from uavrt.errors import FormatError, os_errors_as
-from uavrt.foreign import require_plain_file
+from uavrt.core.errors import FormatError, os_errors_as
+from uavrt.core.foreign import require_plain_file
+from uavrt.formats.tracks.dataflash import MARK, read_dataflash
+from uavrt.formats.tracks.gps_tracks import read_gpx, read_nmea
+from uavrt.formats.tracks.track import VehicleTrack
+from uavrt.formats.tracks.ulog import read_ulog
 
 
 def read_track(path: Path) -> VehicleTrack:

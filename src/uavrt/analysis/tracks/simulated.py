@@ -6,10 +6,10 @@ qx, qy, qz``. Other programs may write such files too.
 
 from pathlib import Path
 
-from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
-from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording.csv_line import csv_cells
-from uavrt.recording.formats.text import place_or_none, read_lines, wrong_line
+from uavrt.core.messages import AttitudeSample, PositionSample
+from uavrt.formats.csv_line import csv_cells
+from uavrt.formats.text import place_or_none, read_lines, wrong_line
+from uavrt.formats.tracks.track import VehicleTrack, attitude, in_order
 
 FIRST_COLUMN = b"time_ns,latitude_deg"
 

@@ -13,15 +13,22 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
-from uavrt.attitude import from_euler_deg
-from uavrt.errors import FormatError, os_errors_as
-from uavrt.foreign import TRACK, read_file
-from uavrt.mavlink import dialect
-from uavrt.mavlink.frame import MARKER_V1, MARKER_V2, SIGNED, Frame, FrameParser, crc16_mcrf4xx
-from uavrt.mavlink.samples import attitude_sample, position_sample
-from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.on_ground import spans_on_ground
+from uavrt.core.earth.attitude import from_euler_deg
+from uavrt.core.earth.on_ground import spans_on_ground
+from uavrt.core.errors import FormatError, os_errors_as
+from uavrt.core.foreign import TRACK, read_file
+from uavrt.core.messages import AttitudeSample, PositionSample
+from uavrt.formats.tracks.track import VehicleTrack, attitude, in_order
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.autopilot.pose_samples import attitude_sample, position_sample
+from uavrt.link.mavlink.frame import (
+    MARKER_V1,
+    MARKER_V2,
+    SIGNED,
+    Frame,
+    FrameParser,
+    crc16_mcrf4xx,
+)
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """Id and checksum seed of ATTITUDE, which our own message set lacks."""

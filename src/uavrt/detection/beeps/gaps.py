@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uavrt.detection.beeps.points import Points
+from uavrt.core.messages import Beep, BeepKind, Tag
+from uavrt.core.units import ns_from_s
+from uavrt.detection.beeps.beep_points import Points
 from uavrt.detection.beeps.tuning import NAMING
-from uavrt.messages import Beep, BeepKind, Tag
-from uavrt.units import ns_from_s
 
 
 def gapped_tags(

@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from uavrt.config.tag_corrections import LEAST_UNCERTAINTY, keeps_interval
-from uavrt.detection.beeps.trains import Train
+from uavrt.config.tags.tag_corrections import LEAST_UNCERTAINTY, keeps_interval
+from uavrt.core.messages import Beep, BeepKind, Tag
+from uavrt.core.units import ns_from_s
+from uavrt.detection.beeps.beep_trains import Train
 from uavrt.detection.beeps.tuning import NAMING
-from uavrt.messages import Beep, BeepKind, Tag
-from uavrt.units import ns_from_s
 
 
 def name_trains(

@@ -5,15 +5,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.coded.cells import Cells
+from uavrt.core.messages import Pulse, SearchReport, Tag
+from uavrt.core.units import db_from_power, ns_from_s
+from uavrt.detection.coded.code_judging import Burst
+from uavrt.detection.coded.code_tracks import Tracks
 from uavrt.detection.coded.identity import Sighting
-from uavrt.detection.coded.judging import Burst
-from uavrt.detection.coded.tracks import Tracks
+from uavrt.detection.coded.slot_cells import Cells
 from uavrt.detection.coded.tuning import IDENTITY
 from uavrt.detection.reporting import report_every_s
-from uavrt.detection.signal.samples import Counters
-from uavrt.messages import Pulse, SearchReport, Tag
-from uavrt.units import db_from_power, ns_from_s
+from uavrt.detection.signal.sample_buffer import Counters
 
 
 class BurstReporter:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.coded.evidence import evidence_in_step
+from uavrt.core.messages import Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
-from uavrt.messages import Tag
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 _TRIED = math.log(IDENTITY.steps)
 """Log of the number of ranges of steps tried, of which the best is used."""

@@ -8,9 +8,9 @@ judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and
 import math
 from functools import lru_cache
 
+from uavrt.core.messages import Tag
+from uavrt.core.runtime.lean_scipy import special
 from uavrt.detection.coded.tuning import LIMITS
-from uavrt.lean_scipy import special
-from uavrt.messages import Tag
 
 
 @lru_cache(maxsize=256)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config.code_rules import GAP_TOLERANCE_S
-from uavrt.detection.coded.cells import NEUTRAL, UNIT, Cells
+from uavrt.config.tags.code_rules import GAP_TOLERANCE_S
+from uavrt.core.messages import Tag
+from uavrt.detection.coded.slot_cells import NEUTRAL, UNIT, Cells
 from uavrt.detection.coded.tuning import REFINE
-from uavrt.messages import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config.code_rules import GAP_TOLERANCE_S
-from uavrt.detection.coded.cells import Cells
+from uavrt.config.tags.code_rules import GAP_TOLERANCE_S
+from uavrt.core.messages import Tag
+from uavrt.core.runtime.native import kernels
+from uavrt.detection.coded.slot_cells import Cells
 from uavrt.detection.coded.tuning import SUMS
-from uavrt.messages import Tag
-from uavrt.native import kernels
 
 FIELDS = 5
 """Number of fields of a seed: code, row, stretch, column, sum."""

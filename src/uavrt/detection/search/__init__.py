@@ -2,5 +2,5 @@
 
 `grid` and `spectra` compute the cells; `noise` and `levelling` estimate the noise in them.
 `anchors` and `long_groups` search them as `hypotheses` describes, against `thresholds`;
-`evidence` tests candidates just above the threshold.
+`group_evidence` tests candidates just above the threshold.
 """

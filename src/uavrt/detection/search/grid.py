@@ -17,8 +17,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.runtime.native import kernels
 from uavrt.detection.search.tuning import GRID
-from uavrt.native import kernels
 
 HOPS_PER_PULSE = 8
 """Number of columns per pulse width."""

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.runtime.native import kernels
 from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
 from uavrt.detection.search.tuning import LEVEL
-from uavrt.native import kernels
 
 SLOT = HOPS_PER_PULSE // 2
 """Number of columns in a slot."""

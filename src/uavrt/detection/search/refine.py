@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.levelling import Leveller
 from uavrt.detection.search.tuning import MEASURE
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 
 
 @dataclass(slots=True)

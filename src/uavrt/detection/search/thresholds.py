@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from uavrt.core.messages import Tag
 from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
-from uavrt.messages import Tag
 
 
 def decision_interval_s(tag: Tag, rate: int = 1) -> float:

@@ -6,10 +6,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.signal.samples import Counters, SampleBuffer
+from uavrt.core.messages import Tag
+from uavrt.core.units import ns_from_s
+from uavrt.detection.signal.sample_buffer import Counters, SampleBuffer
 from uavrt.detection.signal.tuning import CHANNEL
-from uavrt.messages import Tag
-from uavrt.units import ns_from_s
 
 
 class LongestBlock:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.signal.carrier_lines import LineCanceller
 from uavrt.detection.signal.occupancy import Occupancy
-from uavrt.detection.signal.samples import Counters, SampleBuffer, blank_impulses
+from uavrt.detection.signal.sample_buffer import Counters, SampleBuffer, blank_impulses
 from uavrt.detection.signal.sparks import SparkLimiter
 from uavrt.detection.signal.tuning import CARRIERS, CHANNEL
 from uavrt.detection.signal.whitening import Whitener

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.messages import Tag
 from uavrt.detection.search.refine import Measured, timing_error_s
 from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.track.tracks import Track, least_real
 from uavrt.detection.track.tuning import BOUNDS, FOLLOW
-from uavrt.messages import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

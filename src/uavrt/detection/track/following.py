@@ -5,17 +5,22 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.units import ns_from_s
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.refine import Measured, Refiner
 from uavrt.detection.search.tuning import MEASURE
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 from uavrt.detection.track.bounds import Bounds
 from uavrt.detection.track.chance import QUIET, BurstRates
-from uavrt.detection.track.masking import hiding, is_due, stronger_tracks, strongest_first
+from uavrt.detection.track.other_signals.masking import (
+    hiding,
+    is_due,
+    stronger_tracks,
+    strongest_first,
+)
 from uavrt.detection.track.tracks import Slot, Track, independent_cells
 from uavrt.detection.track.tuning import FOLLOW
 from uavrt.detection.track.two_rates import change_rate, decide_rate, lags, start_other_rate
-from uavrt.units import ns_from_s
 
 
 def _quiet(_track: Track, _found: Measured) -> BurstRates:

@@ -10,16 +10,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.evidence import Evidence, gate
 from uavrt.detection.search.grid import Grid
+from uavrt.detection.search.group_evidence import Evidence, gate
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.search.known_pulses import KnownPulses
 from uavrt.detection.search.refine import Measured, Refiner
 from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.signal.frequency_circle import apart_hz
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 from uavrt.detection.track.bounds import Bounds
-from uavrt.detection.track.interval_check import Intervals
+from uavrt.detection.track.other_signals.interval_check import Intervals
 from uavrt.detection.track.tracks import Track, independent_cells
 from uavrt.detection.track.tuning import FOLLOW, JUDGE
 from uavrt.detection.track.two_rates import log_evidence

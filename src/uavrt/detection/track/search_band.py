@@ -7,22 +7,22 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.messages import Tag
 from uavrt.detection.search.anchors import AnchorSearch, search_together
-from uavrt.detection.search.evidence import gate
 from uavrt.detection.search.grid import Grid, Spectrogram
+from uavrt.detection.search.group_evidence import gate
 from uavrt.detection.search.hypotheses import Candidate, RateSearch, best_first
 from uavrt.detection.search.known_pulses import KnownPulses
 from uavrt.detection.search.levelling import SLOT, Leveller, level_together
 from uavrt.detection.search.noise import RowNoise, update_together
-from uavrt.detection.search.rates import make_searches
+from uavrt.detection.search.rate_hypotheses import make_searches
 from uavrt.detection.search.spectra import Workspace, columns_ahead, push_together
 from uavrt.detection.search.thresholds import weakest_enr_db, young_margin
 from uavrt.detection.search.tuning import THRESHOLDS
-from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.signal.sample_buffer import SampleBuffer
 from uavrt.detection.track.bounds import Bounds
-from uavrt.detection.track.bursts import Bursts, Known
+from uavrt.detection.track.other_signals.other_bursts import Bursts, Known
 from uavrt.detection.track.tuning import BAND
-from uavrt.messages import Tag
 
 NOISE_STRIDE = SLOT
 """Stride of the columns used for the noise estimate [columns]; a pulse has eight."""

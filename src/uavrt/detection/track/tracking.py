@@ -8,16 +8,16 @@ from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.search.refine import Measured, Refiner
-from uavrt.detection.signal.samples import Counters, SampleBuffer
+from uavrt.detection.signal.sample_buffer import Counters, SampleBuffer
 from uavrt.detection.track.bounds import Bounds
-from uavrt.detection.track.bursts import Bursts
 from uavrt.detection.track.chance import BurstRates
 from uavrt.detection.track.following import Follower
 from uavrt.detection.track.judging import Judge, share_a_pulse
-from uavrt.detection.track.reporting import Reporter
+from uavrt.detection.track.other_signals.other_bursts import Bursts
+from uavrt.detection.track.pulse_reporting import Reporter
 from uavrt.detection.track.search_band import SearchBand
-from uavrt.detection.track.senders import Senders
 from uavrt.detection.track.tracks import Track
+from uavrt.detection.track.transmitters.train_senders import Senders
 from uavrt.detection.track.tuning import BAND
 from uavrt.detection.track.unlocked import drop_old, join_group
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
+from uavrt.core.messages import Tag
 from uavrt.detection.search.refine import Measured, timing_error_s
 from uavrt.detection.search.thresholds import group_tail
 from uavrt.detection.search.tuning import MEASURE
 from uavrt.detection.track.chance import QUIET, BurstRates, log_begin, log_empty, log_odds
 from uavrt.detection.track.tuning import BOUNDS, FOLLOW
-from uavrt.messages import Tag
 
 SlotState = Literal["open", "accepted", "reported", "missed"]
 Around = Callable[["Track", Measured], BurstRates]

@@ -13,7 +13,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from uavrt.errors import LinkError, UavrtError, UsageError
+from uavrt.core.errors import LinkError, UavrtError, UsageError
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.flight_order import FETCHED_COPY, FLIGHT_PREFIX
 from uavrt.ground.fetch.flight_list import drone_flights
 from uavrt.ground.fetch.ftp_client import (
     FileClient,
@@ -25,12 +28,9 @@ from uavrt.ground.fetch.ftp_client import (
 from uavrt.ground.fetch.sample_files import is_samples
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.store.drone_directory import is_drone_directory
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.frame import Frame
-from uavrt.recording.flight_order import FETCHED_COPY, FLIGHT_PREFIX
-from uavrt.recording.layout import FlightLayout
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.frame import Frame
 
 REPORT_S = 0.2
 

@@ -9,15 +9,15 @@ import secrets
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
-from uavrt.errors import LinkError
+from uavrt.core.errors import LinkError
 from uavrt.ground.fetch.ftp_client import FileClient, file_request
-from uavrt.ground.link.parallel_links import DroneLinks
-from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, own_heartbeat
-from uavrt.mavlink.frame import Frame
-from uavrt.mavlink.signing import Signing, SigningKey
-from uavrt.mavlink.waiting import within
+from uavrt.ground.link.requests.parallel_links import DroneLinks
+from uavrt.ground.link.vehicles.vehicle_identity import DRONE_COMPONENT
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.autopilot.waiting import within
+from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID, Peer, own_heartbeat
+from uavrt.link.mavlink.frame import Frame
+from uavrt.link.mavlink.sending.signing import Signing, SigningKey
 
 BEAT_S = 1.0
 OWN_COMPONENT = 197
@@ -37,7 +37,7 @@ class DroneFiles:
             for entry in (await client.tree("/")).files:
                 await fetch_file(client, entry, Path(entry.path.lstrip("/")))
 
-    `signing_key`: signs frames, see `uavrt.mavlink.signing`.
+    `signing_key`: signs frames, see `uavrt.link.mavlink.sending.signing`.
     """
 
     def __init__(

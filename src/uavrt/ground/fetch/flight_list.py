@@ -1,14 +1,14 @@
 """List the flights on the drone in the order in which they were flown.
 
 The drone's clock may start in 1970, so the dates in flight names can be wrong. The drone keeps
-the order in a file (`uavrt.recording.flight_order`).
+the order in a file (`uavrt.flight.flight_order`).
 """
 
 from pathlib import PurePosixPath
 
-from uavrt.errors import LinkError
+from uavrt.core.errors import LinkError
+from uavrt.flight.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, names_in_order
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
-from uavrt.recording.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, names_in_order
 
 MOST_NOTED = 8_000
 """Bytes read from the end of the drone's order file: some 250 flights, 2 s over a radio."""

@@ -15,14 +15,20 @@ from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.clock import monotonic_s
-from uavrt.errors import LinkError, RecordingError, os_errors_as
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import LinkError, RecordingError, os_errors_as
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 from uavrt.ground.fetch.same_flight import others, place_for
-from uavrt.mavlink.dialect import FileTransferProtocol
-from uavrt.mavlink.discovery import Peer
-from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
-from uavrt.mavlink.waiting import within
-from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
+from uavrt.link.mavlink.autopilot.waiting import within
+from uavrt.link.mavlink.dialect import FileTransferProtocol
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.services.ftp_wire import (
+    DATA_SIZE,
+    FtpError,
+    FtpPacket,
+    Opcode,
+    checksum,
+)
 
 REPLY_NS = ns_from_s(1.5)
 """Wait for a reply before the request is repeated [ns]; the queue of a slow radio delays a

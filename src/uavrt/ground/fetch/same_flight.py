@@ -13,10 +13,10 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from uavrt.clock import parse_iso_utc
-from uavrt.foreign import NOTES, read_file, read_json
-from uavrt.recording.plain_database import open_plain
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.core.clock import parse_iso_utc
+from uavrt.core.foreign import NOTES, read_file, read_json
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.database.plain_database import open_plain
 
 CHUNK = 1 << 20
 OTHER_SUFFIX = ".other-"

@@ -7,8 +7,8 @@ of earlier receipts, so that the drone seldom repeats a pulse because a receipt 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
 
-from uavrt.tunnel.private import MAX_HASHES, Receipt, payload_hash
-from uavrt.units import ns_from_s
+from uavrt.core.units import ns_from_s
+from uavrt.link.tunnel.own_messages.private import MAX_HASHES, Receipt, payload_hash
 
 PERIOD_NS = ns_from_s(0.150)
 SIGN_OF_LIFE_NS = ns_from_s(1.0)

@@ -8,34 +8,34 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Sequence
 
-from uavrt.commands import NO_UPLOAD, CommandName, Generation
-from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
-from uavrt.ground.link.command_payloads import CommandEncoder
+from uavrt.core.commands import NO_UPLOAD, CommandName, Generation
+from uavrt.core.errors import CommandRefused, LinkError, RecordingError, UavrtError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import Neighbour, Tag
+from uavrt.core.units import ns_from_s
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.ground.link.drone_contact import DroneContact
-from uavrt.ground.link.drone_parameters import DroneParameters
-from uavrt.ground.link.exchange import ACK_WAIT_S, Exchange
-from uavrt.ground.link.parallel_links import DroneLinks, Links
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
+from uavrt.ground.link.requests.command_payloads import CommandEncoder
+from uavrt.ground.link.requests.drone_parameters import DroneParameters
+from uavrt.ground.link.requests.parallel_links import DroneLinks, Links
+from uavrt.ground.link.requests.pending_commands import ACK_WAIT_S, Exchange
 from uavrt.ground.link.stored_pulses import new_store
-from uavrt.ground.link.vehicle_identity import VehicleIdentity
-from uavrt.ground.link.vehicle_missions import VehicleMissions
-from uavrt.log import get_logger
-from uavrt.mavlink.dialect import FileTransferProtocol, Tunnel
-from uavrt.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Peer
-from uavrt.mavlink.frame import Frame
-from uavrt.mavlink.link import Link
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.signing import Signing, SigningKey
-from uavrt.messages import Neighbour, Tag
-from uavrt.tunnel.coded_tag import CODED_TAG_TYPE
-from uavrt.tunnel.gate import Sealer
-from uavrt.tunnel.motion import MotionState
-from uavrt.tunnel.neighbours import encode_neighbour
-from uavrt.tunnel.private import MAX_SEALED_HASHES, NEIGHBOUR_TYPE
-from uavrt.tunnel.seal import Key
-from uavrt.tunnel.wire import PAYLOAD_TYPE
-from uavrt.units import ns_from_s
+from uavrt.ground.link.vehicles.drone_contact import DroneContact
+from uavrt.ground.link.vehicles.vehicle_identity import VehicleIdentity
+from uavrt.ground.link.vehicles.vehicle_missions import VehicleMissions
+from uavrt.link.mavlink.dialect import FileTransferProtocol, Tunnel
+from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Peer
+from uavrt.link.mavlink.frame import Frame
+from uavrt.link.mavlink.links.mavlink_link import Link
+from uavrt.link.mavlink.message import Message
+from uavrt.link.mavlink.sending.signing import Signing, SigningKey
+from uavrt.link.tunnel.gate import Sealer
+from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
+from uavrt.link.tunnel.own_messages.coded_tag import CODED_TAG_TYPE
+from uavrt.link.tunnel.own_messages.motion_messages import MotionState
+from uavrt.link.tunnel.own_messages.neighbour_messages import encode_neighbour
+from uavrt.link.tunnel.own_messages.private import MAX_SEALED_HASHES, NEIGHBOUR_TYPE
+from uavrt.link.tunnel.own_messages.seal import Key
 
 log = get_logger()
 
@@ -67,9 +67,9 @@ class GroundLink:
     `progress`: returns how many pulses `on_event` has accepted, and how many of them are
     durable. Durable ones are acknowledged, except those for which `on_event` raised
     `RecordingError`. None: a pulse is acknowledged when `on_event` returns.
-    `key`: authenticates commands and receipts, see `uavrt.tunnel.seal`.
-    `signing_key`: signs frames, see `uavrt.mavlink.signing`; unsigned frames are then accepted
-    from the autopilot only.
+    `key`: authenticates commands and receipts, see `uavrt.link.tunnel.own_messages.seal`.
+    `signing_key`: signs frames, see `uavrt.link.mavlink.sending.signing`; unsigned frames are
+    then accepted from the autopilot only.
     `identity`: selects the served vehicle; None: the first one received.
     `links`: links shared with the sessions of other vehicles.
     """

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.errors import ConfigError
-from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
-from uavrt.mavlink.signing import SigningKey, read_signing_key
-from uavrt.tunnel.seal import Key, read_key
+from uavrt.core.errors import ConfigError
+from uavrt.ground.link.vehicles.vehicle_identity import DRONE_COMPONENT
+from uavrt.link.mavlink.sending.signing import SigningKey, read_signing_key
+from uavrt.link.tunnel.own_messages.seal import Key, read_key
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,20 +1,20 @@
 """Position of this computer from a GPS receiver that sends NMEA.
 
-The receiver is on a serial port, UDP or TCP, opened by `uavrt.mavlink`, which also reconnects.
-An old position counts as unknown.
+The receiver is on a serial port, UDP or TCP, opened by `uavrt.link.mavlink`, which also
+reconnects. An old position counts as unknown.
 """
 
 import asyncio
 import contextlib
 from collections.abc import Callable
 
-from uavrt.clock import monotonic_s
-from uavrt.errors import UavrtError
-from uavrt.log import get_logger
-from uavrt.mavlink.address import parse_address
-from uavrt.mavlink.link import Link
-from uavrt.mavlink.transport import keep_open
-from uavrt.nmea import BAUD, Sentence, SentenceParser
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import UavrtError
+from uavrt.core.log import get_logger
+from uavrt.formats.nmea import BAUD, Sentence, SentenceParser
+from uavrt.link.mavlink.links.address import parse_address
+from uavrt.link.mavlink.links.mavlink_link import Link
+from uavrt.link.mavlink.links.transport import keep_open
 
 log = get_logger()
 

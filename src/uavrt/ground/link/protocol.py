@@ -6,16 +6,10 @@ from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from uavrt.commands import CommandId, Generation, SystemState
-from uavrt.errors import LinkError, TunnelError
-from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
-from uavrt.log import get_logger
-from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, station_heartbeat
-from uavrt.mavlink.frame import Frame
-from uavrt.mavlink.statustext import TextAssembler
-from uavrt.messages import (
+from uavrt.core.commands import CommandId, Generation, SystemState
+from uavrt.core.errors import LinkError, TunnelError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import (
     Beep,
     BurstInside,
     Course,
@@ -25,11 +19,18 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
-from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode
-from uavrt.tunnel.convert import has_place, pulse_from_wire, tag_of_number
-from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0
-from uavrt.tunnel.g1 import STATES, AckG1, Heartbeat, PulseG1
-from uavrt.tunnel.g2 import (
+from uavrt.core.units import ns_from_s
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.vehicles.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID, Peer, station_heartbeat
+from uavrt.link.mavlink.frame import Frame
+from uavrt.link.mavlink.sending.statustext import TextAssembler
+from uavrt.link.tunnel.gate import Sealer
+from uavrt.link.tunnel.generations.codec import TunnelMessage, acked_command_of, decode
+from uavrt.link.tunnel.generations.g0 import SUCCESS, AckG0, PulseG0
+from uavrt.link.tunnel.generations.g1 import STATES, AckG1, Heartbeat, PulseG1
+from uavrt.link.tunnel.generations.g2 import (
     AckG2,
     DetectorHeartbeat,
     HeartbeatG2,
@@ -38,18 +39,17 @@ from uavrt.tunnel.g2 import (
     PulseG2,
     PulseG2v1,
 )
-from uavrt.tunnel.gate import Sealer
-from uavrt.tunnel.link_messages import FROM_DRONE
-from uavrt.tunnel.motion import MotionState
-from uavrt.tunnel.private import (
+from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
+from uavrt.link.tunnel.own_messages.link_messages import FROM_DRONE
+from uavrt.link.tunnel.own_messages.motion_messages import MotionState
+from uavrt.link.tunnel.own_messages.private import (
     MOTION_STATE_TYPE,
     PROVEN_STATE_TYPE,
     RECEIPT_TYPE,
     SEALED_TYPE,
     SESSION_TYPE,
 )
-from uavrt.tunnel.wire import PAYLOAD_TYPE
-from uavrt.units import ns_from_s
+from uavrt.link.tunnel.tunnel_records import has_place, pulse_from_wire, tag_of_number
 
 log = get_logger()
 
@@ -94,7 +94,7 @@ class OperationStep:
 
     command: int
     state: int
-    """One of `uavrt.tunnel.g2.RUNNING`, `COMPLETE` and `FAILED`."""
+    """One of `uavrt.link.tunnel.generations.g2.RUNNING`, `COMPLETE` and `FAILED`."""
     step: int
     step_count: int
     message: str

@@ -3,23 +3,23 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from uavrt.clock import Clock
-from uavrt.commands import SystemState
-from uavrt.errors import UsageError
-from uavrt.ground.link.actions import Busy, Situation
-from uavrt.ground.link.connection import Connection
-from uavrt.ground.link.current_flight import CurrentFlight, last_beeps
+from uavrt.core.clock import Clock
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import UsageError
+from uavrt.core.messages import BurstInside, PulsePose
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.reading.noted_places import vehicle_note
+from uavrt.ground.link.button_states import Busy, Situation
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ground.link.drone_reports import DroneReports
-from uavrt.ground.link.feed import Feed
+from uavrt.ground.link.ground_connection import Connection
 from uavrt.ground.link.protocol import DroneHeartbeat
-from uavrt.ground.link.vehicle_identity import VehicleIdentity
-from uavrt.ground.store.flights import FlightLibrary
-from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.link.received.current_flight import CurrentFlight, last_beeps
+from uavrt.ground.link.received.drone_reports import DroneReports
+from uavrt.ground.link.received.feed import Feed
+from uavrt.ground.link.vehicles.vehicle_identity import VehicleIdentity
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.ground.store.stored_flights import FlightLibrary
 from uavrt.ground.store.tag_table import rows_from_tags, table_version
-from uavrt.messages import BurstInside, PulsePose
-from uavrt.recording.places import vehicle_note
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 FOREIGN_REMEDY: Final = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)

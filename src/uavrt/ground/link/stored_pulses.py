@@ -12,9 +12,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from uavrt.errors import RecordingError
+from uavrt.core.errors import RecordingError
+from uavrt.flight.database.disk_thread import Disk, DiskBatches, at_once
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 
 RECEIVED_NAME = "received.bin"
 _NUMBER = struct.Struct("<Q")

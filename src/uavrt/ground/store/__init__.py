@@ -1,6 +1,6 @@
 """Ground storage: the flight being recorded, finished flights, settings.
 
 `flight_keeper` starts and ends the ground's own flight, `flight_writer` writes it in the disk
-thread, `flights` lists and reads stored flights, `known_flights` caches that list, `estimates`
-computes bearings and positions, `settings` persists between runs.
+thread, `stored_flights` lists and reads stored flights, `known_flights` caches that list,
+`estimates` computes bearings and positions, `ground_settings` persists between runs.
 """

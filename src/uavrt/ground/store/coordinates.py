@@ -5,7 +5,7 @@ MGRS letters follow NGA.SIG.0012, WGS 84 scheme "AA".
 
 from dataclasses import dataclass
 
-from uavrt.geodesy import Utm, utm
+from uavrt.core.earth.geodesy import Utm, utm
 
 _COLUMNS = ("ABCDEFGH", "JKLMNPQR", "STUVWXYZ")
 _ROWS = "ABCDEFGHJKLMNPQRSTUV"

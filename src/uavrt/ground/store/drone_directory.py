@@ -6,10 +6,10 @@ drone's recording. So a star on either protects both, and the drone's disk guard
 
 from pathlib import Path
 
-from uavrt.commands import SystemState
-from uavrt.errors import FormatError
-from uavrt.foreign import read_record
-from uavrt.supervisor.mission.saved_state import LOCK_NAME, STATE_NAME, SavedState
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import FormatError
+from uavrt.core.foreign import read_record
+from uavrt.drone.supervisor.mission.saved_state import LOCK_NAME, STATE_NAME, SavedState
 
 _FLYING = (SystemState.DETECTING, SystemState.CAPTURING)
 

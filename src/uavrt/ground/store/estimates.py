@@ -10,14 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from uavrt.analysis.bearings import past_turns, read_recorded
-from uavrt.analysis.records import bearing_record, position_record
-from uavrt.errors import FormatError, UsageError
+from uavrt.analysis.estimates.bearings import past_turns, read_recorded
+from uavrt.analysis.estimates.records import bearing_record, position_record
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import LiveBearing, Tag
+from uavrt.core.units import wrap_degrees_360
 from uavrt.ground.store.coordinates import readout
-from uavrt.ground.store.flights import Columns, known
+from uavrt.ground.store.stored_flights import Columns, known
 from uavrt.localization.antenna import MONOPOLE
-from uavrt.localization.estimate_cache import Cache
-from uavrt.localization.flight_estimates import (
+from uavrt.localization.estimates.estimate_cache import Cache
+from uavrt.localization.estimates.flight_estimates import (
     Found,
     HeardInTurn,
     ReadAs,
@@ -25,17 +28,14 @@ from uavrt.localization.flight_estimates import (
     TagPosition,
     estimate,
 )
+from uavrt.localization.estimates.heard import Heard
+from uavrt.localization.estimates.live_bearings import bearing_from_drone
 from uavrt.localization.headings import yaws_deg
-from uavrt.localization.heard import Heard
-from uavrt.localization.live_bearings import bearing_from_drone
 from uavrt.localization.position.regions import region_outlines
 from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.results import PositionGrid
-from uavrt.messages import LiveBearing, Tag
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.elevation import Elevation
-from uavrt.terrain.elevation_files import open_elevation
-from uavrt.units import wrap_degrees_360
+from uavrt.localization.terrain.elevation import Elevation
+from uavrt.localization.terrain.elevation_files import open_elevation
 
 SECTORS = 16
 """Number of sectors of the pulse rose; the original's finest rotation has as many."""

@@ -8,9 +8,9 @@ from typing import Any
 
 import msgspec
 
-from uavrt.errors import FormatError
-from uavrt.foreign import decode_record, size_of
-from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
+from uavrt.core.errors import FormatError
+from uavrt.core.foreign import decode_record, size_of
+from uavrt.flight.database.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
 """Most lines kept in memory and sent to a page; the file keeps all."""

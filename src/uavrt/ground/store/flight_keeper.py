@@ -6,15 +6,11 @@ from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path
 
-from uavrt.clock import Clock, monotonic_s
-from uavrt.errors import RecordingError
-from uavrt.ground.store.drone_directory import is_drone_directory
-from uavrt.ground.store.flight_queue import FlightQueue
-from uavrt.ground.store.flight_writer import FlightWriter, Stored
-from uavrt.ground.store.flights import Columns
-from uavrt.ground.store.live_columns import LiveColumns
-from uavrt.log import get_logger
-from uavrt.messages import (
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.earth.on_ground import ARMED, GROUND_STATION, LANDED
+from uavrt.core.errors import RecordingError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import (
     Beep,
     BurstInside,
     FlightInfo,
@@ -25,13 +21,17 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
-from uavrt.on_ground import ARMED, GROUND_STATION, LANDED
-from uavrt.recording.disk_thread import Disk, at_once
-from uavrt.recording.flight_order import new_copy_directory
-from uavrt.recording.flight_reader import ground_states_in
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import FlightLayout, new_flight_directory
-from uavrt.recording.plain_database import open_plain
+from uavrt.flight.database.disk_thread import Disk, at_once
+from uavrt.flight.database.plain_database import open_plain
+from uavrt.flight.flight_layout import FlightLayout, new_flight_directory
+from uavrt.flight.flight_order import new_copy_directory
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import ground_states_in
+from uavrt.ground.store.drone_directory import is_drone_directory
+from uavrt.ground.store.flight_queue import FlightQueue
+from uavrt.ground.store.flight_writer import FlightWriter, Stored
+from uavrt.ground.store.live_columns import LiveColumns
+from uavrt.ground.store.stored_flights import Columns
 
 log = get_logger()
 

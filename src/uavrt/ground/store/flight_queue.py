@@ -4,12 +4,12 @@ import asyncio
 from collections.abc import Callable
 from pathlib import Path
 
-from uavrt.clock import monotonic_s
-from uavrt.errors import RecordingError
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import RecordingError
+from uavrt.core.log import get_logger
+from uavrt.flight.database.disk_thread import Disk, DiskBatches
+from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
-from uavrt.log import get_logger
-from uavrt.recording.disk_thread import Disk, DiskBatches
-from uavrt.recording.flight_recorder import FlightRecorder
 
 log = get_logger()
 

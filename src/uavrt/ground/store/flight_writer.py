@@ -5,13 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.errors import RecordingError
-from uavrt.log import get_logger
-from uavrt.messages import BurstInside, FlightInfo, PulsePose
-from uavrt.recording.flight_order import note_flight
-from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import FlightLayout
-from uavrt.recording.places import GROUND_NOTE
+from uavrt.core.errors import RecordingError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import BurstInside, FlightInfo, PulsePose
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.flight_order import note_flight
+from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.noted_places import GROUND_NOTE
 
 log = get_logger()
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.atomic_file import write_atomically
-from uavrt.errors import FormatError
-from uavrt.foreign import read_record
-from uavrt.messages import Tag
-from uavrt.recording.layout import Stamp
+from uavrt.core.atomic_file import write_atomically
+from uavrt.core.errors import FormatError
+from uavrt.core.foreign import read_record
+from uavrt.core.messages import Tag
+from uavrt.flight.flight_layout import Stamp
 
 _VERSION = 1
 

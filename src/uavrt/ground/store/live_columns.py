@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
-from uavrt.messages import BurstInside, Pose, PulsePose
-from uavrt.on_ground import GroundStates
+from uavrt.core.earth.on_ground import GroundStates
+from uavrt.core.messages import BurstInside, Pose, PulsePose
+from uavrt.ground.store.stored_flights import PULSE_COLUMNS, Columns, pulse_cells
 
 POSE_STEP_NS = 190_000_000
 """Shortest interval between kept poses [ns]: 36 000 poses in two hours."""

@@ -4,10 +4,10 @@ import json
 from contextlib import suppress
 from pathlib import Path
 
-from uavrt.errors import FormatError, RecordingError
-from uavrt.messages import BurstInside, Pulse, PulsePose
-from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.pulse_files import inside_record, pulse_record, read_pulse_file
+from uavrt.core.errors import FormatError, RecordingError
+from uavrt.core.messages import BurstInside, Pulse, PulsePose
+from uavrt.flight.logs.pulse_files import inside_record, pulse_record, read_pulse_file
+from uavrt.flight.reading.flight_reader import read_flight
 
 PULSES_NAME = "pulses.jsonl"
 

@@ -9,7 +9,7 @@ import csv
 import math
 from collections.abc import Sequence
 
-from uavrt.recording.csv_line import text_of_cell
+from uavrt.formats.csv_line import text_of_cell
 
 TAG_NAMES = ("selected", "id", "name", "manufacturerid", "freqmhz")
 MAKER_NAMES = (

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from uavrt.config.code_rules import words_of_near_codes
 from uavrt.config.settings import DetectionSettings
-from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
-from uavrt.config.tag_files import parse_tags, tags_as_text
-from uavrt.config.tag_rules import MAX_FALSE_ALARM_PROBABILITY, tags_from_drafts
-from uavrt.errors import TagFileError, UsageError
-from uavrt.foreign import TAGS, read_file
+from uavrt.config.tags.code_rules import words_of_near_codes
+from uavrt.config.tags.tag_drafts import Entry, Fault, Quantity, TagDraft
+from uavrt.config.tags.tag_files import parse_tags, tags_as_text
+from uavrt.config.tags.tag_rules import MAX_FALSE_ALARM_PROBABILITY, tags_from_drafts
+from uavrt.core.errors import TagFileError, UsageError
+from uavrt.core.foreign import TAGS, read_file
+from uavrt.core.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
+from uavrt.formats.csv_line import TableWriter
 from uavrt.ground.store.tag_csv import is_selected, number_in_cell, read_csv
-from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
-from uavrt.recording.csv_line import TableWriter
 
 FIELDS: dict[str, Quantity] = {
     "id": "id",

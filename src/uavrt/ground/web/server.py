@@ -23,26 +23,26 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
-from uavrt.errors import ConfigError, LinkError
-from uavrt.foreign import KEYS, read_file
+from uavrt.core.errors import ConfigError, LinkError
+from uavrt.core.foreign import KEYS, read_file
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web import maps
-from uavrt.ground.web.access_qr import Served, access_list
-from uavrt.ground.web.api import api_rows
-from uavrt.ground.web.connection_limits import (
+from uavrt.ground.web.access.access_qr import Served, access_list
+from uavrt.ground.web.access.connection_limits import (
     ListeningSocket,
     connections_limited,
     limited_protocol,
 )
-from uavrt.ground.web.drone_flights import ExtraApi
-from uavrt.ground.web.fleet_api import FleetApi
-from uavrt.ground.web.flight_lists import FlightListApi
-from uavrt.ground.web.foreign_worker import ForeignWorker
-from uavrt.ground.web.guard import Guard
-from uavrt.ground.web.page_records import send_records
-from uavrt.ground.web.routing import Handler, answered, made
-from uavrt.ground.web.set_up_api import set_up_rows
+from uavrt.ground.web.access.guard import Guard
+from uavrt.ground.web.routes import map_routes as maps
+from uavrt.ground.web.routes.api import api_rows
+from uavrt.ground.web.routes.drone_flights import ExtraApi
+from uavrt.ground.web.routes.fleet_api import FleetApi
+from uavrt.ground.web.routes.flight_lists import FlightListApi
+from uavrt.ground.web.routes.page_records import send_records
+from uavrt.ground.web.routes.routing import Handler, answered, made
+from uavrt.ground.web.routes.set_up_api import set_up_rows
+from uavrt.ground.web.work.foreign_worker import ForeignWorker
 
 STATIC = Path(__file__).parents[1] / "static"
 DEFAULT_PORT = 8650

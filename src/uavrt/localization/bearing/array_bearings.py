@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.pattern_likelihood import GRID_DEG

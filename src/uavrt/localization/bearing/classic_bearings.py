@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.units import wrap_degrees_360
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.tuning import SIMPLE
-from uavrt.units import wrap_degrees_360
 
 _SCAN_DEG = np.arange(0.0, 360.0, SIMPLE.scan_step_deg)
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern
-from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.bearing.estimate_bearing import estimate_bearing
 from uavrt.localization.bearing.tuning import LEARNED_PATTERN
 
 _Floats = NDArray[np.float64]

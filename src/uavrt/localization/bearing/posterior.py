@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.units import wrap_degrees_360
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.bearing.pattern_likelihood import GRID_DEG
 from uavrt.localization.bearing.tuning import PATTERN
 from uavrt.localization.results import ArrayMethod, Bearing
-from uavrt.units import wrap_degrees_360
 
 
 def described(log_density: NDArray[np.float64], *, method: ArrayMethod, pulses: int) -> Bearing:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
 from uavrt.localization.bearing.tuning import SIMPLE
 
 _Floats = NDArray[np.float64]

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.earth.tangent_plane import plane_around
+from uavrt.core.errors import UsageError
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.localization.angles import widest_gap_deg
 from uavrt.localization.bearing.tuning import TURNS
-from uavrt.tangent_plane import plane_around
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.lean_scipy import fft
+from uavrt.core.runtime.lean_scipy import fft
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.tuning import TWO_PATHS
 

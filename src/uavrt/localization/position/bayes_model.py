@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.earth.tangent_plane import TangentPlane, plane_around
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.bearing_evidence import BearingEvidence, von_mises
-from uavrt.localization.position.common_errors import Explanation
-from uavrt.localization.position.level_evidence import LevelEvidence, Levels, Propagation
-from uavrt.localization.position.over_hills import TrackHillLosses
-from uavrt.localization.position.power_evidence import PowerTrack
-from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.strengths import Strengths
-from uavrt.localization.position.survey_errors import SurveyEvidence
+from uavrt.localization.position.bearings.bearing_evidence import BearingEvidence, von_mises
+from uavrt.localization.position.bearings.common_errors import Explanation
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.levels.level_evidence import LevelEvidence, Levels, Propagation
+from uavrt.localization.position.levels.over_hills import TrackHillLosses
+from uavrt.localization.position.levels.power_evidence import PowerTrack
+from uavrt.localization.position.levels.strengths import Strengths
+from uavrt.localization.position.levels.survey_errors import SurveyEvidence
 from uavrt.localization.position.tuning import BEARING_FIX, GRID
-from uavrt.tangent_plane import TangentPlane, plane_around
-from uavrt.terrain.hill_losses import HillLosses
+from uavrt.localization.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]

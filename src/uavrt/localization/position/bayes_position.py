@@ -16,8 +16,8 @@ from uavrt.localization.position.bayes_fix import (
     most_probable,
 )
 from uavrt.localization.position.bayes_model import Known, Model
-from uavrt.localization.position.bearing_evidence import Doubts
-from uavrt.localization.position.common_errors import (
+from uavrt.localization.position.bearings.bearing_evidence import Doubts
+from uavrt.localization.position.bearings.common_errors import (
     UNCHECKED,
     UNKNOWN_SIGMAS,
     Explanation,
@@ -28,10 +28,10 @@ from uavrt.localization.position.common_errors import (
     explanations,
     stations_around,
 )
+from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.follow import Follow, followed
-from uavrt.localization.position.power_evidence import PowerTrack
-from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.survey_errors import cautions_of_survey
+from uavrt.localization.position.levels.power_evidence import PowerTrack
+from uavrt.localization.position.levels.survey_errors import cautions_of_survey
 from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Caution, Position, PositionGrid
 

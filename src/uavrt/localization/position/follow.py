@@ -7,8 +7,8 @@ import numpy as np
 
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bayes_model import Model
+from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.position.moving import path_by_bearings, path_by_powers
-from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
 from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint

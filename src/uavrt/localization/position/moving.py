@@ -12,18 +12,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import UsageError
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.bearing_evidence import von_mises
-from uavrt.localization.position.level_belief import Listening
-from uavrt.localization.position.power_evidence import PowerTrack
-from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.bearings.bearing_evidence import von_mises
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.levels.level_belief import Listening
+from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior, TrackEstimate
 from uavrt.localization.position.tuning import BEARING_FIX, TRACK
 from uavrt.localization.results import TrackPoint
-from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain.hill_losses import HillLosses
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.localization.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 

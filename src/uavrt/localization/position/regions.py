@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.localization.results import PositionGrid
-from uavrt.tangent_plane import TangentPlane
 
 _Floats = NDArray[np.float64]
 _Edge = tuple[int, int, int]

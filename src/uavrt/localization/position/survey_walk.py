@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.columns import chosen_rows
+from uavrt.core.columns import chosen_rows
+from uavrt.core.units import wrap_degrees_360
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.censored_power import lasting_correlation
-from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
+from uavrt.localization.position.levels.censored_power import lasting_correlation
+from uavrt.localization.position.levels.level_evidence import Propagation
+from uavrt.localization.position.levels.power_evidence import PowerEvidence, PowerTrack
 from uavrt.localization.position.tuning import COMMON, WALK
 from uavrt.localization.results import Caution
-from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 

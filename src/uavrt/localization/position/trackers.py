@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.bearing_evidence import BearingEvidence
-from uavrt.localization.position.level_belief import (
+from uavrt.localization.position.bearings.bearing_evidence import BearingEvidence
+from uavrt.localization.position.levels.level_belief import (
     GroundEffect,
     LevelBelief,
     Listening,
     false_pulse_density,
 )
-from uavrt.localization.position.loss_error import LossError
+from uavrt.localization.position.levels.loss_error import LossError
 from uavrt.localization.position.tuning import LEVEL, TRACK
-from uavrt.terrain.hill_losses import HillLosses
+from uavrt.localization.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]

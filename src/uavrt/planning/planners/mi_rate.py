@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.columns import chosen_rows, joined_rows
-from uavrt.planning.actions import Action, Hold, Rotate
+from uavrt.core.columns import chosen_rows, joined_rows
 from uavrt.planning.beliefs import TagBelief
+from uavrt.planning.drone_model.drone_motion import Legs
+from uavrt.planning.drone_model.planner_actions import Action, Hold, Rotate
 from uavrt.planning.information import information_nats
 from uavrt.planning.planners.tangents import tangents
 from uavrt.planning.planners.ways import (
@@ -24,7 +25,6 @@ from uavrt.planning.planners.ways import (
     turning,
 )
 from uavrt.planning.situation import Candidate, Decision, Situation
-from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ An entry of the group ``uavrt.planners`` is called without arguments and returns
 
 from collections.abc import Callable
 
-from uavrt.errors import UsageError
+from uavrt.core.errors import UsageError
+from uavrt.core.plugins import Registry
 from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.situation import Planner
-from uavrt.plugins import Registry
 
 DEFAULT_PLANNER = "mi_rate"
 

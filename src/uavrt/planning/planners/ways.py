@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.planning.actions import FlyTo
+from uavrt.planning.drone_model.drone_motion import Legs, VehicleState
+from uavrt.planning.drone_model.planner_actions import FlyTo
 from uavrt.planning.situation import Situation
-from uavrt.planning.vehicle import Legs, VehicleState
 
 _Floats = NDArray[np.float64]
 

@@ -4,8 +4,9 @@ import time
 
 import numpy as np
 
-from uavrt.clock import Clock
 from uavrt.config.settings import RadioSettings
+from uavrt.core.clock import Clock
+from uavrt.core.messages import IQBlock
 from uavrt.localization import (
     AntennaPattern,
     Bearing,
@@ -14,7 +15,6 @@ from uavrt.localization import (
     PowerTrack,
     Stations,
 )
-from uavrt.messages import IQBlock
 
 LOOP = AntennaPattern(name="toy loop", e_plane_db=(0.0, -1.2, -6.0, -30.0, -6.0, -1.2, -0.5))
 

@@ -1,0 +1,32 @@
+"""Search whole archives of recordings for one tag list, write Parquet tables, and query them.
+
+`recordings` finds recordings, `copies` excludes second copies, and `names` gives each flight a
+unique name. `recording_cells` divides a recording, `cell_work` detects in a cell, and
+`detecting` combines cells into recordings. `flight_work` computes poses, bearings and positions
+of one flight's pulses, `flight_placing` of all. `workers` runs tasks in parallel,
+`parquet_tables` writes Parquet, `ledger` records finished work, and `batch_run` controls it
+all. `questions` runs queries, and `flight_search` finds flights.
+"""
+
+from typing import TYPE_CHECKING
+
+from uavrt.core.runtime.lazy import lazily
+
+if TYPE_CHECKING:
+    from uavrt.analysis.archive.batch_run import run_batch as run_batch
+    from uavrt.analysis.archive.exporting import export_archive as export_archive
+    from uavrt.analysis.archive.exporting import survey_of as survey_of
+    from uavrt.analysis.archive.parquet.flight_search import find_flights as find_flights
+    from uavrt.analysis.archive.parquet.questions import ask as ask
+    from uavrt.analysis.archive.recordings import find_recordings as find_recordings
+
+__all__, __getattr__ = lazily(
+    __name__,
+    {
+        "exporting": "export_archive survey_of",
+        "parquet.flight_search": "find_flights",
+        "parquet.questions": "ask",
+        "recordings": "find_recordings",
+        "batch_run": "run_batch",
+    },
+)

@@ -1,0 +1,1 @@
+"""An archive's tables: writing, checking and querying them."""

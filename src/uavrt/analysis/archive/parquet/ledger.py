@@ -1,0 +1,208 @@
+"""Record each finished recording and flight in a file of its own, so that a kill loses none.
+
+A row is written after its tables have reached the disk, and contains their digests. So a kill
+or power cut leaves complete rows with complete tables. Tables without a row are removed. A row
+without its tables is computed again.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from itertools import chain, count
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import msgspec
+
+from uavrt.analysis.archive.parquet.parquet_tables import FlightRow, RecordingRow
+from uavrt.analysis.archive.parquet.seals import Seal, fault_of, read_note, write_note
+from uavrt.core.atomic_file import is_part
+from uavrt.core.errors import FormatError, RecordingError
+from uavrt.core.foreign import decode_record
+
+R = TypeVar("R", RecordingRow, FlightRow)
+ASIDE = "damaged"
+"""Folder below the output for damaged rows and their tables."""
+_TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
+"""File name of a table, by its key (`uavrt.analysis.archive.steps.step_keys`)."""
+
+
+class _Entry(msgspec.Struct, frozen=True):
+    row: msgspec.Raw
+    files: dict[str, Seal]
+    """Size, time and digest of the row's tables, by path below the output."""
+
+
+class Ledger(Generic[R]):
+    """Rows of all finished recordings, or of all finished flights, and their tables.
+
+    A newer row of the same path replaces an older one with its tables. Rows are in the folder
+    `name` below `output`, and their tables in the folders `tables`. With `thorough` all files
+    are read; otherwise sizes and times are compared.
+    Raises `RecordingError` if a file cannot be read, and `OSError` if the directory cannot be
+    written.
+    """
+
+    def __init__(
+        self,
+        output: Path,
+        name: str,
+        record: type[R],
+        tables: Sequence[str],
+        *,
+        thorough: bool = False,
+    ) -> None:
+        self._output, self._directory, self._tables = output, output / name, tables
+        self._record: type[R] = record
+        self._rows: dict[str, R] = {}
+        self._files: dict[str, dict[str, Seal]] = {}
+        self._keys: dict[str, set[str]] = defaultdict(set)
+        self.damaged: dict[str, str] = {}
+        """Reason for each missing or damaged file; its content is computed again."""
+        self.withdrawn: set[str] = set()
+        """Files of rows that were removed because a table of theirs is damaged."""
+        try:
+            self._load(thorough=thorough)
+        except PermissionError as error:
+            raise RecordingError(
+                f"{error.filename} cannot be read: {error.strerror}",
+                remedy="Give this user access to the output, or run it as its owner",
+            ) from error
+
+    @property
+    def rows(self) -> list[R]:
+        """Rows of all finished work, in order of their paths."""
+        return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
+
+    def done(self, key: str) -> R | None:
+        """Successful row with a key; None if it failed or is missing."""
+        row = self._rows.get(key)
+        return None if row is None or row.state == "failed" else row
+
+    def of(self, path: str) -> R | None:
+        """Newest successful row of a path, with any key; None if there is none."""
+        done = filter(None, map(self.done, self._keys.get(path, ())))
+        return max(done, key=lambda row: row.finished_time_ns, default=None)
+
+    def files(self, key: str) -> dict[str, Seal]:
+        """Tables of a row, by path below the output."""
+        return dict(self._files.get(key, {}))
+
+    def times(self, table: str) -> dict[str, int | None]:
+        """Start time of each file of a table [ns], by the file's name without ending."""
+        return {
+            Path(name).stem: row.start_time_ns
+            for key, row in self._rows.items()
+            for name in self._files[key]
+            if name.startswith(f"{table}/")
+        }
+
+    def record(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
+        """Write a finished row, and remove the rows and tables that it replaces.
+
+        `files` are its tables, already on the disk; None keeps those of the row before. Raises
+        `OSError` if the directory cannot be written.
+        """
+        key, before = row.fingerprint, self.files(row.fingerprint)
+        held = before if files is None else dict(files)
+        entry = _Entry(row=msgspec.Raw(msgspec.json.encode(row)), files=held)
+        write_note((self._output / self.place(key)), msgspec.json.encode(entry))
+        self._note(row, held)
+        for name in before.keys() - held.keys():
+            (self._output / name).unlink(missing_ok=True)
+        for old in self._keys[row.path] - {key}:
+            self._remove(old, held)
+        self._keys[row.path] = {key}
+
+    def drop(self, path: str) -> None:
+        """Remove all rows of a path with their tables."""
+        for old in self._keys.pop(path, ()):
+            self._remove(old)
+
+    def _load(self, *, thorough: bool) -> None:
+        self._directory.mkdir(parents=True, exist_ok=True)
+        for path in self._directory.iterdir():
+            if path.suffix != ".json":
+                if is_part(path):
+                    path.unlink()
+                continue
+            try:
+                entry = decode_record(read_note(path), _Entry)
+                row = decode_record(entry.row, self._record)
+                if row.fingerprint != path.stem:
+                    raise FormatError("it holds the row of another file")
+                # What is named here is removed with the row.
+                if not all(map(self._is_table, entry.files)):
+                    raise FormatError("it names files that are no tables of a batch")
+            except FormatError as error:
+                self._discard(path, error.message)
+                continue
+            self._note(row, entry.files)
+        for keys in list(self._keys.values()):
+            # A cut came between a row and the removal of the one that it replaces.
+            *older, newest = sorted(keys, key=lambda key: self._rows[key].finished_time_ns)
+            for old in older:
+                self._remove(old, self._files[newest])
+                keys.remove(old)
+        for key, files in list(self._files.items()):
+            faults = dict(self._faults(files, thorough=thorough))
+            if faults:
+                self.damaged |= faults
+                self.withdrawn.add(self.place(key))
+                self.withdrawn.update(files)
+                self._keys[self._rows[key].path].discard(key)
+                self._remove(key)
+        self._remove_strays()
+
+    def _faults(
+        self, files: Mapping[str, Seal], *, thorough: bool
+    ) -> Iterator[tuple[str, str]]:
+        for name, seal in files.items():
+            if (fault := fault_of(self._output / name, seal, thorough=thorough)) is not None:
+                yield name, fault
+
+    def _remove_strays(self) -> None:
+        """Remove tables without a row, which an interrupted run left.
+
+        If damaged rows were set aside, in this or an interrupted run, tables are kept, since
+        they may belong to these. Files of other programs stay.
+        """
+        unreadable = (self._output / ASIDE / self._directory.name).exists()
+        known = {name for held in self._files.values() for name in held}
+        for table in self._tables:
+            for path in (self._output / table).glob("*"):
+                if is_part(path):
+                    path.unlink()
+                elif _TABLE.fullmatch(path.name) and f"{table}/{path.name}" not in known:
+                    self._discard(path, "it belongs to no row", keeps=unreadable)
+
+    def _is_table(self, name: str) -> bool:
+        folder, _, file = name.partition("/")
+        return folder in self._tables and _TABLE.fullmatch(file) is not None
+
+    def _discard(self, path: Path, fault: str, *, keeps: bool = True) -> None:
+        self.damaged.setdefault(path.relative_to(self._output).as_posix(), fault)
+        if not keeps:
+            path.unlink()
+            return
+        folder = self._output / ASIDE / path.parent.name
+        folder.mkdir(parents=True, exist_ok=True)
+        names = chain([path.name], (f"{path.stem}-{n}{path.suffix}" for n in count(2)))
+        path.replace(next(folder / one for one in names if not (folder / one).exists()))
+
+    def place(self, key: str) -> str:
+        """File of a row, relative to the output."""
+        return f"{self._directory.name}/{key}.json"
+
+    def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:
+        (self._output / self.place(key)).unlink(missing_ok=True)
+        for name in self._files.pop(key).keys() - (kept or {}).keys():
+            with suppress(FileNotFoundError):
+                (self._output / name).unlink()
+        del self._rows[key]
+
+    def _note(self, row: R, files: Mapping[str, Seal]) -> None:
+        self._rows[row.fingerprint] = row
+        self._files[row.fingerprint] = dict(files)
+        self._keys[row.path].add(row.fingerprint)

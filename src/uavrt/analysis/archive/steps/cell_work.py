@@ -1,0 +1,165 @@
+"""Detect pulses in one cell, which is a time span of a recording."""
+
+import errno
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from uavrt.analysis.archive.parquet.seals import read_note, write_note
+from uavrt.analysis.archive.recordings import Recording, out_of_reach
+from uavrt.analysis.archive.steps.recording_cells import Cell
+from uavrt.analysis.measure.recorded_pulses import DetectionChain
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.config.ghost_places import Receiver
+from uavrt.core.errors import FormatError, UavrtError
+from uavrt.core.messages import Beep, Pulse
+from uavrt.detection.beeps.beep_search import BeepSearch
+from uavrt.radio.files.recording_source import RecordingSource
+
+
+class CellResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Pulses, beeping signals and counters of one cell."""
+
+    number: int
+    pulses: list[Pulse] = msgspec.field(default_factory=list)
+    beeps: list[Beep] = msgspec.field(default_factory=list)
+    lost_samples: int = 0
+    invalid_values: int = 0
+    cpu_s: float = 0.0
+    searched: bool = False
+    """True if at least one sample of the cell was searched."""
+    fault: str | None = None
+    """Reason why the cell ends early, or has no result."""
+    unreachable: bool = False
+    """True if the samples could not be reached, so that the next run tries again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellTask:
+    """Task for a worker: detect pulses in one cell."""
+
+    recording: Recording
+    cell: Cell
+    sought: TagSource
+    frequency_window_hz: float
+
+    def packed(self) -> "CellTask":
+        """The task itself, since a worker reads the samples from their file."""
+        return self
+
+    def failed(self, fault: str) -> CellResult:
+        """Result with the reason why the task could not be done."""
+        return CellResult(number=self.cell.number, fault=fault)
+
+    def work(
+        self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
+    ) -> CellResult | None:
+        """Detect pulses in the cell; None if stopped before the end.
+
+        `should_stop` is called at each block. `on_done` receives the number of samples since
+        its last call.
+        """
+        cell, began_s = self.cell, time.process_time()
+        pulses: list[Pulse] = []
+        beeps: list[Beep] = []
+        place, lost, invalid, fault, gone = cell.lead_in, 0, 0, None, False
+        try:
+            with closing(self.recording.open()) as source:
+                chain = _chain(self, source)
+                radio = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+                search = BeepSearch(self.sought.tags, self.frequency_window_hz, radio)
+                chain.on_band = search.add
+                source.skip_to(place)
+                try:
+                    while place < cell.end:
+                        if should_stop():
+                            return None
+                        block = source.read()
+                        assert block is not None  # a file never makes one wait
+                        # The last block is cut at the cell's end.
+                        if place + len(block.samples) > cell.end:
+                            block = replace(block, samples=block.samples[: cell.end - place])
+                        # A gap in what is read again counts in the cell that it belongs to.
+                        if cell.begin_ns is None or block.time_ns >= cell.begin_ns:
+                            lost += block.lost_before
+                        pulses += chain.process(block)
+                        place += len(block.samples)
+                        on_done(len(block.samples))
+                    if place == source.total_samples:
+                        source.read()  # raises the reason if the recording is incomplete
+                except EOFError:
+                    if place < cell.end:
+                        fault = "it ended early: it was changed meanwhile"
+                except UavrtError as error:
+                    fault, gone = str(error), _gone(self, error)
+                pulses += chain.flush()
+                beeps = search.finish()
+                invalid = source.invalid_values
+        except UavrtError as error:
+            fault, gone = str(error), _gone(self, error)
+        return CellResult(
+            number=cell.number,
+            pulses=[] if gone else [one for one in pulses if _counts(cell, one)],
+            beeps=[] if gone else beeps,
+            lost_samples=lost,
+            invalid_values=invalid,
+            cpu_s=time.process_time() - began_s,
+            searched=place > cell.lead_in,
+            fault=fault,
+            unreachable=gone,
+        )
+
+
+def keep_cell(directory: Path, result: CellResult) -> None:
+    """Save a cell's result until its recording is finished; raises `OSError`."""
+    content = msgspec.msgpack.encode(result, enc_hook=_plain)
+    write_note(directory / str(result.number), content)
+
+
+def kept_cell(directory: Path, number: int) -> CellResult | None:
+    """Read a cell's saved result; None if the cell must be searched, or searched again."""
+    try:
+        content = read_note(directory / str(number))
+        result = msgspec.msgpack.decode(content, type=CellResult)
+    except (OSError, FormatError, msgspec.DecodeError):
+        return None
+    return result if result.number == number else None
+
+
+def _chain(task: CellTask, source: RecordingSource) -> DetectionChain:
+    return DetectionChain(
+        task.sought.tags,
+        sample_rate_hz=source.sample_rate_hz,
+        center_frequency_hz=source.center_frequency_hz,
+        frequency_window_hz=task.frequency_window_hz,
+        operating_modes=task.sought.operating_modes,
+        excluded_hz=task.sought.excluded_hz,
+    )
+
+
+def _gone(task: CellTask, error: UavrtError) -> bool:
+    """True if the samples cannot be reached now; a bad sector of a disk is permanent."""
+    if not out_of_reach(error):
+        return False
+    cause = error.__cause__
+    if not isinstance(cause, OSError) or cause.errno != errno.EIO or task.recording.url:
+        return True
+    try:
+        task.recording.path.stat()
+    except OSError:
+        return True
+    return False
+
+
+def _counts(cell: Cell, pulse: Pulse) -> bool:
+    """True if a pulse lies in the cell's own time, within the tolerance of its limits."""
+    return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
+
+
+def _plain(value: np.generic) -> object:
+    return value.item()

@@ -1,0 +1,79 @@
+"""Divide recordings into cells of equal duration, so that results do not depend on the workers.
+
+The detector restarts in each cell. It also reads some time before the cell (two minutes by
+default), so that noise estimates and tracks are settled when the cell's own time begins.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.radio.files.recording_source import Segment
+from uavrt.radio.timing.sample_times import NominalTimes
+
+CELL_S = 3600.0
+LEAD_IN_S = 120.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """Part of a recording that is searched separately, with limits in samples of the file."""
+
+    number: int
+    lead_in: int
+    """Number of the first sample to read, before the cell's own time."""
+    end: int
+    begin_ns: int | None
+    """Time from which pulses count [ns]; None: from the recording's first sample."""
+
+
+def cells_of(
+    segments: Sequence[Segment],
+    sample_rate_hz: float,
+    *,
+    cell_s: float = CELL_S,
+    lead_in_s: float = LEAD_IN_S,
+) -> list[Cell]:
+    """Divide a recording's `segments` of samples into cells of `cell_s` seconds.
+
+    Cells are counted from the first sample, and lost samples count as time. `lead_in_s` is the
+    time before each cell that is also read.
+    """
+    held = [one for one in segments if one.count]
+    if not held:
+        return []
+    length = round(cell_s * sample_rate_hz)
+    lead = round(lead_in_s * sample_rate_hz)
+    first = held[0].sample_index
+    last = held[-1].sample_index + held[-1].count
+    cells = []
+    for number in range(math.ceil((last - first) / length)):
+        from_index = first + number * length
+        begin, begin_ns = _place(held, sample_rate_hz, from_index)
+        end, _ = _place(held, sample_rate_hz, min(from_index + length, last))
+        if end > begin:
+            lead_in, _ = _place(held, sample_rate_hz, max(first, from_index - lead))
+            cells.append(
+                Cell(
+                    number=number,
+                    lead_in=lead_in,
+                    end=end,
+                    begin_ns=begin_ns if number else None,
+                )
+            )
+    return cells
+
+
+def _place(held: Sequence[Segment], sample_rate_hz: float, index: int) -> tuple[int, int]:
+    """File position and time of the first existing sample at or after a sample index."""
+    done = 0
+    for segment in held:
+        if index < segment.sample_index + segment.count:
+            within = max(0, index - segment.sample_index)
+            time_ns = NominalTimes(segment.time_ns, sample_rate_hz).time_ns(within)
+            return done + within, time_ns
+        done += segment.count
+    last = held[-1]
+    end_ns = last.time_ns + round(last.count / sample_rate_hz * NANOSECONDS_PER_SECOND)
+    return done, end_ns

@@ -1,0 +1,1 @@
+"""Where a tag would have been detected, before and after a flight."""

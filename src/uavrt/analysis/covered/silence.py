@@ -1,0 +1,398 @@
+"""Make the coverage map of a flight for a tag, for page, report and ``uavrt coverage``.
+
+For tags that ``uavrt integrate`` searched without finding them, the map is for whole-flight
+analysis; for others it is for single groups of pulses.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.covered.coverage_maps import MapArea, MapSize, map_around
+from uavrt.analysis.covered.flight_coverage import (
+    flight_coverage,
+    flight_plane,
+    frequency_window_hz,
+)
+from uavrt.analysis.inputs.flight_noise import FlightNoise, flight_noise_of
+from uavrt.analysis.inputs.flown_with import antenna_is_recorded, flight_antenna
+from uavrt.core.clock import parse_iso_intervals
+from uavrt.core.errors import FormatError, RecordingError, UsageError
+from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
+from uavrt.flight.integrated import (
+    IntegratedVerdict,
+    SearchedFor,
+    SilentAround,
+    read_integrated,
+)
+from uavrt.flight.reading.flight_reader import Flight, read_search_reports
+from uavrt.localization.antenna import PATTERNS, pattern_named
+from uavrt.localization.terrain.elevation import Elevation
+from uavrt.planning.detectability.detection_coverage import Coverage
+from uavrt.planning.detectability.link_budget import LinkBudget
+
+LEVEL_SIGMA_DB = 3.0
+SURE = 0.9
+"""Detection probability from which silence is evidence of absence."""
+_MARGIN_M = 2000.0
+_FINEST_M = 20.0
+_CELLS = 120
+"""Number of map cells along the longer side; a flight of twenty minutes takes some seconds."""
+_NOT_JUDGED = "the whole flight is not searched for it yet; uavrt integrate finds weaker tags"
+_NO_DETECTORS = (
+    "no record shows that a detector ran in this flight (no search report, no pulse); the map "
+    "assumes one. uavrt integrate shows what its samples contain"
+)
+_ANTENNA_UNKNOWN = (
+    "an earlier version searched the whole flight for it and did not record the frequencies "
+    "and the antenna: those of the flight are assumed"
+)
+_NOT_SILENT = (
+    "the search of the whole flight does not apply here, because it was for {}: only groups of "
+    "pulses count. Run uavrt integrate again"
+)
+_WITHIN = "of a tag farther than {:g} Hz from its listed frequency it says nothing"
+_ANTENNA_ASSUMED = "antenna not specified: {} assumed"
+_AMBIGUOUS = (
+    "a train on its frequency may be its own (uavrt integrate names it), so it may not "
+    "be silent"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SilentMap:
+    """Probability that a tag at each place would have been detected in a flight."""
+
+    tag_id: int
+    tag_power_dbm: float
+    coverage: Coverage
+    heard_pulses: int
+    in_hindsight: bool
+    """True if whole-flight analysis found the tag."""
+    ambiguous: bool
+    """True if whole-flight analysis found a train that may be the tag's."""
+    noise: str
+    """Sentence on the noise measurement that the map uses."""
+    antenna: str
+    sure_within_m: float | None
+    """Distance from the flight within which the tag would be detected everywhere with
+    probability .9 or more [m]; None: nowhere."""
+
+    @property
+    def heard(self) -> bool:
+        """True if the tag was or may have been received, so that silence is no evidence."""
+        return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
+
+    @property
+    def around(self) -> SilentAround:
+        """Summary of the map for the whole-flight verdict."""
+        return SilentAround(
+            tag_power_dbm=self.tag_power_dbm,
+            probability=SURE,
+            within_m=None if self.sure_within_m is None else round(self.sure_within_m, 1),
+            whole_flight=self.coverage.whole_flight,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ListenedFlight:
+    """A flight with the terrain around it and its noise."""
+
+    flight: Flight
+    area: MapArea
+    noise: FlightNoise | None
+    noise_said: str
+    verdicts: tuple[IntegratedVerdict, ...]
+    path_m: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """East and north of the flight path in the map's plane [m]."""
+    of_track: bool = False
+    """True if poses and samples come from other programs, without detectors."""
+    detectors_ran: bool = True
+    """True if the flight has any record that the detectors of pulse groups ran."""
+
+    @classmethod
+    def read(
+        cls,
+        directory: Path,
+        flight: Flight,
+        elevation: Elevation | None,
+        *,
+        margin_m: float = _MARGIN_M,
+        cell_m: float | None = None,
+        verdicts: Sequence[IntegratedVerdict] | None = None,
+    ) -> "ListenedFlight":
+        """Make a map's grid around a flight, by default of 120 cells, and read its noise.
+
+        Stored whole-flight results are read unless `verdicts` are given. Raises
+        `RecordingError` without poses, `FormatError` for damaged elevation files or results,
+        and `UsageError` if the map would be too large.
+        """
+        plane, east, north = flight_plane(flight)
+        if cell_m is None:
+            extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * margin_m
+            cell_m = max(_FINEST_M, round(extent / _CELLS))
+        size = MapSize(margin_m=margin_m, cell_m=cell_m)
+        of_track = directory.is_file()
+        try:
+            if of_track:
+                raise RecordingError("a track has no noise measurements")
+            noise = flight_noise_of(directory, flight)
+            said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
+        except (RecordingError, FormatError) as error:
+            noise, said = None, f"unknown, only the radio's own is used: {error.message}"
+        reports = not of_track and (noise is not None or bool(read_search_reports(directory)))
+        return cls(
+            flight=flight,
+            area=map_around(plane, east, north, elevation, size),
+            noise=noise,
+            noise_said=said,
+            verdicts=tuple(read_integrated(directory)[0] if verdicts is None else verdicts),
+            path_m=(east, north),
+            of_track=of_track,
+            detectors_ran=reports or bool(flight.pulse_poses),
+        )
+
+    def silent_map(
+        self,
+        tag: Tag,
+        budget: LinkBudget,
+        *,
+        antenna: str | None = None,
+        level_sigma_db: float = LEVEL_SIGMA_DB,
+        on_pulse: Callable[[int, int], None] | None = None,
+    ) -> SilentMap:
+        """Map where a tag would have been detected, by default with the flight's antenna.
+
+        Raises `UsageError` if the flight is too long, or the antenna is unknown.
+        """
+        verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
+        searched = None if verdict is None else verdict.searched
+        named = antenna or _own_antenna(self.flight, searched)
+        in_hindsight = verdict is not None and _shown(verdict)
+        doubts = () if verdict is None else self._doubts(tag, named, searched)
+        judged = verdict is not None and not in_hindsight and not doubts
+        coverage = flight_coverage(
+            self.area,
+            self.flight,
+            tag,
+            budget,
+            noise=self.noise,
+            pattern=pattern_named(named),
+            level_sigma_db=level_sigma_db,
+            whole_flight=judged,
+            searched=searched,
+            listened=parse_iso_intervals(verdict.listened) if verdict and judged else (),
+            on_pulse=on_pulse,
+        )
+        said = [*coverage.limitations, *doubts]
+        if self.of_track and searched is not None:
+            said.append(_WITHIN.format(searched.frequency_window_hz))
+        if verdict is None:
+            said.append(_NOT_JUDGED)
+        elif searched is None and judged:
+            said.append(_ANTENNA_UNKNOWN)
+        if verdict is not None and verdict.ambiguous:
+            said.append(_AMBIGUOUS)
+        heard = judged or self.detectors_ran
+        if not heard:
+            said.append(_NO_DETECTORS)
+        if antenna is None and not antenna_is_recorded(self.flight):
+            said.append(_ANTENNA_ASSUMED.format(named))
+        coverage = replace(coverage, limitations=tuple(said))
+        return SilentMap(
+            tag_id=tag.tag_id,
+            tag_power_dbm=budget.tag_eirp_dbm,
+            coverage=coverage,
+            heard_pulses=sum(
+                one.pulse.tag_id == tag.tag_id and one.pulse.confirmed
+                for one in self.flight.pulse_poses
+            ),
+            in_hindsight=in_hindsight,
+            ambiguous=verdict is not None and verdict.ambiguous,
+            noise=self.noise_said,
+            antenna=named,
+            sure_within_m=sure_within_m(coverage, *self.path_m) if heard else None,
+        )
+
+    def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
+        """Reason why an unsuccessful search does not apply to this tag; empty if it does."""
+        if searched is None:
+            return ()
+        found = _setting_changes(tag, searched)
+        window_hz = 0.0 if self.of_track else frequency_window_hz(self.flight)
+        if searched.frequency_window_hz < window_hz:
+            found.append(
+                f"frequencies within {searched.frequency_window_hz:g} Hz of the listed one, "
+                f"and the flight's detectors listened within {window_hz:g} Hz "
+                f"(--frequency-window {window_hz:g})"
+            )
+        if searched.antenna != antenna:
+            found.append(f"the antenna {searched.antenna}, and the map is of {antenna}")
+        return (_NOT_SILENT.format("; for ".join(found)),) if found else ()
+
+
+def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
+    """Antenna of a flight's whole-flight analysis if known here, else the flight's own."""
+    if searched is not None and searched.antenna in PATTERNS:
+        return searched.antenna
+    return flight_antenna(flight)
+
+
+def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
+    """Differences between the settings of a stored search and the present tag list."""
+    found = []
+    listed = (tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s, tag.gaps_s)
+    sought = (
+        *(searched.frequency_hz, searched.pulse_width_s, searched.pulse_intervals_s),
+        searched.gaps_s,
+    )
+    if listed != sought:
+        found.append("another frequency, pulse width, interval or code than it is listed with")
+    if searched.interval_uncertainty_s < tag.interval_uncertainty_s:
+        found.append(
+            f"intervals within {1e3 * searched.interval_uncertainty_s:g} ms of the listed one, "
+            f"which may be {1e3 * tag.interval_uncertainty_s:g} ms off"
+        )
+    if searched.interval_jitter_s < tag.interval_jitter_s:
+        found.append(
+            f"pulses within {1e3 * searched.interval_jitter_s:g} ms of their beat, which may "
+            f"be {1e3 * tag.interval_jitter_s:g} ms off"
+        )
+    return found
+
+
+def _shown(verdict: IntegratedVerdict) -> bool:
+    """True if the whole flight shows a tag, at the map's false-alarm probability or its own."""
+    return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
+
+
+def silent_map(
+    directory: Path,
+    flight: Flight,
+    tag_id: int,
+    tag_power_dbm: float,
+    *,
+    elevation: Elevation | None,
+    antenna: str | None,
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> SilentMap:
+    """Map where a flight would have detected a tag, with the link budget of `uavrt coverage`.
+
+    `directory` has the flight, its noise and stored results. `tag_power_dbm` is the tag's
+    radiated power. Without `elevation` the ground is level. `antenna` is a pattern's name; the
+    default is the flight's. `on_pulse` receives the number of computed pulses, and the total.
+    Raises `UsageError` for a tag that the flight does not list, an unknown antenna, or too long
+    a flight; `RecordingError` without poses; `FormatError` for damaged elevation files or
+    results.
+    """
+    tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
+    if tag is None:
+        listed = ", ".join(str(one.tag_id) for one in flight.info.tags) or "none"
+        raise UsageError(
+            f"tag {tag_id} was not listed in this flight", remedy=f"Choose from {listed}"
+        )
+    listened = ListenedFlight.read(directory, flight, elevation)
+    budget = _budget(tag, tag_power_dbm)
+    return listened.silent_map(tag, budget, antenna=antenna, on_pulse=on_pulse)
+
+
+def silent_maps(
+    flight: Flight,
+    tags: Sequence[Tag],
+    verdicts: Sequence[IntegratedVerdict],
+    tag_power_dbm: float,
+    *,
+    elevation: Elevation | None,
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> dict[int, SilentMap]:
+    """Coverage maps of the tags that the flight just analysed does not show, by tag.
+
+    These are the maps of `uavrt coverage FLIGHT`, made before the verdicts are saved. Tags that
+    were or may have been received have none. Parameters and errors are as in `silent_map`.
+    """
+    silent = [
+        (tag, one)
+        for tag, one in zip(tags, verdicts, strict=True)
+        if not (one.ambiguous or _shown(one) or _confirmed(flight, tag))
+    ]
+    if not silent:
+        return {}
+    listened = ListenedFlight.read(
+        Path(flight.info.directory), flight, elevation, verdicts=verdicts
+    )
+    return {
+        tag.tag_id: listened.silent_map(
+            tag,
+            _budget(tag, tag_power_dbm),
+            antenna=None if one.searched is None else one.searched.antenna,
+            on_pulse=on_pulse,
+        )
+        for tag, one in silent
+    }
+
+
+def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
+    """Link budget of `uavrt coverage`; the antenna's height is replaced by the flight's."""
+    return LinkBudget(
+        frequency_hz=tag.frequency_hz,
+        pulse_width_s=tag.pulse_width_s,
+        tag_eirp_dbm=tag_power_dbm,
+        drone_height_m=60.0,
+    )
+
+
+def sure_within_m(
+    coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
+) -> float | None:
+    """Distance from a path within which a tag is detected with .9 or more everywhere [m].
+
+    None means nowhere. Terrain of unknown height counts as not detected, and the map's extent
+    is the maximum. `east_m` and `north_m` (n,) are the path in the map's plane.
+    """
+    from scipy.spatial import KDTree
+
+    ground = coverage.ground
+    row, column = np.nonzero(~(coverage.heard >= SURE))
+    least = min(
+        float(east_m.min() - ground.east_m[0]),
+        float(ground.east_m[-1] - east_m.max()),
+        float(north_m.min() - ground.north_m[0]),
+        float(ground.north_m[-1] - north_m.max()),
+    )
+    if len(row):
+        way = KDTree(np.stack((east_m, north_m), axis=1))
+        unsure = np.stack((ground.east_m[column], ground.north_m[row]), axis=1)
+        away = float(np.min(way.query(unsure)[0]))
+        # As far as the nearest corner of such a cell.
+        least = min(least, away - math.sqrt(0.5) * ground.cell_m)
+    return least if least > 0.0 else None
+
+
+def around_in_words(around: SilentAround) -> str:
+    """Sentence on the distance from the flight within which a tag would have been found."""
+    what = "found" if around.whole_flight else "heard"
+    power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
+    if around.within_m is None:
+        return (
+            f"nowhere around the flight is it sure that a tag that radiates {power} would have "
+            f"been {what} (p ≥ {around.probability:g})"
+        )
+    return (
+        f"within {_rounded_down(around.within_m):.0f} m of the flight a tag that radiates "
+        f"{power} would have been {what} with p ≥ {around.probability:g}"
+    )
+
+
+def _rounded_down(metres: float) -> float:
+    step = 10.0 ** max(0, math.floor(math.log10(max(metres, 1.0))) - 1)
+    return math.floor(metres / step) * step
+
+
+def _confirmed(flight: Flight, tag: Tag) -> bool:
+    return any(
+        one.pulse.tag_id == tag.tag_id and one.pulse.confirmed for one in flight.pulse_poses
+    )

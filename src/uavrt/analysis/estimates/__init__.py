@@ -1,0 +1,1 @@
+"""Bearings and positions of flights and logs, and their plain records."""

@@ -1,0 +1,239 @@
+"""Bearings from flights and pulse logs, each file read once."""
+
+import os
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import get_args
+
+from uavrt.analysis.inputs.flown_with import USUAL_ANTENNA, flight_antenna, flight_settings
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import PulsePose
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.flight_order import flights_in_order, flown_before, flown_name
+from uavrt.flight.reading.flight_reader import Flight, read_flight
+from uavrt.flight.reading.noted_places import vehicle_of
+from uavrt.flight.reading.recognise import read_pulse_log
+from uavrt.formats.pulses.pulse_log import WITHOUT_HEADINGS, PulseLog
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern
+from uavrt.localization.bearing.estimate_bearing import ADDED_METHODS
+from uavrt.localization.estimates.flight_estimates import (
+    HeardInTurn,
+    ReadAs,
+    TagBearing,
+    bearings_of,
+    corrected_antenna,
+    heard_in_turns,
+    learning_turns,
+)
+from uavrt.localization.estimates.heard import Heard
+from uavrt.localization.results import BearingMethod
+from uavrt.localization.tuning import FLIGHT
+
+NO_BEARINGS_FROM_THESE = (
+    "No bearing is computed from these poses; detect again in a recording with the poses of "
+    "the autopilot's own log, or fly again."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recorded:
+    """A flight or pulse log as read from disk."""
+
+    path: Path
+    log: PulseLog
+    flight: Flight | None
+
+    @property
+    def name(self) -> str:
+        """Name of the flight or log shown to the operator, with the vehicle if recorded."""
+        vehicle = None if self.flight is None else vehicle_of(self.flight.notes)
+        return self.path.name if vehicle is None else f"{self.path.name} (vehicle {vehicle})"
+
+    @property
+    def antenna(self) -> str:
+        """Antenna pattern's name, a whip for logs without headings; raises `UsageError`."""
+        if self.flight is not None:
+            return flight_antenna(self.flight)
+        return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
+
+    def turning(self) -> str:
+        """Name of the directional antenna for bearings; RA-23K for a log that names none.
+
+        Raises `UsageError` if the antenna is a whip or unknown.
+        """
+        if self.flight is None:
+            return USUAL_ANTENNA
+        if self.antenna == MONOPOLE:
+            raise UsageError(
+                "the drone was set up with an upright whip, which gives no bearings",
+                remedy="uavrt localize finds tags by their strength; or name the --antenna",
+            )
+        return self.antenna
+
+    def heard(self, antenna: str) -> Heard:
+        """Convert pulses and poses to columns; raises `UsageError` if no pulse has a pose."""
+        if self.flight is not None:
+            return heard_in_flight(self.flight, name=self.name, antenna=antenna)
+        return Heard.of_records(self.log.pulse_poses, name=self.name, antenna=antenna)
+
+
+def read_recorded(path: str | os.PathLike[str]) -> Recorded:
+    """Read a flight or a pulse log of any known format; raises `FormatError` for others."""
+    place = Path(path)
+    if place.name == "flight.sqlite":
+        place = place.parent
+    if FlightLayout(place).database.is_file():
+        flight = read_flight(place)
+        log = PulseLog(kind="flight", pulse_poses=flight.pulse_poses)
+        return Recorded(path=place, log=log, flight=flight)
+    return Recorded(path=place, log=read_pulse_log(place), flight=None)
+
+
+def heard_in_flight(
+    flight: Flight,
+    pulse_poses: Sequence[PulsePose] | None = None,
+    *,
+    name: str = "this flight",
+    antenna: str = USUAL_ANTENNA,
+) -> Heard:
+    """Convert a flight to columns, with its own or the given pulses; raises `UsageError`."""
+    return Heard.of_records(
+        flight.pulse_poses if pulse_poses is None else pulse_poses,
+        flight.poses,
+        flight.on_ground_ns,
+        tags=flight.info.tags,
+        name=name,
+        antenna=antenna,
+    )
+
+
+def read_bearings(
+    *paths: str | os.PathLike[str],
+    how: ReadAs | None = None,
+    warn: Callable[[str], None] = lambda text: None,
+) -> list[TagBearing]:
+    """Estimate the bearings of flights or pulse logs that share one antenna.
+
+    `*paths` are flight directories or logs of any known format. The method ``pattern_ml`` first
+    corrects the antenna pattern by all turns, also those of past flights.
+    `warn` receives a sentence on the flights that contributed to the pattern, if more than one.
+    Raises `FormatError` for a file of another kind, and `UsageError` if no pulse has a pose or
+    the method or antenna is unknown.
+    """
+    return bearings_together([read_recorded(path) for path in paths], how or ReadAs(), warn)
+
+
+def bearings_together(
+    recorded: Sequence[Recorded], how: ReadAs, warn: Callable[[str], None]
+) -> list[TagBearing]:
+    """Estimate the bearings of flights and logs in memory, as `read_bearings` does."""
+    check_bearing_method(how.bearing_method)
+    antennas = [one.turning() if how.antenna is None else how.antenna for one in recorded]
+    heard = [one.heard(USUAL_ANTENNA) for one in recorded]
+    turns = [heard_in_turns(one, how.offset_deg) for one in heard]
+    here = [one.flight for one in recorded if one.flight is not None]
+    teaches = how.learn and how.bearing_method == "pattern_ml"
+    found: list[TagBearing] = []
+    taught: set[str] = set()
+    for number, (one, antenna) in enumerate(zip(recorded, antennas, strict=True)):
+        others = [
+            each
+            for other, each in enumerate(turns)
+            if other != number and antennas[other] == antenna
+        ]
+        if one.flight is not None and how.learn:
+            others += past_turns(one.flight, antenna, how.offset_deg, excluded=here)
+        if teaches and (text := pattern_origin([turns[number], *others])):
+            taught.add(text)
+        past = [turn for flight in others for turn in flight]
+        as_flown = replace(how, antenna=antenna)
+        found += [
+            replace(each, flight=number) for each in bearings_of(heard[number], as_flown, past)
+        ]
+    for text in sorted(taught):
+        warn(text)
+    return found
+
+
+MOST_PAST_FLIGHTS = 6
+"""Most past flights read to learn a pattern; each takes as long as the flight itself."""
+ENOUGH_TURNS = 12
+"""Number of turns above which a learnt antenna pattern hardly improves."""
+
+
+def past_turns(
+    flight: Flight,
+    antenna: AntennaPattern | str,
+    offset_deg: float = 0.0,
+    *,
+    excluded: Sequence[Flight] = (),
+) -> list[list[HeardInTurn]]:
+    """Pulses of turns in the same drone's past flights with the same antenna.
+
+    Flights in the same folder are read, newest first, until there are enough turns. Unreadable
+    flights and those of other drones are skipped.
+    `offset_deg` is the boresight, clockwise from the heading in the poses [deg]. Flights in
+    `excluded` are excluded, since the caller has their turns already.
+    """
+    place = Path(flight.info.directory).resolve()
+    names = {Path(one.info.directory).resolve().name for one in excluded}
+    before = flown_before(place)
+    neighbours = flights_in_order(place.parent) if before is None else before
+    others = [path for path in neighbours if flown_name(path.name) != flown_name(place.name)]
+    past = [path for path in others if path.name not in names]
+    found: list[list[HeardInTurn]] = []
+    for path in reversed(past[-MOST_PAST_FLIGHTS:]):
+        if sum(map(len, map(learning_turns, found))) >= ENOUGH_TURNS:
+            break
+        try:
+            other = read_flight(path)
+            is_past = before is not None or (
+                other.info.start_time_ns < flight.info.start_time_ns
+            )
+            if is_past and _set_up(other) == _set_up(flight):
+                found.append(heard_in_turns(heard_in_flight(other), offset_deg))
+        except (FormatError, UsageError):
+            continue  # its turns are not needed
+    return [one for one in found if one]
+
+
+def _set_up(flight: Flight) -> tuple[Hashable, ...]:
+    """Drone, antenna and mounting of a flight, for comparison with other flights."""
+    settings = flight_settings(flight)
+    mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
+    return vehicle_of(flight.notes), mounted
+
+
+def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
+    """Sentence on how many turns and flights a pattern was learnt from; None for one flight."""
+    turns = learning_turns(heard for flight in flights for heard in flight)
+    used = sum(1 for flight in flights if any(one in turns for one in flight))
+    if used < 2 or len(turns) < FLIGHT.least_turns:
+        return None
+    return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
+
+
+def check_bearing_method(method: str) -> None:
+    """Reject an unknown bearing method before any turn is read; raises `UsageError`."""
+    known = [*get_args(BearingMethod), *ADDED_METHODS]
+    if method not in known:
+        raise UsageError(
+            f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
+        )
+
+
+def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
+    """Correct an antenna pattern by the turns of a flight or log, to include the airframe's
+    effect.
+
+    `offset_deg` is the antenna's direction, clockwise from the heading in the poses [deg].
+    Raises `UsageError` for fewer than three turns in which a tag was received.
+    """
+    turns = heard_in_turns(recorded.heard(antenna), offset_deg)
+    if len(turns) < FLIGHT.least_turns:
+        raise UsageError(
+            f"{len(turns)} turns past a tag are too few to learn a pattern",
+            remedy=f"Turn in place {FLIGHT.least_turns} times or more, or hear more tags",
+        )
+    return corrected_antenna(turns, antenna)

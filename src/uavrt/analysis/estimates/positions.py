@@ -1,0 +1,427 @@
+"""Estimate one position for each tag from flights, pulse logs or a bearings.csv."""
+
+import math
+import os
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import attrgetter
+from pathlib import Path
+from typing import get_args
+
+from uavrt.analysis.estimates.bearings import (
+    NO_BEARINGS_FROM_THESE,
+    Recorded,
+    bearings_together,
+    read_recorded,
+)
+from uavrt.analysis.inputs.flight_copies import SAME_PULSES
+from uavrt.analysis.inputs.log_clocks import clock_doubts, pulse_doubts
+from uavrt.analysis.inputs.same_tags import NamedTag, SameTags, same_tags
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.errors import UsageError
+from uavrt.core.messages import PulsePose
+from uavrt.flight.reading.recognise import ORIGINAL_POSES, pulse_logs_in
+from uavrt.formats.bearings_csv import BearingRow, is_noted, read_bearing_file
+from uavrt.formats.positions_csv import read_position_file
+from uavrt.formats.pulses.ucsd import TargetEstimate, read_ucsd_estimates, tag_numbers
+from uavrt.formats.text import cells_of, read_lines, with_commas
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import MONOPOLE
+from uavrt.localization.estimates.flight_estimates import (
+    NO_TIME,
+    Found,
+    ReadAs,
+    TagBearing,
+    TagPosition,
+    at_one_place,
+    place,
+    survey,
+    with_strengths,
+)
+from uavrt.localization.estimates.heard import FlightGround, Heard
+from uavrt.localization.position.estimate_position import ADDED_METHODS
+from uavrt.localization.results import Bearing, Position, PositionMethod
+
+_BEARING_COLUMNS = 10
+_SAME_PLACE_M = 30.0
+_SAME_BEARING_SIGMAS = 3.0
+"""Difference below which two bearings are of the same turn [standard deviations], even from two
+programs."""
+_USUAL_SIGMA_DEG = 6.0
+"""Standard deviation assumed for a bearing that has none [deg]."""
+_FIRST_LINES = 100
+"""Most lines read to recognise a file's format; comments may come first."""
+
+
+def read_positions(
+    *paths: str | os.PathLike[str],
+    how: ReadAs | None = None,
+    warn: Callable[[str], None] = lambda text: None,
+) -> list[TagPosition]:
+    """Estimate the positions of tags from flights, logs and files of bearings.
+
+    `*paths` are flights, pulse logs of any kind, folders of them, and files of bearings
+    (bearings.csv, or noted by hand). All bearings of a tag give one position, on the assumption
+    that it rests. Positions in a positions.csv, or an estimate CSV of UCSD's tracker, are
+    returned unchanged.
+    Without an antenna in `how`, each flight's own is used, RA-23K for other logs, and a
+    monopole for UCSD's pings. `warn` receives warnings about a log.
+    Raises `FormatError` for a file of another kind, and `UsageError` for an unknown method or
+    inputs that cannot be combined.
+    """
+    how = how or ReadAs()
+    check_position_method(how.method)
+    if how.offset_deg and any(_is_result(path) for path in paths):
+        raise UsageError(
+            "an antenna offset cannot be applied to a file of results",
+            remedy="Name the flight or the pulse log that it came from",
+        )
+    if len(paths) == 1:
+        if _holds_estimates(paths[0]):
+            return _stored_estimates(paths[0])
+        if _columns_of_named_file(paths[0]) in range(4, 9):
+            return _stored_positions(paths[0], how.method)
+    files = [path for path in paths if _columns_of_named_file(path)]
+    if files and how.elevation is not None:
+        raise UsageError(
+            "a bearings.csv has no flight heights, which --dem needs",
+            remedy="Name the flights that its bearings came from, or leave --dem out",
+        )
+    logs = [
+        read_recorded(path)
+        for given in paths
+        if given not in files
+        for path in pulse_logs_in(given)
+    ]
+    for text in dict.fromkeys(text for one in logs for text in one.log.warnings):
+        warn(text)
+    logs = _without_copies(logs, warn)
+    noted = _without_repeats(
+        [(os.fspath(path), _noted(read_bearing_file(path))) for path in files], warn
+    )
+    times: list[tuple[str | Path, list[int]]] = [
+        (one.path, [each.pulse.start_time_ns for each in one.log.pulse_poses]) for one in logs
+    ]
+    times += [
+        (path, [one.start_time_ns for one in rows if one.start_time_ns != NO_TIME])
+        for path, rows in noted
+    ]
+    for text in clock_doubts(times):
+        warn(text)
+    same = same_tags(
+        [one.log for one in logs],
+        [() if one.flight is None else one.flight.info.tags for one in logs],
+    )
+    trains = [(one.path, _times(one, keys)) for one, keys in zip(logs, same.keys, strict=True)]
+    for text in (*same.warnings, *pulse_doubts(trains)):
+        warn(text)
+    rows = [one for _, every in noted for one in every]
+    found = _positions_of_logs(
+        [*zip(logs, same.keys, strict=True)], _under_keys(rows, same), how, warn
+    )
+    return _with_names(found, same)
+
+
+def _times(log: Recorded, keys: Mapping[int, int]) -> dict[int, list[int]]:
+    """Pulse times of a log [ns, UTC] by the key of the tag."""
+    times = defaultdict[int, list[int]](list)
+    for one in log.log.pulse_poses:
+        times[keys[one.pulse.tag_id]].append(one.pulse.start_time_ns)
+    return times
+
+
+def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
+    found = []
+    for row in rows:
+        known = [one for one in (row.start_time_ns, row.end_time_ns) if one is not None]
+        times_ns = known or [NO_TIME]
+        found.append(
+            TagBearing(
+                tag_id=row.tag_id,
+                bearing=Bearing(
+                    bearing_deg=row.bearing_deg,
+                    method="noted",
+                    pulses=0,
+                    sigma_deg=row.sigma_deg,
+                ),
+                latitude_deg=row.latitude_deg,
+                longitude_deg=row.longitude_deg,
+                altitude_amsl_m=math.nan
+                if row.altitude_amsl_m is None
+                else row.altitude_amsl_m,
+                start_time_ns=times_ns[0],
+                middle_time_ns=sum(times_ns) // len(times_ns),
+                end_time_ns=times_ns[-1],
+            )
+        )
+    return found
+
+
+def _without_repeats(
+    files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
+) -> list[tuple[str, list[TagBearing]]]:
+    """Remove bearings that an earlier file also has: same tag, place, time and angle."""
+    key = attrgetter(
+        "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
+    )
+    found, known = list[tuple[str, list[TagBearing]]](), set[tuple[float, ...]]()
+    for path, rows in files:
+        kept = [one for one in rows if key(one) not in known]
+        if copies := len(rows) - len(kept):
+            warn(f"{copies} bearings of {path} are in another file, too: left out")
+        known.update(map(key, rows))
+        found.append((path, kept))
+    return found
+
+
+def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
+    """Assign a file's bearings to tags; raises `UsageError` for an ambiguous number."""
+    keys: dict[int, list[int]] = {}
+    for key, tag in same.tags.items():
+        keys.setdefault(tag.tag_id, []).append(key)
+    for tag_id in sorted({one.tag_id for one in rows}):
+        if len(keys.get(tag_id, ())) > 1:
+            raise UsageError(
+                f"{tag_id} is the number of several tags in these flights",
+                remedy="With a bearings file, name flights in which this number is one tag",
+            )
+    return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
+
+
+def _with_names(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
+    named = []
+    for one in found:
+        unknown = NamedTag(tag_id=one.tag_id, frequency_hz=None, name=None)
+        tag = same.tags.get(one.tag_id, unknown)
+        named.append(
+            replace(one, tag_id=tag.tag_id, frequency_hz=tag.frequency_hz, name=tag.name)
+        )
+    return sorted(named, key=lambda one: (one.tag_id, one.frequency_hz or 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Log:
+    recorded: Recorded
+    heard: Heard
+    keys: Mapping[int, int]
+
+    @property
+    def usable(self) -> bool:
+        """True if the log's poses allow bearings to be estimated."""
+        return ORIGINAL_POSES not in self.recorded.log.warnings
+
+
+def _positions_of_logs(
+    read: Sequence[tuple[Recorded, Mapping[int, int]]],
+    noted: Sequence[TagBearing],
+    how: ReadAs,
+    warn: Callable[[str], None],
+) -> list[TagPosition]:
+    logs = [
+        _Log(
+            recorded=one,
+            heard=one.heard(one.antenna if how.antenna is None else "").renamed(keys),
+            keys=keys,
+        )
+        for one, keys in read
+    ]
+    over = None
+    if how.elevation is not None and logs:
+        over = _together(logs).over(how.elevation)
+        if over is not None and len(logs) > 1:
+            over = over.with_limitations(
+                "heights of several flights are counted from the first one's take-off: the "
+                "flights must have begun at one place"
+            )
+    whips = [one for one in logs if (how.antenna or one.heard.antenna) == MONOPOLE]
+    turned = [one for one in logs if one not in whips]
+    standing = [one for one in whips if (turned or noted) and at_one_place(one.heard)]
+    whips = [one for one in whips if one not in standing]
+    if whips and (turned or noted):
+        warn(
+            "some of these logs give bearings and some only strengths: each kind has its own "
+            "positions"
+        )
+    found: list[TagPosition] = []
+    if turned or noted or not whips:
+        found += _positions_of_turns(turned, standing, noted, how, over, warn)
+    if whips:
+        try:
+            found += survey(_together(whips), how, over)[0].values()
+        except UsageError as error:
+            if not (turned or noted):
+                raise
+            tags = {tag_id for one in whips for tag_id in one.heard.pulses}
+            found += [
+                TagPosition(tag_id=tag_id, position=None, reason=str(error))
+                for tag_id in sorted(tags)
+            ]
+    return found
+
+
+def _together(logs: Sequence[_Log]) -> Heard:
+    return reduce(Heard.merged_with, [one.heard for one in logs])
+
+
+def _positions_of_turns(
+    logs: Sequence[_Log],
+    standing: Sequence[_Log],
+    noted: Sequence[TagBearing],
+    how: ReadAs,
+    over: FlightGround | None,
+    warn: Callable[[str], None],
+) -> list[TagPosition]:
+    """Estimate positions from bearings and signal strengths; a tag without either gets the
+    reason.
+
+    `standing` has logs of a whip at one place, which give no bearing.
+    """
+    usable = [one for one in logs if one.usable]
+    if len(usable) < len(logs):
+        warn(NO_BEARINGS_FROM_THESE)
+    bearings = bearings_together([one.recorded for one in usable], how, warn)
+    together = []
+    for number, one in enumerate((*usable, *standing)):
+        own = [
+            replace(each, tag_id=one.keys.get(each.tag_id, each.tag_id))
+            for each in bearings
+            if each.flight == number
+        ]
+        # Keys are tags already: their frequencies need not be compared.
+        together.append(replace(with_strengths(one.heard, how, own), frequencies_hz={}))
+    own_bearings = [one for each in together for one in each.bearings]
+    kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
+    if copies := len(noted) - len(kept):
+        warn(f"{copies} bearings of a file are of turns in these flights: left out")
+    together.append(Found(bearings=kept))
+    every = Found(heard=frozenset().union(*(each.heard for each in together)))
+    return place([every, *together], how, over)
+
+
+def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
+    places = (noted.latitude_deg, noted.longitude_deg), (own.latitude_deg, own.longitude_deg)
+    off_deg = abs(difference_deg(noted.bearing.bearing_deg, own.bearing.bearing_deg))
+    sigmas_deg = (one.bearing.sigma_deg or _USUAL_SIGMA_DEG for one in (noted, own))
+    return (
+        noted.tag_id == own.tag_id
+        and own.bearing.accepted
+        and off_deg <= _SAME_BEARING_SIGMAS * math.hypot(*sigmas_deg)
+        and own.start_time_ns <= noted.middle_time_ns <= own.end_time_ns
+        and distance_m(*places[0], *places[1]) < _SAME_PLACE_M
+    )
+
+
+def check_position_method(method: str) -> None:
+    """Reject an unknown position method; raises `UsageError`."""
+    known = [*get_args(PositionMethod), *ADDED_METHODS]
+    if method not in known:
+        raise UsageError(
+            f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
+        )
+
+
+def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
+    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for other files.
+
+    Both kinds begin with a number and a file name, unlike any pulse log.
+    """
+    if not Path(path).is_file():
+        return 0
+    every = with_commas(read_lines(path)[:_FIRST_LINES])
+    lines = (line for line in every if line.strip() and line[0] != "#")
+    cells = cells_of(next(lines, ""))
+    if is_noted(cells):
+        return _BEARING_COLUMNS
+    if cells[:1] == ["tag_id"]:
+        return len(cells) if {"parent_file", "bearing_file"} & set(cells) else 0
+    if len(cells) < 2 or not cells[0].replace(".0", "").isdigit():
+        return 0
+    try:
+        float(cells[1])
+    except ValueError:
+        return len(cells)
+    return 0
+
+
+def _is_result(path: str | os.PathLike[str]) -> bool:
+    return bool(_columns_of_named_file(path)) or _holds_estimates(path)
+
+
+def _holds_estimates(path: str | os.PathLike[str]) -> bool:
+    """True if a file has the heading of UCSD's estimates, which have no amplitude."""
+    if not Path(path).is_file():
+        return False
+    first = next((line for line in read_lines(path) if line.strip()), "")
+    names = {cell.strip().lower() for cell in first.split(",")}
+    return "run" in names and "easting" in names and "amplitude" not in names
+
+
+def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
+    """Last estimate of each target in UCSD's file, which refines them during a flight."""
+    rows = read_ucsd_estimates(path)
+    last: dict[int, TargetEstimate] = {}
+    for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):
+        if number not in last or row.time_ns >= last[number].time_ns:
+            last[number] = row
+    return [
+        TagPosition(
+            tag_id=number,
+            position=Position(
+                latitude_deg=row.latitude_deg,
+                longitude_deg=row.longitude_deg,
+                method="ucsd",
+                stations=0,
+            ),
+        )
+        for number, row in sorted(last.items())
+    ]
+
+
+def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
+    """Positions in the original's positions.csv; ``bayes`` returns those of all methods."""
+    found = []
+    for row in read_position_file(path):
+        for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
+            if there is not None and method in ("bayes", name):
+                position = Position(
+                    latitude_deg=there[0], longitude_deg=there[1], method=name, stations=0
+                )
+                found.append(TagPosition(tag_id=row.tag_id, position=position))
+    return found
+
+
+def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
+    """Remove pulses that another log of the same flight also has.
+
+    One pulse at two places was received by two drones, and both are kept.
+    """
+    heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
+    kept: list[int] = []
+    for number in sorted(range(len(logs)), key=lambda one: len(heard[one]), reverse=True):
+        own = heard[number]
+        for other in kept:
+            if own and len(own & heard[other]) >= SAME_PULSES * len(own):
+                text = (
+                    f"{logs[number].path} is a copy of {logs[other].path}, of the same flight"
+                )
+                warn(f"{text}: left out")
+                break
+        else:
+            kept.append(number)
+    return [logs[number] for number in sorted(kept)]
+
+
+def _place_and_time(posed: PulsePose) -> tuple[int, int, int, int]:
+    """Key of a pulse, equal in all copies of a flight: tag, start [ms], place to 10 m."""
+    pose, pulse = posed.pose, posed.pulse
+    milliseconds = round(pulse.start_time_ns / 1e6)
+    if pose is None:
+        return pulse.tag_id, milliseconds, 0, 0
+    return (
+        pulse.tag_id,
+        milliseconds,
+        round(pose.latitude_deg * 1e4),
+        round(pose.longitude_deg * 1e4),
+    )

@@ -1,0 +1,107 @@
+"""Locate a tag from signal strength alone, in surveys with a monopole.
+
+Without a directional antenna there are no bearings. Received pulses along the flight, and
+expected ones that were missed, give a position. The strongest place is reported separately
+(`uavrt.localization.position.levels.strongest`).
+"""
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavrt.core.errors import UsageError
+from uavrt.localization.position.levels.power_evidence import PowerTrack
+from uavrt.localization.position.levels.strongest import (
+    SignalSection,
+    SignalSurface,
+    StrongestSignal,
+    height_bands,
+    in_band,
+    signal_section,
+    signal_surface,
+    strongest_signal,
+)
+from uavrt.localization.results import Position
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeightBand:
+    """Signal strength of a tag in a range of flight heights."""
+
+    low_m: float
+    """Lower edge of the range, above the take-off [m]."""
+    high_m: float
+    pulses: int
+    median_db: float
+    strongest: StrongestSignal
+    surface: SignalSurface | None
+
+    @property
+    def name(self) -> str:
+        """Text of the height range, with unit."""
+        return f"{self.low_m:.0f}–{self.high_m:.0f} m"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TagSignal:
+    """Results from the signal strength of one tag."""
+
+    tag_id: int
+    track: PowerTrack
+    strongest: StrongestSignal | None
+    surface: SignalSurface | None
+    """Map of signal strength; None if the flight covers no area."""
+    heights: tuple[HeightBand, ...]
+    """Height ranges with at least three pulses, lowest first."""
+    section: SignalSection | None = None
+    """Vertical section through the tag's position; None if flown at one height."""
+
+    @property
+    def layers(self) -> tuple[HeightBand, ...]:
+        """Height ranges with a map of their own, if there are several."""
+        mapped = tuple(one for one in self.heights if one.surface is not None)
+        return mapped if len(mapped) > 1 else ()
+
+
+def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
+    """Map a tag's signal strength along a track, with a section if it has a position."""
+    strongest = strongest_signal(track)
+    place = strongest if position is None else position
+    section = None
+    with suppress(UsageError):
+        section = signal_section(track, place.latitude_deg, place.longitude_deg)
+    return TagSignal(
+        tag_id=tag_id,
+        track=track,
+        strongest=strongest,
+        surface=_surface(track),
+        heights=tuple(_heights(track)),
+        section=section,
+    )
+
+
+def _surface(track: PowerTrack) -> SignalSurface | None:
+    try:
+        return signal_surface(track)
+    except UsageError:
+        return None
+
+
+def _heights(track: PowerTrack) -> list[HeightBand]:
+    found = []
+    for low, high in height_bands(track.height_m[~np.isnan(track.snr_db)]):
+        part = in_band(track, (low, high))
+        snr = part.snr_db[~np.isnan(part.snr_db)]
+        if len(snr) >= 3:
+            found.append(
+                HeightBand(
+                    low_m=low,
+                    high_m=high,
+                    pulses=len(snr),
+                    median_db=float(np.median(snr)),
+                    strongest=strongest_signal(part),
+                    surface=_surface(part),
+                )
+            )
+    return found

@@ -1,0 +1,1 @@
+"""Facts about flights and logs that estimates and reports start from."""

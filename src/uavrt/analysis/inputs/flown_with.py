@@ -1,0 +1,81 @@
+"""Read which settings and antenna a flight was flown with."""
+
+from dataclasses import replace
+
+import msgspec
+
+from uavrt.config.settings import AntennaSettings, Settings
+from uavrt.core.earth.on_earth import is_attitude
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import Pose
+from uavrt.flight.reading.flight_reader import Flight
+from uavrt.localization.antenna import MONOPOLE, PATTERNS
+from uavrt.localization.pose.mounting import Mounting
+
+USUAL_ANTENNA = "RA-23K"
+"""Antenna assumed for flights that record none: that of the system's first drone."""
+
+
+def flight_settings(flight: Flight) -> Settings | None:
+    """Settings recorded in a flight; None if not recorded. Raises `FormatError` if damaged."""
+    if flight.settings_json is None:
+        return None
+    try:
+        return _settings_in(flight.settings_json)
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise FormatError(
+            f"the settings of {flight.info.directory} cannot be read: {error}",
+            remedy="Its pulse_pose_log.txt holds the pulses; give that instead",
+        ) from error
+
+
+def _settings_in(text: str) -> Settings:
+    try:
+        return msgspec.json.decode(text, type=Settings)
+    except msgspec.ValidationError:
+        # Written by another version: the antenna is what matters here.
+        tables = msgspec.json.decode(text)
+        known = AntennaSettings.__dataclass_fields__
+        mounted = {k: v for k, v in tables.get("antenna", {}).items() if k in known}
+        settings = replace(Settings(), antenna=msgspec.convert(mounted, AntennaSettings))
+        named = tables.get("bearings", {}).get("antenna")
+        if isinstance(named, str):
+            settings = replace(settings, bearings=replace(settings.bearings, antenna=named))
+    return settings
+
+
+def antenna_poses(flight: Flight) -> list[Pose]:
+    """Convert the vehicle's poses to those of the antenna, using its mounting in the settings.
+
+    Raises `FormatError` if the settings are damaged, or if no pose has an attitude.
+    """
+    mounting = Mounting.from_settings((flight_settings(flight) or Settings()).antenna)
+    posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
+    if flight.poses and not posed:
+        raise FormatError(
+            f"no pose of {flight.info.directory} has an attitude",
+            remedy="Attach those of an autopilot's log with uavrt attach",
+        )
+    return [mounting.antenna_pose(one) for one in posed]
+
+
+def antenna_is_recorded(flight: Flight) -> bool:
+    """True if the flight recorded its antenna."""
+    return flight.settings_json is not None
+
+
+def flight_antenna(flight: Flight) -> str:
+    """Name of the antenna pattern in the flight's settings; RA-23K where not recorded.
+
+    Raises `UsageError` for a pattern unknown on this computer, and `FormatError` for damaged
+    settings.
+    """
+    settings = flight_settings(flight)
+    named = USUAL_ANTENNA if settings is None else settings.bearings.antenna
+    if named != MONOPOLE and named not in PATTERNS:
+        raise UsageError(
+            f"the drone was set up with the antenna {named!r}, which is not known here",
+            remedy=f"Name one with --antenna: a CSV file of angles and gains, {MONOPOLE}, or "
+            f"one of {', '.join(PATTERNS)}",
+        )
+    return named

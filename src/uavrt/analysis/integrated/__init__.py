@@ -1,0 +1,1 @@
+"""Results of whole flights as pulses, pictures and records; the integrator process."""

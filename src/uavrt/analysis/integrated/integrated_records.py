@@ -1,0 +1,198 @@
+"""Whole-flight results for a tag, as printed by ``uavrt integrate --json``."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.analysis.covered.silence import SilentMap
+from uavrt.analysis.integrated.hindsight import PLACE_FIELDS, parts_of, rings_of, slots_of
+from uavrt.analysis.whole_flights.judged_flights import IntegratedTag
+from uavrt.core.clock import iso_utc
+from uavrt.flight.integrated import IntegratedPart, Ring
+from uavrt.localization.whole_flight.train_judging import OtherTrain
+from uavrt.localization.whole_flight.train_place import PlaceBelief
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherTrainRecord:
+    """Another pulse train on a tag's frequency."""
+
+    interval_s: float
+    frequency_hz: float
+    ratio: str | None
+    """Ratio of its interval to the tag's, such as ``3/2``."""
+    other_code: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotRecord:
+    """One slot of a pulse train."""
+
+    time: str
+    """Start of the slot, ISO 8601, UTC."""
+    time_ns: int
+    energy: float
+    at_rate: bool
+    """True while the tag was at this rate."""
+    stands_out: bool
+    """True if noise alone reaches the slot's energy in at most one slot of twenty."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceRecord:
+    """Place of a tag; all None if the tag was not found, or moved between flights."""
+
+    enr_db: float | None = None
+    """Energy of the tag's strongest pulse over noise density [dB]."""
+    latitude_deg: float | None = None
+    """Latitude [deg]; with several possible places, that of their middle (see `places`)."""
+    longitude_deg: float | None = None
+    radius50_m: float | None = None
+    radius95_m: float | None = None
+    level_db: float | None = None
+    """Same value as `enr_db`, under its name in earlier versions."""
+    bearing_deg: float | None = None
+    arc50_deg: float | None = None
+    arc95_deg: float | None = None
+    places: tuple[IntegratedPart, ...] = ()
+    region50: tuple[Ring, ...] = ()
+    region95: tuple[Ring, ...] = ()
+
+    @classmethod
+    def of(cls, place: PlaceBelief | None) -> "PlaceRecord":
+        """Make a record of a place estimate."""
+        if place is None:
+            return cls()
+        return cls(
+            enr_db=place.level_db,
+            **{name: getattr(place, name) for name in PLACE_FIELDS},
+            places=parts_of(place, 0.0),
+            region50=rings_of(place, 0.5),
+            region95=rings_of(place, 0.95),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SilenceRecord:
+    """Coverage map for a tag that was not found, in summary figures."""
+
+    tag_power_dbm: float
+    whole_flight: bool
+    """True if the map is for whole-flight analysis; false: for groups of pulses."""
+    mean_probability: float | None
+    """Mean probability of finding the tag, over the map; None if no terrain is known."""
+    share50: float | None
+    """Share of the map where the tag would be found with probability .5 or more."""
+    share90: float | None
+    sure_within_m: float | None
+    """Distance from the flight within which the tag is found everywhere with probability .9 or
+    more [m]; None: nowhere."""
+    noise: str
+    """Sentence on the noise measurement that the map uses."""
+    antenna: str
+    limitations: tuple[str, ...]
+    files: tuple[str, ...]
+    """Names of the map files, GeoTIFF and PNG; empty if none was saved."""
+
+    @classmethod
+    def of(cls, one: SilentMap, files: Sequence[Path]) -> "SilenceRecord":
+        """Make a record of a coverage map."""
+        coverage = one.coverage
+        return cls(
+            tag_power_dbm=one.tag_power_dbm,
+            whole_flight=coverage.whole_flight,
+            mean_probability=_finite(coverage.mean),
+            share50=_finite(coverage.share_above(0.5)),
+            share90=_finite(coverage.share_above(0.9)),
+            sure_within_m=one.around.within_m,
+            noise=one.noise,
+            antenna=one.antenna,
+            limitations=coverage.limitations,
+            files=tuple(map(str, files)),
+        )
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 4) if math.isfinite(value) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntegratedRecord(PlaceRecord):
+    """Result of a whole flight for one tag."""
+
+    tag_id: int
+    found: bool
+    false_alarm_probability: float
+    """Probability that noise alone gives such a result in a flight."""
+    interval_s: float
+    """Interval of the train found, or else of the strongest candidate."""
+    frequency_hz: float
+    pulses: int
+    """Number of pulses of the train while at the tag's rate; 0 if not found."""
+    score: float
+    rate: int
+    drift: float
+    ambiguous: bool
+    other_trains: tuple[OtherTrainRecord, ...]
+    confirmed_alone: int
+    antenna: str
+    antenna_assumed: bool
+    """True if the flight records no antenna, so one was assumed."""
+    limitations: tuple[str, ...]
+    integrated_pulses: tuple[SlotRecord, ...]
+    silence: SilenceRecord | None = None
+    """Coverage for a tag that was not found; None if perhaps received, or without a map."""
+
+
+def integrated_record(
+    one: IntegratedTag, silence: SilenceRecord | None = None
+) -> IntegratedRecord:
+    """Make the JSON record of a whole-flight result for one tag."""
+    slots = _slots(one) if one.found else ()
+    place = PlaceRecord.of(one.place)
+    return IntegratedRecord(
+        **{name: getattr(place, name) for name in PlaceRecord.__dataclass_fields__},
+        tag_id=one.tag.tag_id,
+        found=one.found,
+        false_alarm_probability=one.train.false_alarm_probability,
+        interval_s=one.pulses.interval_s,
+        frequency_hz=one.tag.frequency_hz + one.pulses.offset_hz,
+        pulses=sum(slot.at_rate for slot in slots),
+        score=one.train.score,
+        rate=one.train.rate,
+        drift=one.train.drift,
+        ambiguous=one.ambiguous is not None,
+        other_trains=tuple(_other(one, other) for other in one.others),
+        confirmed_alone=one.heard_alone,
+        antenna=one.searched.antenna,
+        antenna_assumed=one.searched.antenna_assumed,
+        limitations=one.limitations,
+        integrated_pulses=slots,
+        silence=silence,
+    )
+
+
+def _other(one: IntegratedTag, other: OtherTrain) -> OtherTrainRecord:
+    return OtherTrainRecord(
+        interval_s=other.interval_s,
+        frequency_hz=one.tag.frequency_hz + other.offset_hz,
+        ratio=None if other.ratio is None else "{}/{}".format(*other.ratio),
+        other_code=other.other_code,
+    )
+
+
+def _slots(one: IntegratedTag) -> tuple[SlotRecord, ...]:
+    slots = slots_of(one)
+    return tuple(
+        SlotRecord(
+            time=iso_utc(int(time_ns)),
+            time_ns=int(time_ns),
+            energy=float(energy),
+            at_rate=bool(at_rate),
+            stands_out=bool(supported),
+        )
+        for time_ns, energy, at_rate, supported in zip(
+            one.pulse_times_ns, one.pulses.energy, slots.at_rate, slots.supported, strict=True
+        )
+    )

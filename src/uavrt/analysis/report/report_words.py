@@ -1,0 +1,409 @@
+"""Compose the report's sentences and tables, shared by HTML and PDF."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import uavrt
+from uavrt.analysis.covered.silence import around_in_words
+from uavrt.analysis.measure.pulse_shapes import remarks_of
+from uavrt.analysis.survey import Survey
+from uavrt.analysis.whole_flights.judged_flights import chance_in_words
+from uavrt.analysis.whole_flights.verdict_words import where_in_words
+from uavrt.config.tags.tag_corrections import shared_offset_in_words
+from uavrt.core.clock import told_utc
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.messages import STATION_COUNTER, Pulse, SearchReport, Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
+from uavrt.flight.integrated import IntegratedVerdict
+from uavrt.localization.results import Position
+
+Table = tuple[list[str], list[list[str]]]
+
+_POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+
+HINDSIGHT_METHOD = (
+    "In hindsight. `uavrt integrate` judged all pulses of the flight together; a tag counts as "
+    "found when noise alone shows as much in at most one of a hundred flights, or in the share "
+    "that was set. Its pulses are rings in the plots, and *integrated* in exports. "
+    "They are not used for the bearings and positions of this report, but listed apart."
+)
+METHODS = (
+    "Pulses. A detector for each tag sums K pulses at the listed interval and reports what "
+    "exceeds a threshold set for the listed probability of a false alarm. SNR is the energy of "
+    "a pulse over the noise power density.",
+    "Poses. Attitude and position of the autopilot, interpolated at the centre of each pulse; "
+    "the antenna's mounting is applied once. Headings are over ground from true north.",
+    "Bearings. The likelihood of the powers of one turn in place under the antenna's pattern "
+    "{antenna}, with unknown level and log-normal fading; missed pulses count as censored. "
+    "Given are the mean and the standard deviation of the main lobe of the probability and "
+    "the arc that holds 90 % of the probability [1]. A bearing is dashed when there is no "
+    "clear direction, another lobe holds more than 5 %, or a reflection is likely.",
+    "Positions. Product of the bearings' probabilities over the ground, each allowed to be an "
+    "outlier; the star is the most probable place, the line around it holds the tag with "
+    "95 %. The form of the problem is Lenth's [2]; his estimators are in `uavrt localize`.",
+)
+CODED_METHOD = (
+    "Coded tags. A pulse in this report is a burst of theirs: all of its pulses are found "
+    "together at the gaps of the code, alone or over several bursts. Its SNR is the mean over "
+    "its pulses. Heard gaps are medians; a crystal stretches all of them alike."
+)
+POWER_METHOD = (
+    "Positions. Strength along the flight, heard with an upright monopole that hears nothing "
+    "straight below it: level, path loss exponent, size and duration of the fading are unknown "
+    "and integrated out; pulses that must have come and were not heard count as weak. The star "
+    "is the mean of the probability. The strongest signal is not the tag: at a height h and an "
+    "exponent of 2.5 it lies 0.9 h away from it."
+)
+MAP_CAPTION = "Pulses by SNR where they were heard; red: probability of the tag's place."
+SIGNAL_CAPTION = (
+    "Colours: SNR, interpolated between the pulses. Cross: strongest signal; the dotted ring "
+    "around it is where a tag would be that is heard so by a monopole. Star: the estimate; the "
+    "line around it holds the tag with 95 %."
+)
+HEIGHT_CAPTION = (
+    "SNR of each pulse over the drone's height; line: median of each layer. Right, for a "
+    "survey at several heights: SNR from the side, by the distance from the estimated place."
+)
+LAYER_CAPTION = (
+    "The same map for each layer of heights that was flown, in the same colours. Cross: "
+    "strongest signal of that layer, with the ring of the tag."
+)
+SOURCES = (
+    "[1] M. W. Shafer, G. Vega, K. Rothfus, P. Flikkema: UAV wildlife radiotelemetry: System "
+    "and methods of localization. Methods in Ecology and Evolution 10 (2019). The estimator "
+    "there (principal components) is replaced by a likelihood.",
+    "[2] R. V. Lenth: On finding the source of a signal. Technometrics 23 (1981), 149–154.",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """Position of one tag in words, for a person who will walk there."""
+
+    tag_id: int
+    title: str
+    place: str | None
+    detail: str
+
+
+def heading_line(survey: Survey) -> str:
+    """Line with start, duration, vehicle and antenna of the flight."""
+    span = survey.span_ns
+    if span is None:
+        return "Empty recording."
+    minutes = (span[1] - span[0]) / 60e9
+    heard = len({one.pulse.tag_id for one in survey.pulse_poses})
+    local = survey.facts.local_time(span[0])
+    local_text = "" if local is None else f" ({local})"
+    return (
+        f"{told_utc(span[0])}{local_text}, {minutes:.1f} minutes · "
+        f"{heard} of {_count(len(survey.tag_ids), 'tag')} heard, "
+        f"{_count(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
+    )
+
+
+def findings(survey: Survey) -> list[Finding]:
+    """Findings of all tags in order, then results of whole-flight analysis."""
+    found = [_finding(survey, tag_id) for tag_id in survey.tag_ids]
+    return [
+        replace(one, detail=" ".join([one.detail, *hindsight(survey, one.tag_id)]))
+        for one in found
+    ]
+
+
+def hindsight(survey: Survey, tag_id: int) -> list[str]:
+    """Sentences on the whole-flight analysis for a tag; empty if it was not run."""
+    verdict = survey.verdict_of(tag_id)
+    if verdict is None:
+        return []
+    chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
+    many = verdict.flights > 1
+    over = f"over {verdict.flights} flights together" if many else "over the whole flight"
+    middle = "the flights" if many else "the flight"
+    if not verdict.found:
+        said = [f"In hindsight, {over}: not found ({chance})."]
+        if verdict.silent is not None:
+            near = around_in_words(verdict.silent)
+            said.append(f"{near[:1].upper()}{near[1:]}.")
+        return [*said, *_remarks(verdict)]
+    parts = [
+        f"In hindsight, {over}: found ({chance}), "
+        f"{_count(verdict.pulses, _what(survey, tag_id))} "
+        f"in slots {verdict.interval_s:.4f} s apart"
+    ]
+    if verdict.places > 1 and not verdict.parts:
+        parts.append(f"in one of {verdict.places} places (`uavrt integrate` lists them)")
+    else:
+        parts += where_in_words(verdict, verdict.parts, middle)
+    return ["; ".join(parts) + ".", *_remarks(verdict)]
+
+
+def _what(survey: Survey, tag_id: int) -> str:
+    tag = survey.tag(tag_id)
+    return "further burst" if tag is not None and tag.coded else "further pulse"
+
+
+def _remarks(verdict: IntegratedVerdict) -> list[str]:
+    text = verdict.remarks
+    return [f"{text[:1].upper()}{text[1:]}."] if text else []
+
+
+def tag_table(survey: Survey) -> Table:
+    """Table that summarises all tags."""
+    header = [
+        *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
+        *(f"Last heard {zones(survey)}", "Bearings"),
+    ]
+    rows = []
+    for tag_id in survey.tag_ids:
+        tag, own = survey.tag(tag_id), survey.pulses_of(tag_id)
+        snr = [one.pulse.snr_db for one in own if math.isfinite(one.pulse.snr_db)]
+        heard = [one.pulse.frequency_hz for one in own if math.isfinite(one.pulse.frequency_hz)]
+        rows.append(
+            [
+                title_of(survey, tag_id),
+                "–" if tag is None else f"{tag.frequency_hz / 1e6:.4f}",
+                f"{np.median(heard) / 1e6:.4f}" if heard else "–",
+                str(len(own)),
+                str(sum(one.pulse.confirmed for one in own)),
+                f"{np.median(snr):.0f} / {max(snr):.0f} dB" if snr else "–",
+                survey.facts.clock(own[-1].pulse.start_time_ns) if own else "never",
+                str(len(survey.bearings_of(tag_id))),
+            ]
+        )
+    return header, rows
+
+
+def code_table(survey: Survey) -> Table | None:
+    """Table of listed and received codes; None if no tag is coded."""
+    rows = []
+    for tag_id in survey.tag_ids:
+        tag = survey.tag(tag_id)
+        if tag is not None and tag.coded:
+            bursts = [one.pulse for one in survey.pulses_of(tag_id)]
+            rows.append([title_of(survey, tag_id), *_gaps(tag, bursts)])
+    return (["Tag", "Listed gaps ms", "Heard gaps ms", "Whole bursts"], rows) if rows else None
+
+
+def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
+    """Table row of a coded tag: listed gaps, medians of the received ones, number of bursts."""
+    heard = [
+        np.diff(one.burst_starts_ns) / 1e6
+        for one in bursts
+        if len(one.burst_starts_ns) == len(tag.gaps_s) + 1
+    ]
+    listed = " ".join(f"{1e3 * gap_s:.1f}" for gap_s in tag.gaps_s)
+    if not heard:
+        return listed, "–", "0"
+    medians = " ".join(f"{gap:.1f}" for gap in np.median(heard, axis=0).tolist())
+    return listed, medians, str(len(heard))
+
+
+def bearing_table(survey: Survey) -> Table:
+    """Table of all bearings."""
+    time = f"Time {zones(survey)}"
+    header = ["Tag", time, "From", "Bearing", "90 % within", "Pulses", "Verdict"]
+    rows = []
+    for one in survey.bearings:
+        interval = one.bearing.interval90_deg
+        rows.append(
+            [
+                str(one.tag_id),
+                survey.facts.clock(one.start_time_ns),
+                f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}",
+                f"{one.bearing.bearing_deg:.0f}°",
+                "–" if interval is None else f"{interval[0]:.0f}° to {interval[1]:.0f}°",
+                str(one.bearing.pulses),
+                "; ".join(one.bearing.remarks) or "clear",
+            ]
+        )
+    return header, rows
+
+
+def health_table(survey: Survey) -> Table:
+    """Table of the health reports of each process."""
+    header = ["Process", "Last status", "Without faults", "Counters"]
+    rows = []
+    for process in sorted({one.process for one in survey.health}):
+        own = [one for one in survey.health if one.process == process]
+        counters = {
+            name: n
+            for name, n in own[-1].counters.items()
+            if n and not name.endswith("_ns") and not name.startswith(STATION_COUNTER)
+        }
+        text = ", ".join(
+            f"{name.replace('_', ' ')} {_plain(n)}" for name, n in counters.items()
+        )
+        share = sum(one.ok for one in own) / len(own)
+        rows.append([process, own[-1].status, f"{100 * share:.0f} % of the time", text or "–"])
+    return header, rows
+
+
+def _plain(count: float) -> str:
+    """Format a count in full, and other numbers with four digits."""
+    return f"{count:,.0f}" if count == round(count) else f"{count:.4g}"
+
+
+def events(survey: Survey) -> list[tuple[str, str]]:
+    """Times and texts of notes, and of messages of severity warning and above."""
+    found = [(time_ns, text) for time_ns, text in survey.notes]
+    found += [(time_ns, one.text) for time_ns, one in survey.status_texts if one.severity <= 4]
+    return [(survey.facts.clock(time_ns), text) for time_ns, text in sorted(found)]
+
+
+def beep_table(survey: Survey) -> Table | None:
+    """Table of received signals that differ from the tag list; None if there are none."""
+    rows = [
+        [
+            survey.facts.clock(one.time_ns),
+            f"{one.frequency_hz / 1e6:.6f}",
+            f"{1e3 * one.interval_s:.0f}",
+            f"{one.pulses}",
+            f"{one.level_db:.0f}",
+            one.meaning,
+        ]
+        for one in survey.beeps
+        if one.odd
+    ]
+    rows += [[*[""] * 5, line] for line in shared_offset_in_words(survey.beeps)]
+    names = [f"Until {zones(survey)}", "MHz", "Every, ms", "Pulses", "dB", "What it may be"]
+    return (names, rows) if rows else None
+
+
+def methods(survey: Survey) -> list[str]:
+    """Sentences on the estimation methods used."""
+    hindsight = [HINDSIGHT_METHOD] if survey.verdicts else []
+    tags = [tag for tag in map(survey.tag, survey.tag_ids) if tag is not None]
+    if any(tag.coded for tag in tags):
+        hindsight = [CODED_METHOD, *hindsight]
+    if survey.signals:
+        return [*METHODS[:2], POWER_METHOD, *hindsight]
+    return [*(text.format(antenna=survey.antenna) for text in METHODS), *hindsight]
+
+
+def made_by() -> str:
+    """Line with program version and author of the report."""
+    return f"uavrt {uavrt.__version__}"
+
+
+def title_of(survey: Survey, tag_id: int) -> str:
+    """Number and name of a tag."""
+    tag = survey.tag(tag_id)
+    return f"{tag_id} {tag.name}" if tag is not None and tag.name else str(tag_id)
+
+
+def zones(survey: Survey) -> str:
+    """Sentence on the time zones used in the tables."""
+    return survey.facts.zones((survey.span_ns or (0, 0))[0])
+
+
+def _finding(survey: Survey, tag_id: int) -> Finding:
+    title = f"Tag {title_of(survey, tag_id)}"
+    found = survey.position_of(tag_id)
+    if found is None or found.position is None:
+        return Finding(
+            tag_id=tag_id, title=title, place=None, detail=_why_no_position(survey, tag_id)
+        )
+    position = found.position
+    parts = []
+    if position.radius50_m is not None and position.radius95_m is not None:
+        parts.append(
+            f"within {position.radius50_m:.0f}\u00a0m with 50\u00a0%, "
+            f"{position.radius95_m:.0f}\u00a0m with 95\u00a0% probability"
+        )
+    if survey.track:
+        start = survey.track[0]
+        plane = TangentPlane(latitude_deg=start.latitude_deg, longitude_deg=start.longitude_deg)
+        east, north = plane.to_local(position.latitude_deg, position.longitude_deg)
+        direction = wrap_degrees_360(math.degrees(math.atan2(float(east), float(north))))
+        point = _POINTS[round(direction / 45.0) % 8]
+        distance = math.hypot(float(east), float(north))
+        parts.append(f"{distance:.0f} m from the start of the track towards {point}")
+    time_ns = survey.position_time_ns(tag_id)
+    if time_ns is not None:
+        parts.append(f"at {survey.facts.clock_in_words(time_ns)}")
+    signal = survey.signal_of(tag_id)
+    if signal is None:
+        parts.append(f"from {_count(position.stations, 'bearing')}")
+    else:
+        parts.append(f"from the strength of {_count(position.pulses, 'pulse')}")
+        if signal.strongest is not None:
+            loudest = signal.strongest
+            parts.append(
+                f"strongest signal at {loudest.latitude_deg:.5f}, {loudest.longitude_deg:.5f}"
+            )
+    if caveat := _caveat(survey, tag_id):
+        parts.append(caveat)
+    if position.at_edge:
+        parts.append("it may be farther out")
+    if position.stations == 1:
+        parts.append("one bearing gives the direction but hardly the distance")
+    parts += remarks_of(position)
+    parts += _way(survey, position)
+    return Finding(
+        tag_id=tag_id,
+        title=title,
+        place=f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}",
+        detail="; ".join(parts) + ".",
+    )
+
+
+def _way(survey: Survey, position: Position) -> list[str]:
+    if len(position.track) < 2:
+        return []
+    places = [
+        f"{survey.facts.clock_in_words(one.time_ns)} "
+        f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f} "
+        f"(within {one.radius95_m:.0f}\u00a0m with 95\u00a0%)"
+        for one in (position.track[0], position.track[len(position.track) // 2])
+    ]
+    return [f"its track is dotted on the map: at {', at '.join(places)}"]
+
+
+def _caveat(survey: Survey, tag_id: int) -> str:
+    bearings = survey.bearings_of(tag_id)
+    doubts = Counter(text for one in bearings for text in one.bearing.remarks)
+    many = _count(len(bearings), "bearing")
+    return "; ".join(f"in {count} of its {many} {text}" for text, count in doubts.items())
+
+
+def _why_no_position(survey: Survey, tag_id: int) -> str:
+    own = survey.pulses_of(tag_id)
+    if not own:
+        reports = [r for r in survey.search_reports if r.tag_id == tag_id]
+        if not reports:
+            return "Not heard."
+        seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND
+        best = max((r.best_score for r in reports if math.isfinite(r.best_score)), default=0.0)
+        return (
+            f"Not heard in {seconds:.0f} s of search; the strongest trace had "
+            f"{100 * best:.0f} % of the threshold.{_how_searched(reports)}"
+        )
+    found = survey.position_of(tag_id)
+    if found is not None and found.reason:
+        return f"Heard {len(own)} times. No position: {found.reason}"
+    if all(one.pose is None for one in own):
+        return f"Heard {len(own)} times, never at a known place."
+    return f"Heard {len(own)} times, but there is no turn in place to take a bearing from."
+
+
+def _how_searched(reports: Sequence[SearchReport]) -> str:
+    """Sentence on the usable share of time on a tag's frequency, and the weakest detectable
+    pulses.
+    """
+    usable = [r.usable_share for r in reports if r.usable_share is not None]
+    weakest = [r.weakest_enr_db for r in reports if r.weakest_enr_db is not None]
+    if not usable or not weakest:
+        return ""
+    return (
+        f" Its frequency was usable {100.0 * sum(usable) / len(usable):.0f} % of the time; "
+        f"pulses of {sum(weakest) / len(weakest):.1f} dB would have been found."
+    )
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"

@@ -1,0 +1,1 @@
+"""Whole flights judged from their kept samples, and the results in words."""

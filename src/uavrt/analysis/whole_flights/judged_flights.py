@@ -1,0 +1,332 @@
+"""Search whole flights for tags too weak for single groups: the engine of ``uavrt integrate``.
+
+The inputs are a recording of the band or of a channel, and the poses of its flight. Each tag
+gets a verdict at a false-alarm probability for the flight, with interval, frequency, pulses and
+place.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.inputs.flown_with import antenna_poses
+from uavrt.analysis.inputs.listening_times import limits_of, with_poses
+from uavrt.core.errors import ConfigError, FormatError, RecordingError
+from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.flight.integrated import SearchedFor
+from uavrt.flight.reading.flight_reader import Flight
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.estimates.heard import FlightGround, PoseColumns
+from uavrt.localization.terrain.elevation import Elevation
+from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.whole_flight.energies.energy_grid import (
+    SlotEnergies,
+    gather,
+    slot_energies,
+)
+from uavrt.localization.whole_flight.flight_judgement import FoldedTrain, pulse_weights
+from uavrt.localization.whole_flight.heard_train import HeardTrain, TrainPulses, train_pulses
+from uavrt.localization.whole_flight.tag_places import Places, distinct, places_around
+from uavrt.localization.whole_flight.train_judging import OtherTrain, judge
+from uavrt.localization.whole_flight.train_place import PlaceBelief, place_belief
+from uavrt.planning.detectability.whole_flight_chance import MODEL
+from uavrt.radio.source import SampleSource
+
+POSITION_M = 2000.0
+"""Radius of the 95 % circle above which only a bearing is reported [m]."""
+LEAST_PART = 0.05
+"""Least probability for a separate place to be listed."""
+_LOOK_S = 0.5
+_MOST_CHANNELS = 8
+"""Most channels kept in memory at once; ten minutes of one are 36 MB."""
+
+Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class IntegratedTag:
+    """Whole-flight result for one tag, with the data behind it."""
+
+    tag: Tag
+    found: bool
+    train: FoldedTrain
+    pulses: TrainPulses
+    place: PlaceBelief | None
+    energies: SlotEnergies
+    places: Places
+    searched_place: int
+    """Index in `places` of the candidate place that gave the strongest train."""
+    others: tuple[OtherTrain, ...]
+    """Pulse trains on the tag's frequency at intervals that the tag list excludes."""
+    heard_alone: int
+    """Number of confirmed pulses of this tag in the flight's own log."""
+    flights: int = 1
+    limitations: tuple[str, ...] = ()
+    """Sentences on conditions under which the figures do not apply."""
+    searched: SearchedFor
+
+    @property
+    def ambiguous(self) -> OtherTrain | None:
+        """Pulse train that may be this tag's, since the intervals have a small ratio."""
+        if self.found:
+            return None
+        return next((one for one in self.others if one.ratio is not None), None)
+
+    @property
+    def pulse_times_ns(self) -> NDArray[np.int64]:
+        """(n,) start times of the train's pulses, within jitter and slot [ns, UTC]."""
+        since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
+        return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgeAs:
+    """Settings of a whole-flight search."""
+
+    pattern: AntennaPattern
+    frequency_window_hz: float = 500.0
+    """Half-width of the search around each tag's nominal frequency [Hz]."""
+    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
+    most_drift: float = 0.0
+    """Largest relative change of the interval over the flight, up or down."""
+    antenna_assumed: bool = False
+    """True if the flight's antenna is not known; results then say so."""
+    elevation: Elevation | None = None
+    """Terrain heights: hills weaken pulses, and explain silence. None is level ground."""
+    on_progress: Callable[[int, int | None], None] | None = None
+    """Receives the number of samples read, and their total."""
+    on_tag: Callable[[int], None] | None = None
+    """Receives the number of tags done."""
+
+
+def integrate_flight(
+    flight: Flight, source: SampleSource, tags: Sequence[Tag], how: JudgeAs
+) -> list[IntegratedTag]:
+    """Search a whole flight for each tag in its recording, which the caller closes.
+
+    Raises `ConfigError` without tags, `RecordingError` for too short or all-zero a recording or
+    a flight without poses, and `UsageError` if recording and poses are of different times.
+    """
+    if not tags:
+        raise ConfigError("there are no tags to search for", remedy="Name a tag file")
+    if len(flight.poses) < 2:
+        raise RecordingError(
+            f"{flight.info.directory} has no poses",
+            remedy="Name its samples and an autopilot's log or GPS track instead of it: uavrt "
+            "integrate --recording FILE --track FILE --tags FILE",
+        )
+    poses = PoseColumns.of(antenna_poses(flight))
+    hills = hills_under(flight, how.elevation)
+    front_end = FrontEnd(
+        sample_rate_hz=source.sample_rate_hz,
+        center_frequency_hz=source.center_frequency_hz,
+        frequencies_hz=[tag.frequency_hz for tag in tags],
+    )
+    plan = front_end.plan
+    if len(plan.channels_in_use) > _MOST_CHANNELS:
+        raise ConfigError(
+            f"these tags need {len(plan.channels_in_use)} channels, more than the "
+            f"{_MOST_CHANNELS} kept in memory at once",
+            remedy="Name fewer tags with --tag, and run it again for the others",
+        )
+    faults: list[str] = []
+    channels = channel_samples(source, front_end, how.on_progress, faults.append)
+    centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
+    results = []
+    for tag, channel in zip(tags, plan.frequency_channels, strict=True):
+        samples, there, start_ns = channels[channel]
+        seconds = len(samples) / plan.channel_rate_hz
+        if seconds < MODEL.least_pulses * tag.pulse_intervals_s[0]:
+            raise RecordingError(
+                f"the recording holds {seconds:.0f} s, "
+                f"fewer than {MODEL.least_pulses} intervals of tag {tag.tag_id}",
+                remedy="Use uavrt detect for so short a recording",
+            )
+        if not samples.any():
+            raise RecordingError(
+                f"all samples of tag {tag.tag_id}'s channel are 0: the radio heard nothing",
+                remedy="Check the recording, and the radio's cable, antenna and gain",
+            )
+        window_hz, beyond = _window_held(
+            tag, how.frequency_window_hz, centers_hz[channel], plan.channel_rate_hz
+        )
+        energies = slot_energies(
+            samples,
+            there,
+            tag=tag,
+            start_ns=start_ns,
+            sample_rate_hz=plan.channel_rate_hz,
+            center_frequency_hz=centers_hz[channel],
+            frequency_window_hz=how.frequency_window_hz,
+        )
+        judged = judged_tag(
+            flight,
+            tag,
+            energies,
+            poses,
+            replace(how, frequency_window_hz=window_hz),
+            None if hills is None else hills.at(tag.frequency_hz),
+        )
+        results.append(replace(judged, limitations=(*judged.limitations, *beyond)))
+        if how.on_tag is not None:
+            how.on_tag(len(results))
+    if not faults:
+        return results
+    return [replace(one, limitations=(*one.limitations, *faults)) for one in results]
+
+
+def _window_held(
+    tag: Tag, window_hz: float, center_hz: float, rate_hz: float
+) -> tuple[float, tuple[str, ...]]:
+    """Half-width around a tag's frequency that a channel covers [Hz], and a sentence on it."""
+    held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
+    if window_hz <= held_hz:
+        return window_hz, ()
+    return held_hz, (
+        f"the channel reaches {held_hz:.0f} Hz from its frequency on both sides: of a "
+        f"--frequency-window of {window_hz:g} Hz no more was searched there",
+    )
+
+
+def searched_for(tag: Tag, how: JudgeAs) -> SearchedFor:
+    """Settings of a search, as saved with its verdict."""
+    return SearchedFor(
+        frequency_hz=tag.frequency_hz,
+        pulse_width_s=tag.pulse_width_s,
+        pulse_intervals_s=tag.pulse_intervals_s,
+        interval_uncertainty_s=tag.interval_uncertainty_s,
+        interval_jitter_s=tag.interval_jitter_s,
+        gaps_s=tag.gaps_s,
+        frequency_window_hz=how.frequency_window_hz,
+        most_drift=how.most_drift,
+        antenna=how.pattern.name,
+        antenna_assumed=how.antenna_assumed,
+    )
+
+
+def judged_tag(
+    flight: Flight,
+    tag: Tag,
+    energies: SlotEnergies,
+    poses: PoseColumns,
+    how: JudgeAs,
+    hills: HillLosses | None,
+) -> IntegratedTag:
+    """Search for one tag's pulse train, and locate the tag if found."""
+    searched = searched_for(tag, how)
+    places = places_around(
+        poses, how.pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
+    )
+    limitations = (
+        *limits_of(energies, poses),
+        *(() if hills is None else hills.cautions()),
+        *assumed_in_words(searched),
+    )
+    energies = with_poses(energies, poses)
+    chosen = distinct(pulse_weights(places.gain))
+    judgement = judge(
+        energies,
+        places.gain[chosen],
+        places.time_s,
+        tag,
+        false_alarm_probability=how.false_alarm_probability,
+        most_drift=how.most_drift,
+    )
+    train, energies = judgement.train, judgement.energies
+    pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
+    found = train.false_alarm_probability <= how.false_alarm_probability
+    place = None
+    if found:
+        rates = len(tag.pulse_intervals_s)
+        place = place_belief([HeardTrain.among(energies, pulses, places, rates=rates)])
+    return IntegratedTag(
+        tag=tag,
+        found=found,
+        train=train,
+        pulses=pulses,
+        place=place,
+        energies=energies,
+        places=places,
+        searched_place=int(chosen[train.place]),
+        others=judgement.others,
+        heard_alone=sum(
+            one.pulse.tag_id == tag.tag_id and one.pulse.confirmed for one in flight.pulse_poses
+        ),
+        limitations=limitations,
+        searched=searched,
+    )
+
+
+def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
+    """Sentence that an antenna was assumed; empty if it is known."""
+    if not searched.antenna_assumed:
+        return ()
+    return (
+        f"antenna not specified: {searched.antenna} assumed; "
+        "another one weighs pulses differently (name it with --antenna)",
+    )
+
+
+def channel_samples(
+    source: SampleSource,
+    front_end: FrontEnd,
+    on_progress: Callable[[int, int | None], None] | None,
+    on_fault: Callable[[str], None] | None = None,
+) -> dict[int, Channel]:
+    """Read a whole recording into the samples of the channels in use.
+
+    With `on_fault`, a damaged recording is used up to the fault, which `on_fault` receives.
+    """
+    blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
+        channel: [] for channel in front_end.plan.channels_in_use
+    }
+    done = 0
+    while True:
+        try:
+            block = source.read(_LOOK_S)
+        except EOFError:
+            break
+        except FormatError as error:
+            if on_fault is None or not done:
+                raise
+            on_fault(f"{error.message}: what lies before was judged, and no more")
+            break
+        if block is None:
+            continue
+        with np.errstate(invalid="ignore", over="ignore"):
+            for each in front_end.process(block):
+                good = np.isfinite(each.samples)
+                samples = np.where(good, each.samples, np.complex64(0.0))
+                blocks[each.channel].append((samples, each.time_ns))
+        done += len(block.samples)
+        if on_progress is not None:
+            on_progress(done, source.total_samples)
+    rate_hz = front_end.plan.channel_rate_hz
+    return {channel: gather(some, rate_hz) for channel, some in blocks.items()}
+
+
+def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | None:
+    """Terrain under a flight, relative to its take-off; None for level ground."""
+    if elevation is None:
+        return None
+    over = FlightGround.of(elevation, PoseColumns.of(flight.poses))
+    return None if over is None else over.hills
+
+
+def chance_in_words(probability: float, flights: int = 1) -> str:
+    """Sentence on how often noise alone would give such a result, in one or several flights."""
+    what = "flights" if flights == 1 else f"groups of {flights} flights"
+    if probability >= 0.01:
+        # 1.4 of 100 is not found at a limit of 1: rounded it would pass for found.
+        share = f"{100.0 * probability:.{1 if probability < 0.1 else 0}f}"
+        return f"noise alone shows as much in {share.removesuffix('.0')} of 100 {what}"
+    if probability < 1e-9:
+        return f"noise alone shows as much in fewer than one of a billion {what}"
+    digits = max(0, math.floor(-math.log10(probability)))
+    count = round(1.0 / probability, -digits)
+    return f"noise alone shows as much in one of {count:,.0f} {what}"

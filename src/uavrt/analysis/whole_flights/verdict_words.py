@@ -1,0 +1,46 @@
+"""Sentences on a whole-flight result, for command line, report and status text."""
+
+from collections.abc import Sequence
+
+from uavrt.analysis.whole_flights.judged_flights import POSITION_M
+from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict
+from uavrt.localization.whole_flight.train_place import PlaceBelief
+
+ALL_ROUND_DEG = 330.0
+"""Width above which an arc of directions no longer gives a direction [deg]."""
+
+
+def where_in_words(
+    place: PlaceBelief | IntegratedVerdict,
+    parts: Sequence[IntegratedPart],
+    flown: str = "the flight",
+) -> list[str]:
+    """Sentence on a tag's place: one place, one of several, or a direction.
+
+    `place` has coordinates and radii, and bearing and arcs from the middle of the flight.
+    `parts` are the possible places, most likely first. `flown` is a phrase for the path, after
+    "middle of".
+    """
+    if len(parts) > 1:
+        each = "; ".join(
+            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
+            f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"
+            for one in parts
+        )
+        return [f"in one of {len(parts)} places that {flown} cannot distinguish: {each}"]
+    known = place.radius95_m is not None and place.radius95_m <= POSITION_M
+    lines = []
+    if place.bearing_deg is not None and place.arc50_deg is not None and place.arc95_deg:
+        if place.arc95_deg > ALL_ROUND_DEG and not known:
+            return [f"position and direction are unknown: {flown} does not constrain them"]
+        lines.append(
+            f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
+            f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"
+        )
+    if not known:
+        return [*lines, "no position: only its direction is known"]
+    return [
+        *lines,
+        f"at {place.latitude_deg:.5f}, {place.longitude_deg:.5f}, within "
+        f"{place.radius50_m:.0f} m (50 %), {place.radius95_m:.0f} m (95 %)",
+    ]

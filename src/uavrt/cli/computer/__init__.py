@@ -1,0 +1,1 @@
+"""Commands that check, set up and update this computer."""

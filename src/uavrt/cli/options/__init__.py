@@ -1,0 +1,1 @@
+"""Options that several commands have, with their limits and checks."""

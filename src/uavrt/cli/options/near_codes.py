@@ -1,0 +1,18 @@
+"""Warning about codes in a tag list that are easily confused."""
+
+import sys
+from collections.abc import Sequence
+
+from uavrt.core.messages import Tag
+
+
+def warn_of_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None:
+    """Print a warning for each pair of similar codes within the search's frequency window."""
+    if not any(tag.coded for tag in tags):
+        return
+    from uavrt.config.settings import DetectionSettings
+    from uavrt.config.tags.code_rules import words_of_near_codes
+
+    usual_hz = DetectionSettings().frequency_window_hz
+    for words in words_of_near_codes(tags, usual_hz if window_hz is None else window_hz):
+        print(f"warning: {words}", file=sys.stderr)

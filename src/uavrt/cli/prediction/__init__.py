@@ -1,0 +1,1 @@
+"""Commands that predict where a tag is detected."""

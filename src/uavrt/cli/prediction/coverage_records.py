@@ -1,0 +1,74 @@
+"""Arguments and results of ``uavrt coverage``."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uavrt.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from uavrt.core.messages import Tag
+    from uavrt.flight.integrated import SilentAround
+    from uavrt.localization.terrain.elevation import Elevation
+    from uavrt.planning.detectability.detection_coverage import Absence, Coverage
+    from uavrt.planning.detectability.link_budget import LinkBudget
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoverageOptions:
+    """Command-line arguments of ``uavrt coverage``."""
+
+    source: Path
+    elevation: "Elevation | None"
+    outline: Path | None
+    prior: float | None
+    heights_m: tuple[float, ...]
+    speed_m_s: float
+    spacing_m: float
+    margin_m: float
+    cell_m: float | None
+    antenna: str | None
+    level_sigma_db: float
+    budget: "LinkBudget"
+    output: Path | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MappedTag:
+    """Coverage map of one tag at one height, with derived values."""
+
+    tag: "Tag"
+    height_m: float | None
+    """Flight height above ground [m]; None: heights of the actual flight."""
+    coverage: "Coverage"
+    best: bool = True
+    in_area: float | None = None
+    """Mean detection probability in the outline given by --area; None without one."""
+    absence: "Absence | None" = None
+    heard: int = 0
+    antenna: str
+    in_hindsight: bool = False
+    """True if ``uavrt integrate`` found the tag in the whole flight."""
+    silent: "SilentAround | None" = None
+    """Coverage of an undetected tag; None for a plan, or if the tag was detected."""
+    noise: str | None = None
+    files: tuple[Path, ...] = ()
+
+
+def chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
+    """Select tags by their ids; raises `ConfigError` for an unknown id."""
+    missing = sorted(set(ids) - {one.tag_id for one in known})
+    if missing or not known:
+        listed = ", ".join(str(one.tag_id) for one in known) or "none"
+        what = f"there is no tag {missing[0]}" if missing else "there are no tags"
+        raise ConfigError(what, remedy=f"Choose from {listed}, or name --tags")
+    return [one for one in known if not ids or one.tag_id in ids]
+
+
+def mean_inside(one: "Coverage", cells: Any) -> float:
+    """Mean probability of the cells inside an outline whose ground height is known."""
+    import numpy as np
+
+    known = one.heard[cells & np.isfinite(one.heard)]
+    return float(known.mean()) if known.size else math.nan

@@ -1,0 +1,1 @@
+"""Commands for flights and archives: bearings, positions, reports, exports."""

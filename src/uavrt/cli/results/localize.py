@@ -1,0 +1,115 @@
+"""``uavrt localize``: positions of a flight's tags."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from uavrt.cli.options.inputs import require_content
+from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
+from uavrt.cli.shown.outputs import print_json
+from uavrt.cli.shown.plurals import counted
+from uavrt.core.clock import told_utc
+from uavrt.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from uavrt.localization.estimates.flight_estimates import TagPosition
+    from uavrt.localization.results import Position
+
+_MOST_POINTS = 12
+"""Most points of a path printed as text; --json prints all."""
+
+
+def localize(
+    *flights: Path,
+    method: str = "bayes",
+    place: Placing = USUAL_PLACING,
+    tags: Path | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Estimate where each tag is, from bearings or, with a monopole, from signal strength.
+
+    Parameters
+    ----------
+    flights
+        Flight directories, pulse logs in any known format, folders of them, and files of
+        bearings (a bearings.csv, or noted by hand); together they give one position for each
+        tag, assuming it does not move. The positions in a positions.csv or an estimate CSV of
+        UCSD's tracker are shown as they are.
+    method
+        One of {position_methods}. bayes gives a region with its probability, and follows a tag
+        that cannot have rested; track gives where a tag was at each time, even if it may have
+        rested; mle, rmr and mest compute as the original system does; rmr_ahead and mest_lenth
+        as they were intended.
+    tags
+        Tag file with the tags' names (tags.toml), for logs; a flight knows its own.
+    as_json
+        Print a list of objects; of a tag without a position it holds the `reason`.
+    """
+    from uavrt.analysis.estimates.positions import read_positions
+    from uavrt.analysis.estimates.records import position_record
+    from uavrt.config.tags.tag_files import read_tags
+
+    if not flights:
+        raise ConfigError("no flight was named", remedy="Name a flight or a log")
+    require_content(flights)
+    names = {} if tags is None else {tag.tag_id: tag.name for tag in read_tags(tags)}
+    found = read_positions(
+        *flights,
+        how=place.read_as(method),
+        warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
+    )
+    found = [replace(one, name=names.get(one.tag_id) or one.name) for one in found]
+    several = _of_several_frequencies(found)
+    if as_json:
+        for one in found:
+            if one.position is None:
+                print(f"uavrt: {_sentence(one, several)}", file=sys.stderr)
+        print_json([position_record(one) for one in found], indent=2)
+        return
+    for one in found:
+        print(_sentence(one, several))
+    if not found:
+        print(f"{', '.join(map(str, flights))}: no bearings")
+
+
+def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
+    known = {(one.tag_id, one.frequency_hz) for one in found}
+    numbers = [tag_id for tag_id, _ in known]
+    return frozenset(one for one in numbers if numbers.count(one) > 1)
+
+
+def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
+    """Sentence on a tag's position; with its frequency if several tags share its number."""
+    from uavrt.analysis.measure.pulse_shapes import remarks_of
+
+    found = one.position
+    tag = f"tag {one.tag_id} ({one.name})" if one.name else f"tag {one.tag_id}"
+    if one.tag_id in several and one.frequency_hz is not None:
+        tag += f" at {one.frequency_hz / 1e6:.4f} MHz"
+    if found is None:
+        return f"{tag}: no position: {one.reason}"
+    text = f"{tag}: {found.latitude_deg:.5f}, {found.longitude_deg:.5f}"
+    if found.radius50_m is not None and found.radius95_m is not None:
+        text += f", within {found.radius50_m:.0f} m (50 %), {found.radius95_m:.0f} m (95 %)"
+    if found.stations:
+        text += f", from {counted(found.stations, 'bearing')}"
+    elif found.pulses:
+        text += f", from the strength of {counted(found.pulses, 'pulse')}"
+    else:
+        text += f", {found.method} as it stands in the file"
+    if found.at_edge:
+        text += "; it may be farther out"
+    return "\n  ".join([text, *remarks_of(found), *_way(found)])
+
+
+def _way(found: "Position") -> list[str]:
+    step = max(1, -(-len(found.track) // _MOST_POINTS))
+    return [
+        f"{told_utc(one.time_ns)}: {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, "
+        f"within {one.radius50_m:.0f} m (50 %), {one.radius95_m:.0f} m (95 %)"
+        for one in (*found.track[:-1:step], *found.track[-1:])
+    ]

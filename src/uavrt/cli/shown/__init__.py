@@ -1,0 +1,1 @@
+"""Output of commands: JSON, progress, text for terminals."""

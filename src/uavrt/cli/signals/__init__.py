@@ -1,0 +1,1 @@
+"""Commands for samples, pulses and tag lists."""

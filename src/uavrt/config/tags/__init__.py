@@ -1,0 +1,1 @@
+"""Tag lists: files in all formats, and plausibility checks of their values."""

@@ -1,0 +1,237 @@
+"""Lists of coded tags as CSV with a heading, or as a YAML list.
+
+The heading names the columns, also by common variants: ``tagFreq``, ``g1`` to ``g7`` and
+``bi``. Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz. A YAML
+list holds mappings, or is one mapping from names to mappings.
+"""
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uavrt.config.tags.tag_drafts import Entry, Fault, Quantity, TagDraft
+from uavrt.config.tags.tags_toml import read_burst_interval, read_gaps
+from uavrt.config.tags.yaml_nodes import Node, read_yaml
+
+_NAMES: dict[str, Quantity | str] = {
+    "id": "id",
+    "tag_id": "id",
+    "mfgid": "id",
+    "name": "name",
+    "frequency_mhz": "frequency",
+    "tagfreq": "frequency",
+    "nomfreq": "frequency",
+    "freq": "frequency",
+    "burst_interval_s": "burst_interval",
+    "bi": "burst_interval",
+    "period": "burst_interval",
+    "gaps_ms": "gaps",
+    "pulse_width_ms": "pulse_width",
+    "interval_uncertainty_ms": "interval_uncertainty",
+    "k": "k",
+}
+_GAP = re.compile(r"(?:g|gap|gap_?ms_?)([1-9])(?:_ms)?", re.I)
+_HEADING = re.compile(r"""(?:^|[,;\t"' ])(?:g1|gap1|gaps_ms)(?:_ms)?(?:$|[,;\t"' ])""", re.I)
+_NEEDED = {
+    "id": "id",
+    "frequency": "frequency_mhz",
+    "burst_interval": "burst_interval_s",
+    "gaps": "gaps (g1, g2 … or gaps_ms)",
+}
+_NO_LIST = "not a list of tags: write - id: 12"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cell:
+    text: str
+    line: int
+    items: tuple[tuple[str, int], ...] | None = None
+
+    @property
+    def parts(self) -> tuple[tuple[str, int], ...]:
+        if self.items is not None:
+            return self.items
+        return tuple((part, self.line) for part in re.split(r"[\s,;]+", self.text.strip("[] ")))
+
+
+def is_code_csv(text: str) -> bool:
+    """True if the first line that is not empty is the heading of a list of codes."""
+    for line in text.split("\n"):
+        content = line.strip().lstrip("#").strip()
+        if content:
+            return _HEADING.search(content) is not None
+    return False
+
+
+def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
+    """Read a CSV list of codes; append errors to `faults`."""
+    names: list[str] = []
+    drafts = []
+    for number, line in enumerate(text.split("\n"), start=1):
+        content = line.strip()
+        if not names:
+            content = content.lstrip("#").strip()
+        if not content or content.startswith("#"):
+            continue
+        separator = next((one for one in ",;\t" if one in content), ",")
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([content], delimiter=separator))]
+        except csv.Error:
+            faults.append(Fault(line=number, text="a cell of more than 131 072 characters"))
+            continue
+        if not names:
+            names = cells
+            continue
+        absent = names[len(cells) :]
+        if len(cells) != len(names):
+            fault = f"{len(cells)} values where the heading has {len(names)}"
+            last = f", none for {', '.join(absent)[:80]}" if absent else ""
+            faults.append(Fault(line=number, text=fault + last))
+        if len(cells) > len(names):
+            continue  # which is which is unknown
+        pairs = zip(names, cells, strict=False)
+        table = {name: _Cell(text=cell, line=number) for name, cell in pairs if cell}
+        drafts.append(_draft(table, number, faults, absent))
+    return drafts
+
+
+def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
+    """Read a YAML list of codes; append errors to `faults`."""
+    drafts: list[TagDraft] = []
+    for node in read_yaml(text, faults):
+        for tag, name in _tags_of(node, faults):
+            before = len(faults)
+            table = _table(tag, name, faults)
+            draft = _draft(table, tag.line, faults)
+            if len(faults) == before or draft.entries:
+                drafts.append(draft)
+    return drafts
+
+
+def _tags_of(node: Node, faults: list[Fault]) -> list[tuple[Node, str | None]]:
+    value = node.value
+    if isinstance(value, dict):
+        inside = [value[key] for key in ("tags", "codes") if key in value]
+        if inside:
+            return [tag for one in inside for tag in _tags_of(one, faults)]
+        if any(_is_known(key) for key in value):
+            return [(node, None)]  # one tag, and no list
+        if value and all(isinstance(one.value, dict) for one in value.values()):
+            return [(one, name) for name, one in value.items()]
+    elif isinstance(value, list):
+        wrong = [one.line for one in value if not isinstance(one.value, dict)]
+        faults += [Fault(line=line, text=_NO_LIST) for line in wrong]
+        return [(one, None) for one in value if isinstance(one.value, dict)]
+    faults.append(Fault(line=node.line, text=_NO_LIST))
+    return []
+
+
+def _is_known(key: str) -> bool:
+    return _quantity(key) is not None
+
+
+def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]:
+    """Convert a tag's YAML mapping to a row; a numeric `name` is the tag's id."""
+    assert isinstance(tag.value, dict)
+    table: dict[str, _Cell] = {}
+    for key, one in tag.value.items():
+        if isinstance(one.value, str):
+            table[key] = _Cell(text=one.value, line=one.line)
+        elif isinstance(one.value, list):
+            items = [
+                (item.value, item.line) for item in one.value if isinstance(item.value, str)
+            ]
+            if len(items) < len(one.value):
+                text = f"{key[:40]} has a value that is not a number"
+                faults.append(Fault(line=one.line, text=text))
+            text = ", ".join(item for item, _ in items)
+            table[key] = _Cell(text=text, line=one.line, items=tuple(items))
+        elif one.value is not None and _is_known(key):
+            faults.append(Fault(line=one.line, text=f"{key[:40]} is a mapping, not a value"))
+    known = {_NAMES.get(key.lower()) for key in table}
+    if name is not None and name.isdecimal() and "id" not in known:
+        table["id"] = _Cell(text=name, line=tag.line)
+    elif name is not None and "name" not in known:
+        table["name"] = _Cell(text=name, line=tag.line)
+    return table
+
+
+def _draft(
+    table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str] = ()
+) -> TagDraft:
+    """Convert a row to a tag; missing fields in `absent` are not reported again."""
+    draft = TagDraft(line=line, gaps=())
+    given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
+    interval_s: float | None = None
+    interval_line = line
+    for key, cell in table.items():
+        quantity = _quantity(key)
+        if quantity == "name":
+            draft.name = cell.text
+        elif quantity is not None and quantity != "gaps":
+            number = _number(key, cell.text, cell.line, faults)
+            if number is None:
+                continue
+            if quantity == "burst_interval":
+                interval_s, interval_line = number, cell.line
+            else:
+                unit = "MHz" if quantity == "frequency" else ""
+                label = f"{key} {cell.text[:40]}"
+                known: Quantity = quantity  # type: ignore[assignment]
+                draft.entries[known] = Entry(
+                    number=number, label=label, line=cell.line, unit=unit
+                )
+    gaps, gaps_line = _gaps(table, line, faults)
+    if gaps is not None:
+        read_gaps(draft, gaps, gaps_line, faults)
+    if interval_s is not None:
+        read_burst_interval(draft, interval_s, interval_line, faults)
+    missing = [name for key, name in _NEEDED.items() if key not in given]
+    others = _words_of_unknown(table) if missing else ""
+    faults += [Fault(line=line, text=f"this tag has no {name}{others}") for name in missing]
+    return draft
+
+
+def _quantity(key: str) -> Quantity | str | None:
+    return "gaps" if _GAP.fullmatch(key) else _NAMES.get(key.lower())
+
+
+def _gaps(
+    table: dict[str, _Cell], line: int, faults: list[Fault]
+) -> tuple[list[float] | None, int]:
+    """Gaps of a tag [ms] and their line number; None instead of gaps if any is no number."""
+    cells: dict[int, tuple[str, str, int]] = {}
+    for key, cell in table.items():
+        if (gap := _GAP.fullmatch(key)) is not None:
+            cells[int(gap.group(1))] = key, cell.text, cell.line
+        elif _quantity(key) == "gaps":
+            for place, (part, at) in enumerate(cell.parts, start=1):
+                cells[place] = key, part, at
+    if not cells:
+        return None, line
+    at = max(one[2] for one in cells.values())
+    lacking = [place for place in range(1, max(cells)) if place not in cells]
+    if lacking:
+        text = f"this tag has gap {max(cells)}, but no gap {lacking[0]}"
+        faults.append(Fault(line=at, text=text))
+    numbers = [_number(*cells[place], faults) for place in sorted(cells)]
+    good = [number for number in numbers if number is not None]
+    return (None if lacking or len(good) < len(numbers) else good), at
+
+
+def _words_of_unknown(table: dict[str, _Cell]) -> str:
+    """Sentence on unknown columns, one of which may be a misspelt required one."""
+    others = [key for key in table if not _is_known(key)]
+    if not others:
+        return ""
+    verb = "is" if len(others) == 1 else "are"
+    return f"; {', '.join(key[:40] for key in others[:8])} {verb} not known here"
+
+
+def _number(key: str, value: str, line: int, faults: list[Fault]) -> float | None:
+    try:
+        return float(value)
+    except ValueError:
+        faults.append(Fault(line=line, text=f"{key} is {value[:40]!r}, not a number"))
+        return None

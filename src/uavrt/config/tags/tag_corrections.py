@@ -1,0 +1,237 @@
+"""Correct a listed tag by its measured frequency and interval."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Final, Literal
+
+from uavrt.core.messages import Beep, BeepKind, Tag
+
+MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
+"""Kinds of measured senders that may correct the list."""
+DRIFT: Final = 0.005
+"""Assumed relative change of a measured interval with temperature and battery."""
+LEAST_UNCERTAINTY: Final = 0.01
+"""Relative difference from a listed interval up to which a measured interval confirms it."""
+_DRIFT_HZ: Final = 100.0
+"""Difference from the labelled frequency above which it is corrected [Hz]; a fifth of the usual
+search window."""
+_SEARCH_HZ: Final = 530.0
+"""Half-width of the usual search, plus the error of a measured frequency [Hz]."""
+_LEAST_SHARED_PPM: Final = 0.5
+"""Common offset of all tags above which the receiver's error is the cause [ppm]."""
+_AGREE_PPM: Final = 1.5
+"""Largest difference of a tag from the common offset [ppm]; also at most a sixth of that
+offset."""
+_SHARE: Final = 0.75
+"""Least share of tags that must have the common offset; one of four may have drifted by
+itself."""
+_LEAST_JITTER_S: Final = 0.002
+_JITTER_SIGMAS: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagCorrection:
+    """Correction of one property of a tag, with the listed tag before and after it."""
+
+    time_ns: int
+    tag_id: int
+    what: Literal["frequency", "interval"]
+    before: Tag
+    after: Tag
+
+    def applied(self, tag: Tag) -> Tag:
+        """Tag with this correction, which keeps its other changes."""
+        return _listed_as(tag, self.after, self.what)
+
+    def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
+        """Correction that restores the tag before this one."""
+        after = _listed_as(tag, self.before, self.what)
+        return replace(self, time_ns=time_ns, before=tag, after=after)
+
+    def undoes(self, other: "TagCorrection") -> bool:
+        """True if this correction restores the tag before another correction."""
+        same = (self.tag_id, self.what) == (other.tag_id, other.what)
+        return same and self.applied(other.before) == other.before
+
+    def __str__(self) -> str:
+        return (
+            f"tag {self.tag_id}: {_listed(self.after, self)}, was {_listed(self.before, self)}"
+        )
+
+
+def _listed_as(tag: Tag, other: Tag, what: Literal["frequency", "interval"]) -> Tag:
+    """Tag with its frequency, or its intervals, copied from another tag."""
+    if what == "frequency":
+        return replace(tag, frequency_hz=other.frequency_hz)
+    return replace(
+        tag,
+        pulse_intervals_s=other.pulse_intervals_s,
+        interval_uncertainty_s=other.interval_uncertainty_s,
+        interval_jitter_s=other.interval_jitter_s,
+    )
+
+
+def _listed(tag: Tag, one: TagCorrection) -> str:
+    if one.what == "frequency":
+        return f"{tag.frequency_hz / 1e6:.6f} MHz"
+    intervals = " and ".join(f"{1e3 * interval_s:.1f}" for interval_s in tag.pulse_intervals_s)
+    return (
+        f"{intervals} ms ± {1e3 * tag.interval_uncertainty_s:.1f} ms, "
+        f"jitter {1e3 * tag.interval_jitter_s:.1f} ms"
+    )
+
+
+def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
+    """Replace a tag's nearest listed interval by the measured one.
+
+    An interval unlike those listed becomes the second interval, or replaces it.
+
+    `interval_s`: measured interval.
+    `jitter_s`: standard deviation of the pulse times about it.
+    """
+    listed = list(tag.pulse_intervals_s)
+    nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))
+    allowed_s = max(tag.interval_uncertainty_s, 0.02 * listed[nearest])
+    measured_s = round(interval_s, 4)
+    jitter_s = max(_LEAST_JITTER_S, round(_JITTER_SIGMAS * jitter_s, 4))
+    if abs(listed[nearest] - interval_s) <= allowed_s:
+        listed[nearest] = measured_s
+    else:
+        listed = [listed[0], measured_s]
+    alone = len(listed) == 1
+    return replace(
+        tag,
+        pulse_intervals_s=tuple(listed),
+        # The other rate of a tag that has two was not measured.
+        interval_uncertainty_s=(
+            round(DRIFT * measured_s, 4) if alone else tag.interval_uncertainty_s
+        ),
+        interval_jitter_s=jitter_s if alone else max(jitter_s, tag.interval_jitter_s),
+    )
+
+
+def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
+    """Corrections in order of time, without those that were undone."""
+    standing: list[TagCorrection] = []
+    for one in corrections:
+        last = next((x for x in reversed(standing) if x.tag_id == one.tag_id), None)
+        if last is not None and one.undoes(last):
+            standing.remove(last)
+        else:
+            standing.append(one)
+    return standing
+
+
+def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
+    """Common frequency offset of the tags, due to the receiver; None without one [ppm].
+
+    Two tags, or three of four, must agree. Trains that may be of two tags, or of another rate,
+    are ignored.
+    """
+    off = {
+        one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
+        for one in found
+        if one.kind in (BeepKind.OFF_LABEL, BeepKind.LISTED) and len(one.tag_ids) == 1
+    }
+    if len(off) < 2:
+        return None
+    shared_ppm = median(off.values())
+    agree = sum(_agrees(one, shared_ppm) for one in off.values())
+    shared = agree >= max(2.0, _SHARE * len(off)) and abs(shared_ppm) >= _LEAST_SHARED_PPM
+    return shared_ppm if shared else None
+
+
+def _agrees(ppm: float, shared_ppm: float) -> bool:
+    return abs(ppm - shared_ppm) <= min(_AGREE_PPM, abs(shared_ppm) / 6.0)
+
+
+def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
+    """Sentence on the common offset of all tags, and the remedy; empty without one."""
+    ppm = shared_offset_ppm(found)
+    if ppm is None:
+        return []
+    remedy = f"{'lower' if ppm > 0.0 else 'raise'} frequency_correction_ppm by {abs(ppm):.1f}"
+    return [f"the tags are {ppm:+.1f} ppm off their labels: the receiver's own error; {remedy}"]
+
+
+def words_of_beeps(found: Sequence[Beep]) -> list[str]:
+    """Sentences on the senders that differ from the tag list."""
+    return [str(one) for one in found if one.odd] + shared_offset_in_words(found)
+
+
+def correction_of(
+    tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
+) -> TagCorrection | None:
+    """Correction of a tag by a sender that may be the tag; None if nothing differs.
+
+    Frequency and interval are corrected one after the other: called again with the corrected
+    tag, this returns the next correction.
+
+    `found`: all senders of the flight. A common offset is the receiver's error, so only tags
+    that are farther off are corrected.
+    """
+    other_rate = beep.kind is BeepKind.OTHER_RATE
+    if tag.coded or beep.kind not in MEASURED:
+        return None
+    keeps = keeps_interval(tag, beep.interval_s)
+    off_label = beep.kind is BeepKind.OFF_LABEL or (
+        other_rate and keeps and not _is_searched(tag.tag_id, beep)
+    )
+    off_hz = beep.frequency_hz - tag.frequency_hz
+    drifted = beep.tag_ids == (tag.tag_id,) and abs(off_hz) >= _DRIFT_HZ
+    moved = drifted or (off_label and abs(off_hz) >= 1.0)
+    if moved and (shared_ppm := shared_offset_ppm(found)) is not None:
+        moved = off_label and not _agrees(1e6 * off_hz / tag.frequency_hz, shared_ppm)
+    what: Literal["frequency", "interval"] = "interval"
+    after = corrected_interval(tag, beep.interval_s, beep.jitter_s)
+    if keeps or not other_rate:
+        if moved:
+            what = "frequency"
+            after = replace(tag, frequency_hz=float(round(beep.frequency_hz)))
+        elif _is_narrow(tag, beep.interval_s):
+            return None
+    if after == tag:
+        return None
+    return TagCorrection(time_ns=time_ns, tag_id=tag.tag_id, what=what, before=tag, after=after)
+
+
+def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
+    """True if the tags of a measurement are unchanged in the list, or were removed."""
+    at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
+    away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
+    for tag in tags:
+        if tag.tag_id not in away_hz:
+            continue
+        listed_hz = at_hz - away_hz[tag.tag_id]
+        at_other_rate = beep.kind is BeepKind.OTHER_RATE and _is_searched(tag.tag_id, beep)
+        if abs(tag.frequency_hz - listed_hz) >= 1.0 or (
+            at_other_rate and keeps_interval(tag, beep.interval_s)
+        ):
+            return False
+    return True
+
+
+def _is_searched(tag_id: int, beep: Beep) -> bool:
+    """True if a tag that may be the sender is searched for at the sender's frequency."""
+    place = beep.tag_ids.index(tag_id)
+    return place == 0 or abs(beep.offsets_hz[place]) <= _SEARCH_HZ
+
+
+def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
+    """True if a measured interval, within its error, is in the tag's allowed range."""
+    return any(
+        abs(interval_s - one)
+        <= max(tag.interval_uncertainty_s, LEAST_UNCERTAINTY * one) + error_s
+        for one in tag.pulse_intervals_s
+    )
+
+
+def _is_narrow(tag: Tag, interval_s: float) -> bool:
+    """True if a correction of the interval would not narrow the search."""
+    uncertainty_s = tag.interval_uncertainty_s
+    off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
+    two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty stays as it is
+    return off_s <= 0.5 * uncertainty_s and (
+        two_rates or uncertainty_s <= 2 * DRIFT * interval_s
+    )

@@ -1,0 +1,336 @@
+"""The table of commands: effect, conditions, allowed senders, texts.
+
+The supervisor's rules, the numbers and lengths in the radio protocol, the ground station's
+buttons and the page's answers derive from it. A new command is a row here with name and number,
+and an action in `uavrt.drone.supervisor.mission.operator_commands`. Unless it is only its
+number, it also needs a layout in the protocol versions (`uavrt.link.tunnel.generations.g1`,
+`g2`).
+
+A command that a state does not allow is refused with a reason that the operator can act on. A
+repeated command is accepted and changes nothing, so a ground station may retry over a lossy
+link.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import Literal
+
+
+class SystemState(StrEnum):
+    """State of the supervisor; the protocol has other numbers for it."""
+
+    IDLE = "idle"
+    RECEIVING_TAGS = "receiving_tags"
+    HAS_TAGS = "has_tags"
+    DETECTING = "detecting"
+    CAPTURING = "capturing"
+
+    @property
+    def words(self) -> str:
+        """Name of the state for the operator."""
+        return {"receiving_tags": "receiving tags", "has_tags": "ready"}.get(self, self.value)
+
+
+CommandName = Literal[
+    "start_tags",
+    "add_tag",
+    "end_tags",
+    "start_detection",
+    "stop_detection",
+    "raw_capture",
+    "save_logs",
+    "clean_logs",
+    "radio_status",
+    "set_parameter",
+    "fly",
+    "confirm_motion",
+]
+
+Generation = Literal["G0", "G1", "G2v1", "G2"]
+"""Version of the radio protocol. G0: the thesis (February 2023); G1: the newest without a
+version number (April 2026); G2v1: version 1, whose commands are those of G1; G2: versions 4 to
+7."""
+
+
+class CommandId(IntEnum):
+    """Numbers of commands and other payloads: the first field of every protocol payload."""
+
+    ACK = 1
+    START_TAGS = 2
+    END_TAGS = 3
+    TAG = 4
+    START_DETECTION = 5
+    STOP_DETECTION = 6
+    PULSE = 7
+    RAW_CAPTURE = 8
+    HEARTBEAT = 9
+    SAVE_LOGS = 12
+    CLEAN_LOGS = 13
+    AIRSPY_STATUS = 14
+    OPERATION_PROGRESS = 21
+    SET_LOG_LEVEL = 22
+    DETECTOR_HEARTBEAT = 23
+
+
+# ------------------------------------------------------------------- what it does in a state
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """The command is allowed; the system changes to `state`."""
+
+    state: SystemState
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """The command was carried out before; nothing changes."""
+
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """The command is not allowed in this state."""
+
+    reason: str
+
+
+Outcome = Accepted | Repeated | Refused
+States = Mapping[SystemState, Outcome]
+
+_IDLE, _RECEIVING, _HAS_TAGS, _DETECTING, _CAPTURING = SystemState
+_BUSY = Refused("detecting: send stop first")
+_IN_CAPTURE = Refused("capturing: wait until it has ended")
+NO_UPLOAD = "no upload is open"
+_NO_UPLOAD = Refused(f"{NO_UPLOAD}: send START_TAGS first")
+_NO_TAGS = Refused("no tags: send tags first")
+_UPLOADING = Refused("tags are being sent: send END_TAGS first")
+_NOTHING_RUNS = Repeated("not detecting")
+
+ALWAYS: States = {state: Accepted(state) for state in SystemState}
+BETWEEN_FLIGHTS: States = {
+    _IDLE: Accepted(_IDLE),
+    _RECEIVING: _UPLOADING,
+    _HAS_TAGS: Accepted(_HAS_TAGS),
+    _DETECTING: _BUSY,
+    _CAPTURING: _IN_CAPTURE,
+}
+
+
+# ------------------------------------------------------------------------------------ the rows
+
+
+class Who(StrEnum):
+    """Who may send a command, if only one station commands (`mission.who_commands`)."""
+
+    ANYBODY = "anybody"
+    """Any station, because the command changes nothing."""
+    COMMANDER = "the commander"
+    """The station in command; after the flight's end any station, which is then in command."""
+    LAST_COMMANDER = "the last commander"
+    """The station in command, also after the flight's end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Button:
+    """The command's button on the ground station's page."""
+
+    action: str
+    label: str
+    asking: str = ""
+    """Text while a command that is only its number waits for its answer."""
+    done: str = ""
+    """Text for an acknowledgement without a text of its own."""
+    any_page: bool = False
+    """True if any open page may press it, not only the one in command."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandRow:
+    """One row of the table of commands."""
+
+    name: CommandName
+    meaning: str
+    states: States
+    """Effect of the command in each state."""
+    who: Who
+    while_ending: bool = True
+    """True if it is allowed while a flight's last pulses are being recorded."""
+    number: CommandId | None = None
+    """Number in the radio protocol; None: it is sent in another form."""
+    lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
+    """Lengths of its payloads in each protocol version that has it, the newest last [bytes]."""
+    button: Button | None = None
+
+
+BARE, BARE_G2 = (4,), (8,)
+"""Length of a payload that is only the command's number [bytes]; from G2 on with a request id.
+"""
+
+_ROWS = (
+    CommandRow(
+        name="start_tags",
+        meaning="forget the tags: others follow",
+        number=CommandId.START_TAGS,
+        lengths={"G0": BARE, "G1": BARE, "G2": (16,)},
+        who=Who.COMMANDER,
+        states={
+            _IDLE: Accepted(_RECEIVING),
+            _RECEIVING: Accepted(_RECEIVING),
+            _HAS_TAGS: Accepted(_RECEIVING),
+            _DETECTING: _BUSY,
+            _CAPTURING: _IN_CAPTURE,
+        },
+        button=Button(action="send_tags", label="Send tags"),
+    ),
+    CommandRow(
+        name="add_tag",
+        meaning="one tag; while detecting, a correction of one that is searched",
+        number=CommandId.TAG,
+        lengths={"G0": (48,), "G1": (88,), "G2": (96,)},
+        who=Who.COMMANDER,
+        states={
+            _IDLE: _NO_UPLOAD,
+            _RECEIVING: Accepted(_RECEIVING),
+            _HAS_TAGS: _NO_UPLOAD,
+            _DETECTING: Accepted(_DETECTING),
+            _CAPTURING: _IN_CAPTURE,
+        },
+    ),
+    CommandRow(
+        name="end_tags",
+        meaning="all tags were sent",
+        number=CommandId.END_TAGS,
+        lengths={"G0": BARE, "G1": BARE, "G2": (16,)},
+        who=Who.COMMANDER,
+        states={
+            _IDLE: _NO_UPLOAD,
+            _RECEIVING: Accepted(_HAS_TAGS),
+            _HAS_TAGS: Repeated("tags are loaded"),
+            _DETECTING: _BUSY,
+            _CAPTURING: _IN_CAPTURE,
+        },
+    ),
+    CommandRow(
+        name="start_detection",
+        meaning="begin a flight: search for the tags",
+        number=CommandId.START_DETECTION,
+        lengths={"G0": BARE, "G1": (12, 16, 32, 40), "G2": (48,)},
+        who=Who.COMMANDER,
+        while_ending=False,
+        states={
+            _IDLE: _NO_TAGS,
+            _RECEIVING: _UPLOADING,
+            _HAS_TAGS: Accepted(_DETECTING),
+            _DETECTING: Repeated("already detecting"),
+            _CAPTURING: _IN_CAPTURE,
+        },
+        button=Button(action="start", label="Start"),
+    ),
+    CommandRow(
+        name="stop_detection",
+        meaning="end the flight or the capture",
+        number=CommandId.STOP_DETECTION,
+        lengths={"G0": BARE, "G1": BARE, "G2": BARE_G2},
+        who=Who.COMMANDER,
+        states={
+            _IDLE: _NOTHING_RUNS,
+            _RECEIVING: _NOTHING_RUNS,
+            _HAS_TAGS: _NOTHING_RUNS,
+            _DETECTING: Accepted(_HAS_TAGS),
+            _CAPTURING: Accepted(_HAS_TAGS),
+        },
+        button=Button(action="stop", label="Stop", any_page=True),
+    ),
+    CommandRow(
+        name="raw_capture",
+        meaning="record some seconds of the band",
+        number=CommandId.RAW_CAPTURE,
+        lengths={"G1": (8, 12), "G2": (16,)},
+        who=Who.COMMANDER,
+        while_ending=False,
+        states={
+            _IDLE: Accepted(_CAPTURING),
+            _RECEIVING: _UPLOADING,
+            _HAS_TAGS: Accepted(_CAPTURING),
+            _DETECTING: _BUSY,
+            _CAPTURING: Repeated("already capturing"),
+        },
+        button=Button(action="capture", label="Capture raw"),
+    ),
+    CommandRow(
+        name="save_logs",
+        meaning="copy the flights to the drive that is plugged in",
+        number=CommandId.SAVE_LOGS,
+        lengths={"G1": BARE, "G2": BARE_G2},
+        who=Who.LAST_COMMANDER,
+        while_ending=False,
+        states=BETWEEN_FLIGHTS,
+        button=Button(
+            action="save_logs",
+            label="Save logs",
+            asking="asking to save the flights",
+            done="saving",
+        ),
+    ),
+    CommandRow(
+        name="clean_logs",
+        meaning="remove the flights",
+        number=CommandId.CLEAN_LOGS,
+        lengths={"G1": BARE, "G2": BARE_G2},
+        who=Who.LAST_COMMANDER,
+        while_ending=False,
+        states=BETWEEN_FLIGHTS,
+        button=Button(
+            action="clean_logs",
+            label="Clean logs",
+            asking="asking to remove the flights",
+            done="removing",
+        ),
+    ),
+    CommandRow(
+        name="radio_status",
+        meaning="say whether the radio is there",
+        number=CommandId.AIRSPY_STATUS,
+        lengths={"G1": BARE, "G2": BARE_G2},
+        who=Who.ANYBODY,
+        states=ALWAYS,
+        button=Button(
+            action="radio_status",
+            label="Radio status",
+            asking="asking the radio",
+            done="the radio is there",
+        ),
+    ),
+    CommandRow(
+        name="set_parameter",
+        meaning="change a setting; what is not in force at once waits for the next start",
+        who=Who.LAST_COMMANDER,
+        states=ALWAYS,
+        button=Button(action="parameters", label="Parameters"),
+    ),
+    CommandRow(
+        name="fly",
+        meaning="ask for a motion of the drone",
+        who=Who.LAST_COMMANDER,
+        states=ALWAYS,
+    ),
+    CommandRow(
+        name="confirm_motion",
+        meaning="confirm the motion that the drone offers",
+        who=Who.LAST_COMMANDER,
+        states=ALWAYS,
+    ),
+)
+COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
+COMMAND_OF_NUMBER: dict[int, CommandRow] = {
+    row.number: row for row in _ROWS if row.number is not None
+}
+"""All commands that have one by their protocol number."""
+
+
+def outcome(state: SystemState, command: CommandName) -> Outcome:
+    """Effect of a command in a state: accepted, repeated or refused."""
+    return COMMANDS[command].states[state]

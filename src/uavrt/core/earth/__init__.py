@@ -1,0 +1,1 @@
+"""Geometry of the earth and of attitudes: WGS 84, local metres, quaternions."""

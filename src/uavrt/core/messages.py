@@ -1,0 +1,879 @@
+"""Records that are passed between stages and processes.
+
+All are immutable; unknown values are ``None``; times are integer nanoseconds UTC; names contain
+the units. Records travel between processes as JSON (``uavrt.drone.ipc``); sample blocks use
+sockets of their own.
+"""
+
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+
+from uavrt.core.commands import CommandName as CommandName
+from uavrt.core.commands import SystemState as SystemState
+
+if TYPE_CHECKING:
+    # Half of the processes never see a sample; NumPy would cost each 12 MB and 0.1 s.
+    import numpy as np
+    from numpy.typing import NDArray
+
+DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
+"""Certainty of a pulse: below the threshold (found by a track), above it, or confirmed by a
+track. *integrated*: found after the flight in all its data; never in flight or over radio."""
+
+_SAME_SENDER_HZ = 300.0
+"""Largest frequency difference of two measurements of one sender [Hz]."""
+_KILOHERTZ_FROM_HZ = 995.0
+
+DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
+"""False-alarm probability of a tag without its own."""
+WHOLE_FLIGHT_FALSE_ALARM = 0.01
+"""Probability that a whole flight without the tag is judged to contain it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tag:
+    """A radio tag as the operator describes it."""
+
+    tag_id: int
+    frequency_hz: float
+    """Nominal carrier frequency [Hz]."""
+    pulse_width_s: float
+    pulse_intervals_s: tuple[float, ...]
+    """Time from pulse start to pulse start [s], for one or two rates."""
+    interval_uncertainty_s: float = 0.0
+    """Largest constant but unknown error of the interval [s]; it accumulates."""
+    interval_jitter_s: float = 0.0
+    """Largest independent timing error of each pulse [s]; it does not accumulate."""
+    k: int = 3
+    """Number of pulses summed for one decision."""
+    false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
+    """Expected number of false groups in each decision interval, over the whole search."""
+    name: str | None = None
+    gaps_s: tuple[float, ...] = ()
+    """Times from pulse start to pulse start within a coded tag's burst [s]; empty for a beeping
+    tag. Its interval is then that between bursts, and `k` the largest number of summed bursts.
+    """
+
+    @property
+    def coded(self) -> bool:
+        """True if it sends bursts whose gaps identify it."""
+        return bool(self.gaps_s)
+
+    @property
+    def length_s(self) -> float:
+        """Time from the start to the end of a pulse [s]; for a coded tag, of a burst."""
+        return sum(self.gaps_s) + self.pulse_width_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pulse:
+    """One pulse of a tag, as a detector reports it; each pulse is reported once."""
+
+    tag_id: int
+    frequency_hz: float
+    """Measured carrier frequency [Hz]."""
+    start_time_ns: int
+    """Start of the pulse at the antenna [ns, UTC]; all filter delays are corrected."""
+    end_time_ns: int
+    snr_db: float
+    """Ratio of pulse energy to noise power density (ENR) [dB]."""
+    group_snr_db: float
+    """Mean linear SNR of the group's pulses [dB]."""
+    score: float
+    """Ratio of the decision statistic to its threshold; 1 is just detected."""
+    group_index: int
+    """Position of the pulse in its group, from 1."""
+    group_sequence: int
+    """Number of the group, increasing for each tag and rate."""
+    noise_psd: float
+    """Noise power density at the pulse's frequency [input units squared per hertz]."""
+    detection_status: DetectionStatus
+    confirmed: bool
+    rate: int
+    """Which of the tag's intervals applies, from 1."""
+    predicted_next_start_ns: int | None
+    predicted_next_end_ns: int | None
+    also_possible_tag_ids: tuple[int, ...] = ()
+    """Other listed tags that may have sent the pulse; `tag_id` is the likeliest. The pulse is
+    reported only once."""
+    ghost_of_tag_id: int | None = None
+    """Stronger tag of which this pulse is a receiver ghost (image or saturation); None: a real
+    pulse."""
+    clipped: bool = False
+    """True if the receiver's converter was at its limits; `snr_db` is then a lower bound."""
+    burst_starts_ns: tuple[int, ...] = ()
+    """Measured starts of the pulses in a coded tag's burst [ns, UTC], which is one record.
+    Overlapped and lost pulses are not included; empty for a beep."""
+    burst_snrs_db: tuple[float, ...] = ()
+    """SNR of each pulse in `burst_starts_ns` [dB]; `snr_db` is their linear mean."""
+
+    @property
+    def key(self) -> "PulseKey":
+        """Key of the pulse within a flight."""
+        return self.tag_id, self.start_time_ns
+
+
+PulseKey = tuple[int, int]
+"""Tag number and start time [ns], unique within a flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BurstInside:
+    """Times and SNR of the pulses in a coded tag's burst, sent after its pulse message."""
+
+    tag_id: int
+    start_time_ns: int
+    """Start of the burst, as in its pulse message [ns, UTC]."""
+    burst_starts_ns: tuple[int, ...]
+    burst_snrs_db: tuple[float, ...]
+    also_possible_tag_ids: tuple[int, ...] = ()
+
+    @property
+    def key(self) -> "PulseKey":
+        """Key of the burst within a flight."""
+        return self.tag_id, self.start_time_ns
+
+    def put_into(self, pulse: Pulse) -> Pulse:
+        """Return the burst's record, completed by the pulses within it."""
+        return replace(
+            pulse,
+            burst_starts_ns=self.burst_starts_ns,
+            burst_snrs_db=self.burst_snrs_db,
+            also_possible_tag_ids=self.also_possible_tag_ids,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchReport:
+    """Report of a search without a detection; also shows that the detector works."""
+
+    tag_id: int
+    time_ns: int
+    """End of the searched time span [ns, UTC]."""
+    frequency_hz: float
+    noise_psd: float
+    best_score: float
+    """Largest ratio of the statistic to its threshold in the time span; below 1."""
+    usable_share: float | None = None
+    """Fraction of the time without another signal on the tag's frequency; None if unknown."""
+    weakest_enr_db: float | None = None
+    """ENR at which 90 % of the groups would have been found [dB]; None if unknown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Position and attitude of the antenna at one instant."""
+
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    quaternion_wxyz: tuple[float, float, float, float]
+    """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
+    extrapolated: bool = False
+    """True if no later pose was known in time, or the autopilot's clock was unknown for 10 s.
+    """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttitudeSample:
+    """Attitude of the vehicle as reported by the autopilot, in the time of our clock."""
+
+    time_ns: int
+    quaternion_wxyz: tuple[float, float, float, float]
+    """Unit quaternion, vehicle body (forward, right, down) to north-east-down."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionSample:
+    """Position of the vehicle as reported by the autopilot, in the time of our clock."""
+
+    time_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulsePose:
+    """A pulse with the antenna's pose at its centre, or without one."""
+
+    pulse: Pulse
+    pose: Pose | None
+
+
+class BeepKind(StrEnum):
+    """How a sender of pulses relates to the list of tags."""
+
+    LISTED = "listed"
+    """A sender that agrees with a listed tag's entry."""
+    OFF_LABEL = "off label"
+    """A sender with a listed tag's interval at another frequency."""
+    OTHER_RATE = "other rate"
+    """A sender at a listed tag's frequency with another interval."""
+    MIRRORED = "mirrored"
+    """A listed tag on the other side of the centre frequency: I and Q are swapped."""
+    UNLISTED = "unlisted"
+    IMAGE = "image"
+    """An image of stronger pulses, produced by the receiver."""
+    NOT_ANIMAL = "not an animal"
+    DOUBTFUL = "doubtful"
+
+
+_OF_A_TAG = (BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.MIRRORED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beep:
+    """A sender of pulses found by the search for unlisted senders, and the tags it may be."""
+
+    kind: BeepKind
+    time_ns: int
+    """Time of its last pulse so far [ns, UTC]."""
+    frequency_hz: float
+    interval_s: float
+    jitter_s: float
+    """Standard deviation of its pulses from the interval [s]."""
+    pulses: int
+    level_db: float
+    """Median level above the noise in 94 Hz [dB]."""
+    tag_ids: tuple[int, ...] = ()
+    """Tags that it may be, the likeliest first; for an image, those of its original."""
+    offsets_hz: tuple[float, ...] = ()
+    """Difference from the listed frequency of each tag in `tag_ids` [Hz]."""
+    image_of_hz: float | None = None
+    reason: str = ""
+    """Text on why it may be no animal, or what a different rate may mean."""
+
+    def __post_init__(self) -> None:
+        """Raise `ValueError` for impossible values; they may come from radio or files."""
+        numbers = (self.frequency_hz, self.interval_s, self.jitter_s, self.level_db)
+        if not all(map(isfinite, (*numbers, self.image_of_hz or 0.0))) or self.interval_s <= 0:
+            raise ValueError(f"a beep has frequency, interval, jitter and level {numbers}")
+        if len(self.tag_ids) != len(self.offsets_hz):
+            raise ValueError("a beep needs one offset for each tag")
+        if not all(1.0 <= self.frequency_hz - one < inf for one in self.offsets_hz):
+            raise ValueError(f"a beep has an impossible offset: {self.offsets_hz}")
+        if self.kind in _OF_A_TAG and not self.tag_ids:
+            raise ValueError(f"a beep of kind {self.kind!r} needs a tag")
+
+    @property
+    def away_hz(self) -> float | None:
+        """Difference from the first tag's listed frequency [Hz]."""
+        return self.offsets_hz[0] if self.offsets_hz else None
+
+    def same_as(self, other: "Beep") -> bool:
+        """True if both are measurements of the same sender."""
+        near = abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
+        return near and self.kind is other.kind
+
+    @property
+    def odd(self) -> bool:
+        """True if it differs from its entry in the list, so that the operator should know."""
+        if self.kind is BeepKind.DOUBTFUL:
+            return bool(self.tag_ids)
+        return self.kind is not BeepKind.LISTED
+
+    @property
+    def meaning(self) -> str:
+        """Text on what it may be."""
+        reason = f", {self.reason}" if self.reason else ""
+        match self.kind:
+            case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
+                return " or ".join(self._names())
+            case BeepKind.OTHER_RATE:
+                first = f"tag {self.tag_ids[0]} at another rate{reason}"
+                return " or ".join([first, *self._names()[1:]])
+            case BeepKind.MIRRORED:
+                return f"tag {self.tag_ids[0]} mirrored at the centre"
+            case BeepKind.IMAGE:
+                of = f"an image of {(self.image_of_hz or 0.0) / 1e6:.6f} MHz"
+                return of + (f" (tag {self.tag_ids[0]})" if self.tag_ids else "")
+            case BeepKind.DOUBTFUL if self.tag_ids:
+                return f"doubtful, at tag {self.tag_ids[0]}'s frequency: {self.reason}"
+        return f"{self.kind}{reason}"
+
+    @property
+    def advice(self) -> str:
+        """Text on what to do about it; empty without advice."""
+        return _ADVICE.get(self.kind, "")
+
+    def __str__(self) -> str:
+        """Write it as a line for the operator."""
+        rate = 60.0 / self.interval_s
+        return (
+            f"{self.level_db:.0f} dB at {self.frequency_hz / 1e6:.6f} MHz, "
+            f"{self.pulses} pulses every {1e3 * self.interval_s:.0f} ms ({rate:.0f} a minute): "
+            f"{self.meaning}{self.advice}"
+        )
+
+    def _names(self) -> list[str]:
+        return [
+            f"tag {tag_id}, {_distance(abs(away_hz))} {'above' if away_hz > 0.0 else 'below'} "
+            "its label"
+            for tag_id, away_hz in zip(self.tag_ids, self.offsets_hz, strict=True)
+        ]
+
+
+_ADVICE = {
+    BeepKind.OFF_LABEL: "? List it at this frequency",
+    BeepKind.OTHER_RATE: "? List this interval",
+    BeepKind.MIRRORED: ": I and Q are swapped. Swap them in the radio's program or format",
+    BeepKind.IMAGE: ", made in the receiver. Reduce its gain",
+}
+
+
+def _distance(hz: float) -> str:
+    return f"{hz:.0f} Hz" if hz < _KILOHERTZ_FROM_HZ else f"{hz / 1e3:.1f} kHz"
+
+
+def keep_beep(known: list[Beep], new: Beep) -> bool:
+    """Replace older measurements of the same sender; return whether the sender is new."""
+    for place, other in enumerate(known):
+        if other.same_as(new):
+            known[place] = new
+            return False
+    known.append(new)
+    return True
+
+
+MOST_BEEPS = 32
+"""Largest number of senders that a drone reports and a page shows."""
+
+
+def drop_beeps(known: list[Beep]) -> int:
+    """Remove senders above `MOST_BEEPS`, first unlisted ones with few pulses; count them."""
+    excess = max(0, len(known) - MOST_BEEPS)
+    for one in sorted(known, key=lambda one: (bool(one.tag_ids), one.pulses))[:excess]:
+        known.remove(one)
+    return excess
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveBearing:
+    """A bearing from a turn that may still be in progress, estimated on the drone."""
+
+    tag_id: int
+    start_time_ns: int
+    end_time_ns: int
+    turned_deg: float
+    latitude_deg: float
+    longitude_deg: float
+    bearing_deg: float
+    """Bearing clockwise from true north [°]."""
+    sigma_deg: float
+    interval90_deg: tuple[float, float]
+    """Interval with a probability of 90 % [°], clockwise from first to second."""
+    level_db: float | None
+    """SNR with the antenna pointed at the tag [dB]."""
+    pulses: int
+    accepted: bool
+    """True if the pulses show a direction."""
+    ambiguous: bool
+    multipath_suspected: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delivered:
+    """Pulses received by a ground station's store, or sent to stations without receipts."""
+
+    time_ns: int
+    store: int
+    """Number of the store (`uavrt.link.tunnel.own_messages.private`); 0: sent once, without
+    receipt."""
+    pulses: tuple[PulseKey, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """Pulses that are stored on the disk, with a pose or finally without."""
+
+    pulses: tuple[PulseKey, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """Progress of a process; records it has not taken are sent again to its next run."""
+
+    records: int
+    """Number of records since its start that are on the disk, or need not be. The assignment
+    does not count."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Poses:
+    """Consecutive poses of the vehicle, in one record for the recorder."""
+
+    poses: tuple[Pose, ...]
+
+
+STATION_COUNTER = "station_silent_s_"
+"""Prefix of a counter in the connection's health: time since a ground station was received [s].
+The station's ids follow: ``station_silent_s_255_190``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """State of a process, reported about once a second."""
+
+    process: str
+    time_ns: int
+    status: str
+    """State in a word or two: ``"ready"``, ``"waiting for autopilot"``, ``"radio absent"``."""
+    ok: bool
+    counters: dict[str, float] = field(default_factory=dict)
+    """Counts since the start, by name: samples lost, pulses refused, retries …"""
+    reason: str = ""
+    """Why it is not `ok`, with a remedy; or its result at the end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessStatus:
+    """State of one process, as seen by the supervisor."""
+
+    process: str
+    running: bool
+    pid: int | None
+    status: str
+    ok: bool
+    restarts: int
+    cpu_s: float
+    """CPU time of all its runs since the supervisor started, including child processes [s]."""
+    memory_mb: float
+    counters: dict[str, float] = field(default_factory=dict)
+    reason: str = ""
+    """Why it is not `ok`, with a remedy; empty otherwise."""
+    tag_ids: tuple[int, ...] = ()
+    """Numbers of the tags it searches, if it is a detector."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusText:
+    """A short text for the operator, as MAVLink severity 0 (emergency) to 7 (debug)."""
+
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SystemStatus:
+    """State of the whole drone side, published once a second."""
+
+    time_ns: int
+    state: SystemState
+    flight_directory: str | None
+    center_frequency_hz: float | None
+    tags: tuple[Tag, ...]
+    processes: tuple[ProcessStatus, ...]
+    commander: str | None = None
+    """Source of accepted commands: ``"mavlink 255/190"``; None before the first."""
+    ending: bool = False
+    """True from the stop command until the last pulses are recorded."""
+    faults: tuple[StatusText, ...] = ()
+    """Lasting faults of the computer, such as a full disk, which are reported repeatedly."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """An operator's command to the supervisor, by radio, page or command line."""
+
+    name: CommandName
+    request_id: int
+    """Number of the request; a retry has the same one, so it is answered but not carried out
+    again."""
+    tag: Tag | None = None
+    center_frequency_hz: float | None = None
+    """Radio frequency chosen on the ground [Hz]; None: computed from the tags."""
+    gain: int | None = None
+    parameter: str | None = None
+    value: float | None = None
+    """New value of the parameter; None for commands that set none."""
+    source: str = ""
+    """Sender: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
+    sealed: bool = False
+    """True if it was authenticated with the drone's key."""
+    tag_count: int | None = None
+    """Number of tags sent, at the end of an upload or at a start; None: unknown. A start with
+    fewer tags is refused."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandReply:
+    """The supervisor's answer to a command."""
+
+    request_id: int
+    name: CommandName
+    accepted: bool
+    message: str
+    """Reason of a refusal, or a detail such as the flight's directory."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Operation:
+    """Progress of a job that takes longer than its command."""
+
+    name: CommandName
+    state: Literal["running", "complete", "failed"]
+    step: int = 0
+    step_count: int = 0
+    """Total number of steps; 0: unknown."""
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightInfo:
+    """A started flight; the recorder opens it, also after a restart."""
+
+    directory: str
+    start_time_ns: int
+    clock_offset_ns: int
+    """UTC minus CLOCK_MONOTONIC [ns], fixed at the flight's start. Later changes of the wall
+    clock do not affect the flight."""
+    center_frequency_hz: float
+    sample_rate_hz: float
+    tags: tuple[Tag, ...]
+    capture_s: float | None = None
+    """Duration of a raw capture, without tags or detection [s]; None for a flight."""
+
+
+MotionAction = Literal["rotate", "goto", "survey", "hold", "return", "search", "takeoff"]
+
+
+SurveyPattern = Literal["lines", "around", "points"]
+"""Pattern of a survey: lines, laps along its outline, or full turns at points."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeepOut:
+    """An area that must not be flown over, such as a person or a building."""
+
+    places: tuple[tuple[float, float], ...]
+    """Latitude and longitude [°] of its corners, or of the centre of a circle."""
+    radius_m: float | None = None
+    """Radius of a circle [m]; None for a polygon."""
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleFence:
+    """The fence reported by the autopilot."""
+
+    within: tuple[KeepOut, ...] = ()
+    """Areas that the vehicle must stay inside."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """Areas that the vehicle must not enter."""
+    fault: str | None = None
+    """Why the fence cannot be used, with a remedy; then nothing is flown. None if it can."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """A motion that an operator can request."""
+
+    action: MotionAction
+    places: tuple[tuple[float, float], ...] = ()
+    """Latitude and longitude [°] of a goal, or of the corners of an outline."""
+    height_m: float | None = None
+    """Height above home [m]; None: the present height."""
+    duration_s: float = 60.0
+    """Duration of a full turn, or longest duration of a search [s]."""
+    clockwise: bool = True
+    spacing_m: float = 60.0
+    """Distance between the lines or points of a survey [m]."""
+    pattern: SurveyPattern = "lines"
+    tags: tuple[int, ...] = ()
+    """Numbers of tags to search for; empty: all listed tags."""
+    radius_m: float | None = None
+    """Radius of a search around the drone, if there is no outline [m]."""
+    wish_m: float = 25.0
+    """Target accuracy: radius around a found tag that contains it with 95 % [m]."""
+    keep_out: tuple[KeepOut, ...] = ()
+    """Areas that must not be flown over, in addition to those of the settings."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionRequest(Motion):
+    """A motion requested by an operator; nothing moves before it is confirmed."""
+
+    request_id: int
+    """Number of the request, chosen by the sender."""
+    asker: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundTag:
+    """A tag that a drone has found, as sent to the others."""
+
+    tag_id: int
+    place: tuple[float, float]
+    """Latitude and longitude [°] of the tag."""
+    radius95_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A drone's report to other drones: its position, leg and tags.
+
+    While it flies a leg, no other drone may use the straight line from its position to its
+    goal.
+    """
+
+    sequence: int
+    """Number of the report, modulo 65536."""
+    place: tuple[float, float]
+    """Latitude and longitude [°] of the drone."""
+    altitude_amsl_m: float
+    goal: tuple[float, float]
+    """End of its present leg; its position if it stays."""
+    searching: bool = False
+    """True if a search order is confirmed."""
+    returning: bool = False
+    flown: int = 0
+    """Number of the assigned leg that it flies; 0: none."""
+    asked: int = 0
+    """Number of the requested leg; 0: none."""
+    asked_way: tuple[tuple[float, float], ...] = ()
+    """Start and end of the requested leg."""
+    given: tuple[tuple[int, int], ...] = ()
+    """Vehicles, and versions of their legs, known when the leg was chosen."""
+    held: tuple[int, ...] = ()
+    """Tags that it is searching for at present."""
+    found: tuple[FoundTag, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Neighbour:
+    """A ground station's report of another drone; it requests nothing."""
+
+    vehicle: int
+    """MAVLink system id of the other drone; 0: others exist, but none has reported yet."""
+    version: int = 0
+    """Version of its leg, which changes with each new leg."""
+    granted: int = 0
+    """Number of the receiver's requested leg that is now assigned to it; 0: none."""
+    denied: int = 0
+    """Number of the receiver's requested leg that was denied; 0: none."""
+    age_s: float = 0.0
+    """Time since the other drone's last report [s]."""
+    course: Course | None = None
+    """Its last report; `asked_way` is a leg assigned to it that it has not begun."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SoughtTag:
+    """A search's estimate of a tag."""
+
+    tag_id: int
+    latitude_deg: float
+    longitude_deg: float
+    radius95_m: float
+    existence: float
+    """Probability that it is in the area and transmits."""
+    found_s: float | None
+    """Time from the start of the search to the find [s]; None: not found yet."""
+    pulses: int
+    missed: int
+    """Number of expected pulses that were not received."""
+    likely: tuple[tuple[float, float, float], ...] = ()
+    """Most likely squares of a tag that was not found: latitude, longitude and probability."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchNote:
+    """A decision, find, start or end of a search, with the reason."""
+
+    time_ns: int
+    order_id: int
+    event: Literal["begun", "decision", "found", "ended"]
+    text: str
+    reason: str
+    """Reason of the decision, with numbers."""
+    elapsed_s: float
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    """Height of the drone above home [m]."""
+    battery_percent: float | None
+    tags: tuple[SoughtTag, ...]
+    tag_id: int | None = None
+    """Number of a found tag; otherwise None."""
+    goal: tuple[float, float] | None = None
+    """Latitude and longitude [°] of the destination."""
+    area: tuple[tuple[float, float], ...] = ()
+    """Outline of the search area, at the start of the search."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionOffer:
+    """The guide's plan for a request, or the reason of its refusal."""
+
+    request_id: int
+    asker: tuple[int, int]
+    order_id: int
+    nonce: int
+    """Number that confirms the order; valid once."""
+    summary: str
+    mode: str = ""
+    """Flight mode that the drone would leave, as in the summary."""
+    refused: bool = False
+    """True if the request is refused; the summary contains the reason."""
+    takeoff: bool = False
+    """True if the order begins on the ground."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSeen:
+    """State of the vehicle and of our commands, as the autopilot reports it."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    speed_m_s: float
+    yaw_deg: float | None
+    home: tuple[float, float]
+    battery_percent: float | None
+    obeyed: bool
+    """True if the vehicle reports the target of our last command."""
+    wishes_sent: int
+    wishes_refused: int
+    turned_deg: float
+    ground_silent_s: float
+    settling: bool = False
+    """True if it is near its target and still moving; then only a return or a stop is allowed.
+    """
+    heading_rests: bool = True
+    """True if the heading is steady, so that a turn in place may begin."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleReport:
+    """State of the vehicle and of our control over it, ten times a second."""
+
+    autopilot: str | None
+    """``"px4"`` or ``"ardupilot"``; None: not received, or of another kind."""
+    fault: str | None
+    """Why no motion can be confirmed now, with a remedy; None if possible."""
+    takeoff_fault: str | None = field(kw_only=True, default=None)
+    """Why no take-off can be confirmed now, with a remedy; None if possible."""
+    standing: str = "out"
+    """State of control: ``"out"``, ``"confirmed"`` or ``"in command"``."""
+    reason: str = ""
+    """Why control is ``"out"``."""
+    order_id: int | None = None
+    mode: str = ""
+    seen: VehicleSeen | None = None
+    """State of the vehicle; None if its position or home is unknown."""
+    wind_m_s: tuple[float, float] | None = None
+    """Wind velocity to the east and north [m/s]; None if not reported."""
+
+
+class FlyThere(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Fly straight to a position and stay; also turn, if the autopilot accepts the yaw."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    yaw_deg: float | None = None
+    """Heading at the position [°]; None: chosen by the autopilot."""
+
+
+class TurnInPlace(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Turn by one command, if the autopilot supports that."""
+
+    turn_deg: float
+    """Angle of at most one turn, clockwise [°]; negative: counterclockwise."""
+    rate_deg_s: float
+
+
+class GoHome(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Return in the autopilot's own mode, which lands as configured; ends the order."""
+
+
+class TakeMode(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Change to our flight mode on the ground, before a take-off in that mode."""
+
+
+class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Climb straight up from the ground, after a pilot has armed."""
+
+    height_m: float
+    altitude_amsl_m: float
+
+
+Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleWish:
+    """The guide's requested motion; `uavrt.guidance.control.authority` permits or refuses
+    it.
+    """
+
+    order_id: int | None
+    wish: Wish | None = None
+    """Requested motion; None: no new request, only a sign that the guide works."""
+    ends: bool = False
+    """True if the order has ended."""
+    said: str = ""
+    """Text on the progress of the order, or on why it has ended."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IQBlock:
+    """Consecutive complex samples of a radio.
+
+    Blocks follow each other without a gap unless `lost_before` counts missing samples.
+    """
+
+    samples: "NDArray[np.complex64]"
+    """(n,) complex64; valid until the source is read again, so copy it to keep it."""
+    sample_index: int
+    """Index of the first sample since the source started, including lost samples."""
+    time_ns: int
+    """Time of the first sample at the antenna connector [ns, UTC]."""
+    sample_rate_hz: float
+    """Measured sample rate, near the nominal one [Hz]."""
+    lost_before: int = 0
+    """Number of samples missing between the previous block and this one."""
+    unsure_before: int = 0
+    """Part of `lost_before` that may be a wrong clock rate instead of a loss."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelBlock:
+    """Consecutive samples of one channel of the channelizer."""
+
+    channel: int
+    """Channel number: 0 at the radio's centre frequency, increasing with frequency, wrapping to
+    negative ones."""
+    center_frequency_hz: float
+    samples: "NDArray[np.complex64]"
+    """(n,) complex64, never overwritten; a tone of amplitude A in the radio has amplitude A
+    here."""
+    sample_index: int
+    """Index of the first sample of this channel since the start, including lost samples."""
+    time_ns: int
+    """Time of the first sample at the antenna [ns, UTC]; filter delays are corrected."""
+    sample_rate_hz: float
+    lost_before: int = 0
+    clipped_ns: tuple[tuple[int, int], ...] = ()
+    """Start and end of clipped time spans [ns, UTC] since the last block, in order."""
+    carriers_hz: tuple[float, ...] = ()
+    """Frequencies of strong steady carriers in the radio's band [Hz]; they cause ghosts."""
+
+
+@dataclass(frozen=True, slots=True)
+class TunnelPayload:
+    """A payload of a MAVLink TUNNEL message, to be sent."""
+
+    payload: bytes
+    place: tuple[int, int] | None = None
+    """System and component id of the receiver; None: all ground stations."""
+    payload_type: int = 0

@@ -1,0 +1,53 @@
+"""Optional compiled kernels for operations that are several times slower in NumPy.
+
+They come from ``native/kernels.c``. A wheel without them, or ``UAVRT_PURE=1`` in the
+environment, uses NumPy code that gives the same pulses (docs/decisions/0166).
+"""
+
+import importlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+INTERFACE = 6
+"""Version of the kernels' interface; kernels of another version are not used."""
+
+
+def _load() -> tuple[Any, str]:
+    if os.environ.get("UAVRT_PURE", "0") not in ("", "0"):
+        return None, "NumPy alone, as UAVRT_PURE says"
+    try:
+        module = importlib.import_module("uavrt.core._native")
+    except ImportError as error:
+        if isinstance(error, ModuleNotFoundError):
+            return None, "NumPy alone (this installation has no compiled kernels)"
+        return None, f"NumPy alone (compiled kernels cannot be loaded: {error})"
+    found = getattr(module, "INTERFACE", None)
+    if found != INTERFACE:
+        return None, f"NumPy alone (compiled kernels of another version: {found})"
+    return module, f"compiled kernels for {module.BUILT}, {module.choose('avx512')}"
+
+
+_kernels, _said = _load()
+
+
+def kernels() -> Any:
+    """The module of compiled kernels; None if NumPy is used."""
+    return _kernels
+
+
+def description() -> str:
+    """Short text on which code is in use."""
+    return _said
+
+
+@contextmanager
+def numpy_only() -> Iterator[None]:
+    """Context that uses NumPy instead of the kernels, to compare both in tests."""
+    global _kernels
+    kept, _kernels = _kernels, None
+    try:
+        yield
+    finally:
+        _kernels = kept

@@ -1,0 +1,239 @@
+"""Sort points into trains of pulses, each of one sender.
+
+Points of one frequency vote with their time differences for an interval (`beats`). A train is
+refused if its pulses do not agree in frequency, since chance and voice make such trains. It is
+doubtful if most of the points at its frequency are not explained by any train.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.beeps.beats import FoundBeat, find_beats
+from uavrt.detection.beeps.beep_points import Points
+from uavrt.detection.beeps.tuning import INTERVALS, TRAINS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Train:
+    """Pulses of one sender."""
+
+    points: Points
+    beats: tuple[FoundBeat, ...]
+    """An interval for each stretch of the train; members are indices into `points`."""
+    frequency_hz: float
+    level_db: float
+    doubt: str | None = None
+    """Reason why this may not be a sender; None: it is one."""
+    image_of_hz: float | None = None
+    """Frequency of the stronger train with which its pulses coincide [Hz]; None: no image."""
+    together: int = 1
+    """Number of frequencies, including its own, with equally strong simultaneous pulses."""
+
+    def moved(self, center_hz: float) -> "Train":
+        """The train at absolute frequencies."""
+        image_hz = self.image_of_hz
+        return replace(
+            self,
+            points=self.points.moved(self.points.times_s, center_hz),
+            frequency_hz=self.frequency_hz + center_hz,
+            image_of_hz=None if image_hz is None else image_hz + center_hz,
+        )
+
+    @property
+    def interval_s(self) -> float:
+        """Interval of the stretch with the most pulses [s]."""
+        return self._longest.beat.interval_s
+
+    @property
+    def interval_sigma_s(self) -> float:
+        """Standard deviation of the interval, including that of the points' times [s]."""
+        beat = self._longest.beat
+        return max(beat.sigma_s, 0.002 / max(int(beat.numbers[-1]), 1))
+
+    @property
+    def jitter_s(self) -> float:
+        """Scatter of the pulses about the interval [s]."""
+        return self._longest.beat.scatter_s
+
+    @property
+    def _longest(self) -> FoundBeat:
+        return max(self.beats, key=lambda one: one.members.size)
+
+
+def find_trains(
+    points: Points, span_s: float, receiver: Receiver
+) -> tuple[list[Train], list[float]]:
+    """Find all trains among points.
+
+    `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
+    Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
+    frequencies with bursts of pulses, as from a coded tag, the purest first.
+    """
+    free = np.ones(len(points), dtype=bool)
+    by_frequency = np.argsort(points.frequencies_hz, kind="stable")
+    ordered = points.frequencies_hz[by_frequency]
+    trains: list[Train] = []
+    suspects: list[tuple[float, float]] = []
+    for center_hz in _centers(points):
+        low, high = np.searchsorted(
+            ordered, (center_hz - TRAINS.gather_hz, center_hz + TRAINS.gather_hz)
+        )
+        near = np.sort(by_frequency[low:high])
+        near = near[free[near]]
+        if near.size < INTERVALS.fewest_pulses:
+            continue
+        here = points.take(near)
+        found = [
+            (train, members)
+            for group in _of_one_sender(
+                find_beats(here.times_s, span_s, TRAINS.most_intervals), here
+            )
+            for train, members in [_train(group, here)]
+            if _scatter_hz(train.points) <= TRAINS.most_scatter_hz
+        ]
+        used = np.zeros(near.size, dtype=bool)
+        for _, members in found:
+            used[members] = True
+        if share := _burst_share(here.times_s, span_s):
+            suspects.append((share, float(np.median(here.frequencies_hz))))
+        if not found:
+            continue
+        trains += _with_doubt([train for train, _ in found], here, used)
+        free[near[used]] = False
+    trains.sort(key=lambda train: -train.level_db)
+    suspects.sort(reverse=True)
+    return _with_images(trains, receiver), [frequency_hz for _, frequency_hz in suspects]
+
+
+def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Group pulse times into bursts of 2 to 8 pulses."""
+    bursts = np.split(times_s, np.flatnonzero(np.diff(times_s) > TRAINS.burst_gap_s) + 1)
+    return [one for one in bursts if 2 <= len(one) <= TRAINS.most_in_burst]
+
+
+def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
+    """Share of the points in bursts; 0 unless bursts are as rare as those of a code."""
+    bursts = split_bursts(times_s)
+    share = sum(one.size for one in bursts) / times_s.size
+    rare = TRAINS.fewest_bursts <= len(bursts) <= TRAINS.most_bursts_per_s * span_s
+    return share if rare and share >= TRAINS.burst_share else 0.0
+
+
+def _centers(points: Points) -> list[float]:
+    """Frequencies around which most points lie, those with the strongest points first."""
+    if len(points) < INTERVALS.fewest_pulses:
+        return []
+    low_hz = float(points.frequencies_hz.min()) - 2.0 * TRAINS.gather_hz
+    place = np.round((points.frequencies_hz - low_hz) / TRAINS.step_hz).astype(np.intp)
+    reach = round(TRAINS.gather_hz / TRAINS.step_hz)
+    size = int(place.max()) + 2 * reach + 1
+    weight = np.bincount(place, np.maximum(points.levels_db, 0.1), size)
+    count = np.bincount(place, minlength=size)
+    half = reach // 2
+    weights = np.convolve(weight, np.ones(2 * half + 1), mode="same")
+    counts = np.convolve(count, np.ones(2 * reach + 1), mode="same")
+    highest = sliding_window_view(np.pad(weights, reach), 2 * reach + 1).max(axis=1)
+    tops = np.flatnonzero(
+        (weights >= highest) & (weights > 0.0) & (counts >= INTERVALS.fewest_pulses)
+    )
+    # Equal neighbours are one top.
+    tops = tops[np.diff(tops, prepend=-2) > 1]
+    return [float(low_hz + TRAINS.step_hz * top) for top in tops[np.argsort(-weights[tops])]]
+
+
+def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.intp]]:
+    members = np.unique(np.concatenate([beat.members for beat in group]))
+    own = here.take(members)
+    beats = tuple(
+        FoundBeat(beat.beat, np.searchsorted(members, beat.members)) for beat in group
+    )
+    frequency_hz = float(np.median(own.frequencies_hz))
+    return Train(own, beats, frequency_hz, float(np.median(own.levels_db))), members
+
+
+def _scatter_hz(points: Points) -> float:
+    """Scatter of the frequencies about a line through them, without outliers [Hz]."""
+    time_s = points.times_s - points.times_s.mean()
+    slope, value = np.polyfit(time_s, points.frequencies_hz, 1)
+    off_hz = np.abs(points.frequencies_hz - value - slope * time_s)
+    return float(1.4826 * np.median(off_hz))
+
+
+def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> list[Train]:
+    weakest_db = min(train.level_db for train in trains)
+    strong = here.levels_db >= weakest_db - 3.0
+    explained = float((used & strong).sum()) / max(float(strong.sum()), 1.0)
+    if explained >= TRAINS.least_explained:
+        return trains
+    doubt = f"only {100.0 * explained:.0f} % of the pulses at its frequency keep the interval"
+    return [replace(train, doubt=doubt) for train in trains]
+
+
+def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
+    """Mark trains that coincide with stronger ones; drop them if those are close."""
+    kept: list[Train] = []
+    for train in trains:
+        others = [one for one in kept if one.image_of_hz is None]
+        originals_hz = [
+            one.frequency_hz for one in others if _is_image(train, one, others, receiver)
+        ]
+        if not originals_hz:
+            kept.append(train)
+        elif abs(originals_hz[0] - train.frequency_hz) > TRAINS.flank_hz:
+            kept.append(replace(train, image_of_hz=originals_hz[0]))
+    return [replace(one, together=sum(_alike(one, other) for other in kept)) for one in kept]
+
+
+def _alike(train: Train, other: Train) -> bool:
+    return (
+        abs(train.interval_s - other.interval_s) <= TRAINS.one_device_s
+        and abs(train.level_db - other.level_db) <= TRAINS.one_device_db
+        and _coincide(train, other)
+        and _coincide(other, train)
+    )
+
+
+def _is_image(
+    train: Train, other: Train, stronger: Sequence[Train], receiver: Receiver
+) -> bool:
+    below_db = other.level_db - train.level_db
+    if below_db < TRAINS.image_db or not _coincide(train, other):
+        return False
+    partners_hz = [one.frequency_hz for one in stronger if one is not other]
+    return below_db >= TRAINS.anywhere_db or receiver.makes(
+        train.frequency_hz, other.frequency_hz, partners_hz
+    )
+
+
+def _coincide(train: Train, other: Train) -> bool:
+    theirs_s, times_s = other.points.times_s, train.points.times_s
+    place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
+    gap_s = np.minimum(np.abs(theirs_s[place - 1] - times_s), np.abs(theirs_s[place] - times_s))
+    return bool(np.mean(gap_s <= TRAINS.same_time_s) >= TRAINS.image_share)
+
+
+def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
+    """Group intervals by sender: a tag has one interval at a time, so they do not overlap."""
+    groups: list[list[FoundBeat]] = []
+    for beat in beats:
+        times_s = here.times_s[beat.members]
+        for group in groups:
+            if not any(_overlap(times_s, here.times_s[one.members]) for one in group):
+                group.append(beat)
+                break
+        else:
+            groups.append([beat])
+    return groups
+
+
+def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> bool:
+    inside = (
+        int(((one >= other[0]) & (one <= other[-1])).sum())
+        for one, other in ((first_s, second_s), (second_s, first_s))
+    )
+    return min(inside) > TRAINS.strays

@@ -1,0 +1,108 @@
+"""Reads the autopilot's parameters for ``uavrt doctor --autopilot``; sets them on request."""
+
+import asyncio
+from collections.abc import Iterator
+
+from uavrt.core.errors import LinkError, UavrtError
+from uavrt.drone.computer.autopilot_rules import (
+    Need,
+    has_serial_ports,
+    names_to_read,
+    needs,
+    operator_failsafe,
+)
+from uavrt.drone.computer.finding import Finding, failed, passed
+from uavrt.link.mavlink.autopilot.parameter_client import ParameterClient
+from uavrt.link.mavlink.dialect import MavAutopilot
+from uavrt.link.mavlink.links.address import Address, parse_address
+
+LISTEN_S = 6.0
+WHAT = "autopilot"
+NAMES = {int(MavAutopilot.PX4): "PX4", int(MavAutopilot.ARDUPILOTMEGA): "ArduPilot"}
+
+
+def examine_autopilot(
+    address: str, *, port: str | None, baud: int | None = None, fix: bool = False
+) -> Iterator[Finding]:
+    """Compare the autopilot's parameters with what uavrt needs.
+
+    `port`: the autopilot's port of the companion; None: TELEM2 for a serial address, else none.
+    `baud`: rate of the companion's serial port in flight; None: the address's. `fix`: set wrong
+    parameters, unless the vehicle is armed.
+    """
+    place = parse_address(address)
+    if port is None and place.device:
+        port = "TELEM2"
+    try:
+        yield from asyncio.run(_examine(place, port, baud or place.baud, fix))
+    except UavrtError as error:
+        remedy = error.remedy or "Try again"
+        yield failed(WHAT, error.message, remedy)
+
+
+def armed_by_link(address: str) -> bool | None:
+    """True if the autopilot on an unused link is armed; None if none answers."""
+
+    async def ask() -> bool:
+        async with ParameterClient.connected(parse_address(address), LISTEN_S) as client:
+            return client.armed
+
+    try:
+        return asyncio.run(ask())
+    except LinkError:
+        return None
+
+
+async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> list[Finding]:
+    async with ParameterClient.connected(place, LISTEN_S) as client:
+        if client.kind not in NAMES:
+            text = f"it is neither PX4 nor ArduPilot (MAV_AUTOPILOT {client.kind})"
+            remedy = "Let it pass MAVLink on between its ports; see the manual"
+            return [failed(WHAT, text, remedy)]
+        if fix and client.armed:
+            text = "the vehicle is armed: nothing was set"
+            remedy = "Disarm it, then run this again; without --fix it only looks"
+            return [failed(WHAT, text, remedy)]
+        px4 = client.kind == MavAutopilot.PX4
+        values = await client.read(names_to_read(px4, port))
+        found = [_greeting(client, port)]
+        changed = False
+        for need in needs(px4, values, port, baud):
+            finding, done = await _judge(client, need, fix)
+            found.append(finding)
+            changed = changed or done
+        if px4 and not has_serial_ports(values):
+            text = "this PX4 reports no serial ports (simulated?): forwarding was not checked"
+            found.append(passed(WHAT, text))
+        good, text, remedy = operator_failsafe(px4, values)
+        found.append(Finding(what=WHAT, ok=good, text=text, remedy=remedy))
+        if changed:
+            text = "the changes are in force after a restart of the autopilot"
+            remedy = "Take its power away and give it again, then run this once more"
+            found.append(failed(WHAT, text, remedy))
+        return found
+
+
+def _greeting(client: ParameterClient, port: str | None) -> Finding:
+    where = "" if port is None else f", companion at {port}"
+    name = NAMES[client.kind]
+    return passed(WHAT, f"{name}, system {client.autopilot}{where}")
+
+
+async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Finding, bool]:
+    if need.met:
+        return passed(WHAT, f"{need.name} = {need.wanted:g}"), False
+    if need.value is None:
+        remedy = "It appears when its port is switched on: set the others, restart, run again"
+        text = f"{need.name} is not reported; {need.wanted:g} is needed: {need.why}"
+        return failed(WHAT, text, remedy), False
+    text = f"{need.name} = {need.value:g}, must be {need.wanted:g}: {need.why}"
+    if not fix:
+        remedy = f"Set it in your ground station, or with --fix ({need.name} = {need.wanted:g})"
+        return failed(WHAT, text, remedy), False
+    now = await client.write(need.name, need.wanted)
+    if now == need.wanted:
+        text = f"{need.name} was {need.value:g}, is now {need.wanted:g}: {need.why}"
+        return passed(WHAT, text), True
+    remedy = "Set it in your ground station"
+    return failed(WHAT, f"{text}; the autopilot did not accept it", remedy), False

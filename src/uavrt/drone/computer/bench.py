@@ -1,0 +1,334 @@
+"""Decides on the bench whether a drone is ready for a first flight.
+
+`Bench` collects records, on the drone or over its link. `first_flight` judges them and other
+facts, for ``uavrt doctor --flight`` and the page.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import inf, isfinite, log10
+from statistics import median
+
+from uavrt.core.commands import SystemState
+from uavrt.core.messages import Poses, PulsePose, SearchReport, Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
+from uavrt.drone.computer.finding import Finding, failed, passed
+
+DETECTOR_SILENT_S = 15.0
+"""Silence of a detector that counts as a fault [s]; over the link each reports about every 6 s.
+"""
+POSE_OLD_S = 2.0
+"""Age of a position that counts as a fault [s]; five arrive each second, some are lost."""
+HEARD_S = 60.0
+"""Time for which a received pulse of the bench tag counts [s]."""
+NOISE_RISE_DB = 6.0
+"""Rise above the lowest noise of this check that counts as a fault [dB]; it halves the range.
+"""
+NOISE_APART_DB = 10.0
+"""Noise difference between the tags' frequencies that is a fault [dB]; a receiver is flat to 3
+dB."""
+NOISE_LESS_DB = 10.0
+"""Noise drop below past flights that is a fault [dB]: antenna disconnected, or lower gain."""
+CLOCK_OFF_S = 3.0
+"""Clock difference of drone and ground station that counts as a fault [s]."""
+BATTERY_PERCENT = 50.0
+"""Smallest battery charge for a useful first flight [%]."""
+NOISE_REMEDY = (
+    "Switch off what is near, one thing after the other (camera, video link, chargers), and "
+    "keep cables away from the antenna"
+)
+
+
+LEVEL_REMEDY = (
+    "If the gain is as it was then: switch off what is near, one thing after the other "
+    "(camera, video link, chargers), and keep cables away from the antenna"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightFacts:
+    """Facts in addition to the records; None if unknown."""
+
+    tags: tuple[Tag, ...]
+    state: SystemState | None
+    heard: bool
+    """True if the drone answers."""
+    own_findings: tuple[Finding, ...] = ()
+    """Findings of this computer itself, which replace those from records over the link."""
+    time_known: bool | None = None
+    """True if the autopilot's clock is known; None: checked elsewhere."""
+    clock_off_s: float | None = None
+    pose_age_s: float | None = None
+    """Age of the newest position [s]; None without any."""
+    disk_free_mb: float | None = None
+    disk_needed_mb: float = 0.0
+    battery_percent: float | None = None
+    battery_v: float | None = None
+    usual_noise_db: float | None = None
+    """Noise of the resting receiver in past flights [dB]; None if unknown."""
+
+
+@dataclass(slots=True)
+class _Heard:
+    """The last records of one tag."""
+
+    detector_ns: int | None = None
+    pulse_ns: int | None = None
+    clipped: bool = False
+    noise_db: float | None = None
+    quietest_db: float = inf
+
+
+@dataclass(slots=True)
+class Bench:
+    """Collects records with their arrival times."""
+
+    tags: dict[int, _Heard] = field(default_factory=dict)
+    pose_ns: int | None = None
+    posed: bool | None = None
+    """True if the newest pulse had a position; None without a pulse."""
+
+    def take(self, record: object, now_ns: int) -> None:
+        """Add a record; only pulses, search reports and poses count."""
+        match record:
+            case PulsePose():
+                one = self.alive(record.pulse.tag_id, now_ns)
+                if record.pulse.confirmed:
+                    one.pulse_ns, one.clipped = now_ns, record.pulse.clipped
+                self.posed = record.pose is not None
+                _add_noise(one, record.pulse.noise_psd)
+            case SearchReport():
+                _add_noise(self.alive(record.tag_id, now_ns), record.noise_psd)
+            case Poses():
+                self.pose_ns = now_ns
+
+    def alive(self, tag_id: int, now_ns: int) -> _Heard:
+        """Register that a tag's detector reported."""
+        one = self.tags.setdefault(tag_id, _Heard())
+        one.detector_ns = now_ns
+        return one
+
+    def reset(self) -> None:
+        """Reset for another drone, or after this one was moved."""
+        self.tags.clear()
+        self.pose_ns = self.posed = None
+
+    def noise(self, tags: Iterable[Tag]) -> dict[int, _Heard]:
+        """Noise at the frequencies of the tags, where known [dB]."""
+        ids = {tag.tag_id for tag in tags}
+        return {
+            tag_id: one
+            for tag_id, one in self.tags.items()
+            if tag_id in ids and one.noise_db is not None
+        }
+
+
+def _add_noise(one: _Heard, noise_psd: float) -> None:
+    if isfinite(noise_psd) and noise_psd > 0.0:
+        one.noise_db = 10.0 * log10(noise_psd)
+        one.quietest_db = min(one.quietest_db, one.noise_db)
+
+
+def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
+    """Judge each item of the check list; unknown items count as faults."""
+    judged = [
+        _drone(facts),
+        _radio(facts, bench, now_ns),
+        _noise(facts, bench),
+        _time(facts, bench),
+        _poses(facts),
+        _tags(facts, bench, now_ns),
+        _disk(facts),
+        _battery(facts),
+    ]
+    if not facts.heard:
+        judged = [_without_drone(finding) for finding in judged]
+    own = {finding.what: finding for finding in facts.own_findings}
+    return [own.pop(finding.what, finding) for finding in judged] + list(own.values())
+
+
+def _without_drone(finding: Finding) -> Finding:
+    if finding.ok or finding.what in ("drone", "tags"):
+        return finding
+    return failed(finding.what, "unknown: no contact with the drone", "Waiting for the drone")
+
+
+def _open(what: str, text: str, remedy: str) -> Finding:
+    return Finding(what=what, ok=False, open=True, text=text, remedy=remedy)
+
+
+def _drone(facts: FlightFacts) -> Finding:
+    if facts.heard:
+        return passed("drone", "connected")
+    return failed(
+        "drone", "no contact", "Check its power, the telemetry radio and the connection"
+    )
+
+
+def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
+    what = "radio"
+    if facts.state is not SystemState.DETECTING:
+        return failed(
+            what,
+            "not tested: no detection is running",
+            "Send the tags and press Start, with the propellers off",
+        )
+    ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
+    if min(ages, default=inf) <= DETECTOR_SILENT_S:
+        return passed(what, "its samples arrive and are searched")
+    return failed(
+        what,
+        "no detector reports",
+        "Press Radio status under Set-up; check the radio's cable and its supply",
+    )
+
+
+def _noise(facts: FlightFacts, bench: Bench) -> Finding:
+    what = "noise"
+    known = bench.noise(facts.tags)
+    if not known:
+        return failed(what, "not measured yet", "Press Start and wait half a minute")
+    names = {tag.tag_id: _megahertz(tag) for tag in facts.tags}
+    levels = {tag_id: one.noise_db or 0.0 for tag_id, one in known.items()}
+    rises = {tag_id: levels[tag_id] - one.quietest_db for tag_id, one in known.items()}
+    worst = max(rises, key=rises.__getitem__)
+    if rises[worst] > NOISE_RISE_DB:
+        text = f"{rises[worst]:.0f} dB more than before at {names[worst]} MHz"
+        return failed(what, text, NOISE_REMEDY)
+    loudest = max(levels, key=levels.__getitem__)
+    apart_db = levels[loudest] - min(levels.values())
+    if apart_db > NOISE_APART_DB:
+        at = names[loudest]
+        text = f"{apart_db:.0f} dB more at {at} MHz than at the quietest tag's"
+        return failed(what, text, NOISE_REMEDY)
+    return _level(what, levels, apart_db, facts.usual_noise_db)
+
+
+def _level(
+    what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
+) -> Finding:
+    """Finding on noise that is flat and steady: past flights show whether it is too high."""
+    even = f"within {apart_db:.0f} dB on all tags, and steady"
+    if usual_db is None:
+        return _open(
+            what,
+            f"not known yet: {even}, but there is no past flight for comparison",
+            "Switch on camera, video link and motors, one after the other, and check that the "
+            "noise stays the same. Later flights are compared with the first",
+        )
+    more_db = median(levels.values()) - usual_db
+    if more_db > NOISE_RISE_DB:
+        return failed(what, f"{more_db:.0f} dB more than in past flights", LEVEL_REMEDY)
+    if more_db < -NOISE_LESS_DB:
+        return failed(
+            what,
+            f"{-more_db:.0f} dB less than in past flights",
+            "Check the antenna and its cable, and that the gain is as it was then",
+        )
+    return passed(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
+
+
+def _time(facts: FlightFacts, bench: Bench) -> Finding:
+    what = "time"
+    off_s = facts.clock_off_s
+    if off_s is not None and abs(off_s) > CLOCK_OFF_S:
+        off = rough_duration(off_s)
+        return failed(
+            what,
+            f"the drone's clock is {off} behind this computer's"
+            if off_s > 0
+            else f"the drone's clock is {off} ahead of this computer's",
+            "Set the clock that is wrong; on the drone: sudo timedatectl set-time",
+        )
+    if facts.time_known or (facts.time_known is None and bench.posed):
+        return passed(what, "the autopilot's clock is known")
+    waiting = facts.time_known is None and bench.posed is None
+    return failed(
+        what,
+        "unknown until a pulse is detected"
+        if waiting
+        else "the autopilot's clock is not known",
+        "Switch on the bench tag"
+        if waiting
+        else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",
+    )
+
+
+def _poses(facts: FlightFacts) -> Finding:
+    what = "poses"
+    age_s = facts.pose_age_s
+    if age_s is None:
+        return failed(
+            what, "no position yet", "Put the drone under the open sky and wait for its GPS"
+        )
+    if age_s > POSE_OLD_S:
+        return failed(
+            what,
+            f"the last position is {age_s:.0f} s old",
+            "Check the telemetry radio and the autopilot's stream rates",
+        )
+    return passed(what, "fresh")
+
+
+def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
+    what = "tags"
+    if not facts.tags:
+        return failed(what, "no tags in the table", "Type them in under Set-up")
+    nothing = _Heard()
+    heard = [
+        (tag, bench.tags.get(tag.tag_id, nothing))
+        for tag in facts.tags
+        if _age_s(bench.tags.get(tag.tag_id, nothing).pulse_ns, now_ns) <= HEARD_S
+    ]
+    if not heard:
+        return failed(
+            what,
+            "none detected in the last minute",
+            "Put one a few metres away, switched on; check its frequency and interval",
+        )
+    if all(one.clipped for _, one in heard):
+        return failed(
+            what,
+            "so strong that the radio overloads",
+            "Put the tag farther away, or lower the gain",
+        )
+    names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
+    return passed(what, f"{len(heard)} of {len(facts.tags)} detected: {names}")
+
+
+def _disk(facts: FlightFacts) -> Finding:
+    what = "disk"
+    free_mb = facts.disk_free_mb
+    if free_mb is None:
+        return failed(what, "the drone has not reported its free space", "Wait ten seconds")
+    if free_mb < facts.disk_needed_mb:
+        return failed(
+            what,
+            f"{free_mb / 1000.0:.1f} GB free on the drone",
+            "Fetch its flights, then Clean logs under Set-up",
+        )
+    return passed(what, f"{free_mb / 1000.0:.1f} GB free on the drone")
+
+
+def _battery(facts: FlightFacts) -> Finding:
+    what = "battery"
+    percent = facts.battery_percent
+    if percent is None:
+        return failed(
+            what,
+            "not reported by the autopilot",
+            "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
+        )
+    if percent < BATTERY_PERCENT:
+        return failed(what, f"{percent:.0f} % left", "Charge it, or use a full one")
+    if facts.battery_v is None:
+        return passed(what, f"{percent:.0f} % left")
+    return passed(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")
+
+
+def _age_s(at_ns: int | None, now_ns: int) -> float:
+    return inf if at_ns is None else (now_ns - at_ns) / NANOSECONDS_PER_SECOND
+
+
+def _megahertz(tag: Tag) -> str:
+    return f"{tag.frequency_hz / 1e6:.3f}"

@@ -1,0 +1,275 @@
+"""Installs another version for ``uavrt update``, tries it, and keeps it or goes back.
+
+A power cut may happen at any step:
+
+1. The new version is installed in its own directory and tested there: it loads everything that
+a flight needs, and reads the settings. The running version is not affected.
+
+2. The link ``trial`` is set to the previous version, ``venv`` to the new one, and the service
+is restarted.
+
+3. The new version is monitored (`uavrt.drone.computer.trial`). If it is good, its keys are
+accepted and ``trial`` is removed; if not, ``venv`` is set back and the service restarted.
+
+A cut before 2 changes nothing. After it, ``uavrt-update.service`` continues with 3 at the next
+boot, with the program of the previous version. Flights and settings are not touched.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from uavrt.core.atomic_file import write_atomically
+from uavrt.core.errors import UavrtError, UsageError, os_errors_as
+from uavrt.drone.computer.trial import Verdict
+from uavrt.drone.computer.update_file import Update, read_update, unpack_wheels, version_key
+from uavrt.drone.computer.versions import COMPLETE, Installation, version_of
+
+Say = Callable[[str], None]
+Restart = Callable[[], None]
+Judge = Callable[[], tuple[Verdict, str]]
+"""Function that monitors the system; returns the decision and what was missing."""
+
+EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
+"""Extras by name, each with a package that shows that an environment has it."""
+BUILT_HERE = "wheels"
+"""Directory of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
+PAGE_UNIT = "uavrt-page.service"
+KEYS = ".update-keys.pem"
+"""File with the keys that come with a version, in its directory."""
+SPACE_FACTOR = 2.2
+"""Disk space needed by a new version and its wheels, as a multiple of the previous version's
+size."""
+
+
+def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
+    """Check whether an update may be installed here; raises `UavrtError` if not."""
+    place.require()
+    update = read_update(path, place.keys)
+    if place.before() is not None:
+        text = "the version before is still on trial"
+        raise UsageError(text, remedy="Wait for its end: uavrt update --resume")
+    present = place.current()
+    if present.name == update.name:
+        raise UsageError(f"this build of {update.version} is already installed")
+    version = version_of(present)
+    if version_key(update.version) <= version_key(version) and not downgrade:
+        raise UsageError(
+            f"{update.version} is not newer than {version}, which is installed",
+            remedy="To install it anyway, give --downgrade",
+        )
+    _require_room(place, present)
+    return update
+
+
+def _require_room(place: Installation, present: Path) -> None:
+    taken = sum(file.lstat().st_size for file in present.rglob("*") if not file.is_symlink())
+    needed_mb, free_mb = (
+        SPACE_FACTOR * taken / 1e6,
+        shutil.disk_usage(place.prefix).free / 1e6,
+    )
+    if free_mb < needed_mb:
+        raise UsageError(
+            f"{free_mb:.0f} MB are free at {place.prefix}, an update needs {needed_mb:.0f}",
+            remedy="Free some space: fetch the flights and remove some",
+        )
+
+
+def install_beside(
+    update: Update, place: Installation, *, config: Path, directory: Path
+) -> Path:
+    """Install and test the new version next to the present one; return its directory.
+
+    `config`: settings that it must be able to read, if they exist. `directory`: working
+    directory of the service. Raises `UavrtError` if it cannot be installed or does not run;
+    nothing has changed then.
+    """
+    made = place.version_directory(update.name)
+    try:
+        if not (made / COMPLETE).exists():
+            shutil.rmtree(made, ignore_errors=True)
+            _make(update, place.current(), made)
+        rehearse(made, update.version, config=directory / config)
+        place.mark_complete(made)
+    except BaseException as error:
+        shutil.rmtree(made, ignore_errors=True)
+        if isinstance(error, OSError):
+            text = f"the new version cannot be written: {error.strerror or error}"
+            raise UsageError(text, remedy="Make room, and check the disk") from error
+        raise
+    return made
+
+
+def python_module(environment: Path, *words: str) -> list[str]:
+    """Command that runs a module of an environment as root.
+
+    ``-I`` prevents imports from the working directory, which may belong to the service's user.
+    """
+    return [str(environment / "bin/python"), "-I", "-m", *words]
+
+
+def _make(update: Update, present: Path, made: Path) -> None:
+    pip = python_module(made, "pip", "install", "--quiet", "--no-index")
+    if update.alone:
+        shutil.copytree(present, made, symlinks=True)
+        for name in (COMPLETE, KEYS):
+            (made / name).unlink(missing_ok=True)
+        assert update.content is not None
+        with tempfile.TemporaryDirectory(prefix=".wheels-", dir=made) as wheels:
+            wheel = Path(wheels) / update.path.name
+            wheel.write_bytes(update.content)
+            _run([*pip, "--no-deps", "--force-reinstall", str(wheel)], update)
+        _require_libraries(made, update)
+        return
+    _run(python_module(present, "venv", str(made)), update)
+    extras = [name for name, known in EXTRAS.items() if _has(present, known)]
+    wanted = f"uavrt[{','.join(extras)}]=={update.version}"
+    with tempfile.TemporaryDirectory(prefix=".wheels-", dir=made) as wheels:
+        unpack_wheels(update, Path(wheels))
+        _run([*pip, "--find-links", wheels, wanted], update)
+    if _has(present, EXTRAS["ros2"]) and not _has(made, EXTRAS["ros2"]):
+        for built in (present.parents[1] / BUILT_HERE).glob("cyclonedds-*.whl"):
+            _run([*pip, "--no-deps", str(built)], update)
+    if update.manifest is not None and update.manifest.keys is not None:
+        write_atomically(made / KEYS, update.manifest.keys)
+
+
+def _require_libraries(made: Path, update: Update) -> None:
+    done = subprocess.run(
+        python_module(made, "pip", "check"),
+        capture_output=True,
+        text=True,
+        check=False,
+        env=_environment(),
+        cwd="/",
+    )
+    lacks = [line for line in done.stdout.splitlines() if line.startswith("uavrt ")]
+    if lacks:
+        raise UsageError(
+            f"{update.version} needs other libraries: {lacks[0]}",
+            remedy="Use the .tar, which contains them (deploy/make-update.py)",
+        )
+
+
+def _has(environment: Path, distribution: str) -> bool:
+    return any(environment.glob(f"lib/python3*/site-packages/{distribution}-*.dist-info"))
+
+
+def _run(command: Sequence[str], update: Update) -> None:
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=_environment(), cwd="/"
+    )
+    if done.returncode:
+        said = (done.stderr + done.stdout).strip().splitlines() or ["no word"]
+        errors = [line for line in said if line.startswith("ERROR:")] or said
+        python = f"{sys.version_info.major}.{sys.version_info.minor}"
+        raise UsageError(
+            f"{update.version} cannot be installed here: {errors[0]}",
+            remedy=f"Make one for Python {python} on {os.uname().machine}, with all libraries "
+            "(deploy/make-update.py)",
+        )
+
+
+def _environment() -> dict[str, str]:
+    """Environment variables without the caller's Python and pip settings or network."""
+    kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG")}
+    return kept | {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+
+
+def rehearse(made: Path, version: str, *, config: Path) -> None:
+    """Let the new version load everything a flight needs; raises `UsageError`."""
+    command = python_module(made, "uavrt.cli", "update", "--rehearse")
+    if config.exists():
+        command += ["--config", str(config.absolute())]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=_environment(), cwd="/"
+    )
+    if done.returncode or done.stdout.split() != [version]:
+        said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
+        raise UsageError(
+            f"{version} does not start here: {said[-1]}",
+            remedy="The previous version stays in use; check uavrt.toml, or report this",
+        )
+
+
+def exchange(
+    made: Path, place: Installation, *, restart: Restart, judge: Judge, say: Say
+) -> bool:
+    """Start the new version, monitor it, and keep it or go back; True if it was kept."""
+    before = place.current()
+    place.point(place.trial, before)
+    place.point(place.link, made)
+    say(f"{made.name} runs, on trial; the one before is {before.name}")
+    _restart(restart, say)
+    return finish(place, restart=restart, judge=judge, say=say)
+
+
+def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
+    """Monitor a version on trial, also after a power cut; True if it was kept."""
+    before = place.before()
+    if before is None:
+        say("no version is on trial")
+        return True
+    current = place.current()
+    if current == before:  # cut off before the exchange, or while going back
+        _go_back(place, before, restart, say)
+        return False
+    verdict, fault = judge()
+    if verdict is Verdict.GOOD:
+        _take_keys(current, place)
+        place.end_trial()
+        place.remove_others(current, before)
+        say(f"{current.name} is good, and stays")
+        return True
+    place.point(place.link, before)
+    say(f"{current.name} was not good ({fault}): back to {before.name}")
+    _go_back(place, before, restart, say)
+    return False
+
+
+def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> None:
+    restarted = _restart(restart, say)
+    place.end_trial()
+    if restarted:  # otherwise the refused one may still run from its files
+        place.remove_others(before)
+
+
+def _restart(restart: Restart, say: Say) -> bool:
+    try:
+        restart()
+    except UavrtError as error:
+        say(str(error))
+        return False
+    return True
+
+
+def _take_keys(version: Path, place: Installation) -> None:
+    try:
+        text = (version / KEYS).read_text(encoding="ascii")
+    except FileNotFoundError:
+        return
+    write_atomically(place.keys, text)
+
+
+def restart_by(command: Sequence[str]) -> None:
+    """Restart the service; raises `UavrtError` if that fails."""
+    with os_errors_as(UavrtError, f"{command[0]}"):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise UavrtError(f"{' '.join(command)} failed: {done.stderr.strip()}")
+
+
+def restart_page() -> None:
+    """Restart an image's page with the present version; does nothing elsewhere.
+
+    This separate service would otherwise use the files of the previous version until they are
+    removed.
+    """
+    with suppress(OSError):
+        command = ["systemctl", "try-restart", PAGE_UNIT]
+        subprocess.run(command, capture_output=True, check=False)

@@ -1,0 +1,139 @@
+"""Boilerplate of a child process: link, clock, health reports, shutdown.
+
+A process's main is then a short loop::
+
+    with ProcessFrame.start() as frame:
+        while frame.running:
+            for topic, record in frame.receive(timeout_s=0.1):
+                ...
+            frame.report("ready", counters={...})
+"""
+
+import gc
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Self
+
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.log import configure_logging, get_logger
+from uavrt.core.messages import FlightInfo, Health, StatusText
+from uavrt.core.runtime.heap import HeapKeeper
+from uavrt.drone.ipc.parent import die_with_parent
+from uavrt.drone.ipc.record_link import ChildLink, SupervisorGone
+from uavrt.drone.ipc.tag_assignment import Assignment
+from uavrt.drone.ipc.topics import TOPICS
+
+HEALTH_PERIOD_S = TOPICS["health"].every_s or 1.0
+
+
+class ProcessFrame:
+    """Link to the supervisor, clock, health reports and shutdown of a child process."""
+
+    def __init__(self, link: ChildLink, assignment: Assignment) -> None:
+        self.link = link
+        self.assignment = assignment
+        self.clock = Clock(assignment.clock_offset_ns)
+        """The flight's clock, replaced at each start: it may step, so do not schedule by it."""
+        self.running = True
+        self.counters: dict[str, float] = {}
+        self._next_health_s = 0.0
+        self._heap = HeapKeeper(monotonic_s())
+        self._last: tuple[str, bool, str] = ("", True, "")
+
+    @classmethod
+    def start(cls, *, finishes: bool = False) -> "ProcessFrame":
+        """Open the link and wait for the assignment; SIGTERM ends the loop, SIGINT is ignored.
+
+        With `finishes` the end of the supervisor acts as SIGTERM too, for processes that must
+        still write. The supervisor alone decides in which order processes end on Ctrl-C.
+        """
+        die_with_parent(signal.SIGTERM if finishes else signal.SIGKILL)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        link = ChildLink.from_environment()
+        assignment = link.wait_for_assignment()
+        gc.freeze()  # what was imported stays: see `HeapKeeper`
+        configure_logging(assignment.process)
+        frame = cls(link, assignment)
+        signal.signal(signal.SIGTERM, lambda *_: frame.stop())
+        return frame
+
+    def stop(self) -> None:
+        """End the process's loop."""
+        self.running = False
+
+    def send(self, topic: str, record: object) -> None:
+        """Queue a record for the supervisor, to be passed on; it leaves with the next report.
+
+        All records of one turn of the loop go together: each sending wakes the supervisor.
+        """
+        self.link.put(topic, record)
+
+    def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
+        """Return received records; the start of a flight sets the clock."""
+        records = self.link.receive(timeout_s)
+        for _, record in records:
+            if isinstance(record, FlightInfo):
+                self.clock = Clock(record.clock_offset_ns)
+        return records
+
+    def notify(self, severity: int, text: str) -> None:
+        """Send a text to the operator."""
+        self.send("status_text", StatusText(severity=severity, text=text))
+
+    def report(
+        self,
+        status: str,
+        *,
+        ok: bool = True,
+        counters: Callable[[], Mapping[str, float]] = dict,
+        last: bool = False,
+        reason: str = "",
+    ) -> None:
+        """Send the health if it is due, the last, or has changed.
+
+        Call it in each turn of the loop: it also sends all queued records. `counters` is called
+        only when the health is sent.
+        """
+        now_s = monotonic_s()
+        if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
+            self.link.flush()
+            return
+        self._next_health_s = now_s + HEALTH_PERIOD_S
+        self._heap.keep(now_s)
+        self._last = (status, ok, reason)
+        self.link.send(
+            "health",
+            Health(
+                process=self.assignment.process,
+                time_ns=self.clock.now_ns(),
+                status=status,
+                ok=ok,
+                counters=dict(counters()),
+                reason=reason,
+            ),
+        )
+
+    def idle(self, reason: str) -> None:
+        """Run without work until the end, because a restart would change nothing."""
+        while self.running:
+            self.receive(timeout_s=0.5)
+            self.report(reason, ok=False)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Send what is still queued; end without an error if the supervisor has gone."""
+        if isinstance(error, SupervisorGone):
+            get_logger().warning("supervisor gone: ending")
+            sys.exit(1)
+        with suppress(SupervisorGone):
+            self.link.flush(timeout_s=2.0 if kind is None else 0.1)

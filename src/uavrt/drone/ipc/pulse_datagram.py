@@ -1,0 +1,176 @@
+"""Pulses as the original detector sends them to its controller: 96 bytes by UDP.
+
+Twelve float64, little endian, to 127.0.0.1:50000::
+
+    offset  field
+    0       tag_id
+    8       frequency_hz           absolute, whole hertz
+    16      start_time_s           since 1970; float64 resolves 0.24 µs today
+    24      predict_next_start_s   0: none
+    32      snr_db
+    40      stft_score             statistic over threshold
+    48      group_sequence
+    56      group_index            1 to K
+    64      group_snr_db
+    72      detection_status       0 below the threshold, 1 detected, 2 confirmed,
+                                   3 searched and found nothing
+    80      confirmed              0 or 1
+    88      noise_psd
+
+The four states are the successor's; the original knows 0 and 1. A heartbeat is a record with
+only the tag's number: frequency 0. A record of state 3 has number, frequency, time, score and
+noise.
+"""
+
+import math
+import socket
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from uavrt.core.errors import FormatError, LinkError, os_errors_as
+from uavrt.core.messages import DetectionStatus, Pulse, SearchReport
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+RECORD: Final = struct.Struct("<12d")
+DEFAULT_PORT: Final = 50_000
+HEARTBEAT_S: Final = 1.0
+"""Time between two heartbeats [s], as in the successor; the original sends one every 3.6 s."""
+
+_STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
+NOTHING_FOUND: Final = 3
+OVERDUE_NS: Final = ns_from_s(1.0)
+"""Time after its expected end when a tag's next pulse counts as missed [ns]; detectors report a
+pulse about half a second late, in steps of up to 0.44 s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseRecord:
+    """The twelve numbers of a pulse datagram."""
+
+    tag_id: float
+    frequency_hz: float = 0.0
+    start_time_s: float = 0.0
+    predict_next_start_s: float = 0.0
+    snr_db: float = 0.0
+    stft_score: float = 0.0
+    group_sequence: float = 0.0
+    group_index: float = 0.0
+    group_snr_db: float = 0.0
+    detection_status: float = 0.0
+    confirmed: float = 0.0
+    noise_psd: float = 0.0
+
+    @property
+    def is_heartbeat(self) -> bool:
+        """True for a heartbeat, which has frequency 0."""
+        return self.frequency_hz == 0.0
+
+    def encode(self) -> bytes:
+        """Bytes of the record, 96 of them."""
+        return RECORD.pack(*(getattr(self, name) for name in self.__slots__))
+
+    @classmethod
+    def decode(cls, payload: bytes) -> "PulseRecord":
+        """Read 96 bytes, infinite numbers included; raises `FormatError` for another size."""
+        if len(payload) != RECORD.size:
+            raise FormatError(
+                f"a pulse record has {RECORD.size} bytes, this one {len(payload)}",
+                remedy="Check that the sender is a detector",
+            )
+        return cls(**dict(zip(cls.__slots__, RECORD.unpack(payload), strict=True)))
+
+
+def record_of_pulse(pulse: Pulse) -> PulseRecord:
+    """Convert a pulse to a pulse record."""
+    return PulseRecord(
+        tag_id=pulse.tag_id,
+        frequency_hz=round(pulse.frequency_hz),
+        start_time_s=pulse.start_time_ns / NANOSECONDS_PER_SECOND,
+        predict_next_start_s=(pulse.predicted_next_start_ns or 0) / NANOSECONDS_PER_SECOND,
+        snr_db=pulse.snr_db,
+        stft_score=pulse.score,
+        group_sequence=pulse.group_sequence,
+        group_index=pulse.group_index,
+        group_snr_db=pulse.group_snr_db,
+        detection_status=_STATES[pulse.detection_status],
+        confirmed=pulse.confirmed,
+        noise_psd=pulse.noise_psd,
+    )
+
+
+def record_of_search(report: SearchReport) -> PulseRecord:
+    """Convert a search report without a detection to a pulse record of state 3."""
+    return PulseRecord(
+        tag_id=report.tag_id,
+        frequency_hz=round(report.frequency_hz),
+        start_time_s=report.time_ns / NANOSECONDS_PER_SECOND,
+        stft_score=report.best_score,
+        detection_status=NOTHING_FOUND,
+        noise_psd=report.noise_psd,
+    )
+
+
+class PulseDatagramSender:
+    """Sends pulse records and heartbeats by UDP; `LinkError` for an unknown host."""
+
+    def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
+        with os_errors_as(LinkError, f"no address {host}", "Check the name"):
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._place = found[4]
+        self._socket = socket.socket(found[0], socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._tag_ids = tuple(tag_ids)
+        self._last_heartbeat_s = -math.inf
+        self._found_ns: dict[int, tuple[int, int]] = {}
+        """Last time span in which each tag's pulses came as expected [ns]."""
+        self.sent = 0
+        self.dropped = 0
+        """Number of records not sent, for lack of buffer or network."""
+
+    def send_pulses(self, pulses: Iterable[Pulse]) -> None:
+        """Send pulses, each once."""
+        for pulse in pulses:
+            self._send(record_of_pulse(pulse))
+            self._note_found(pulse)
+
+    def send_reports(self, reports: Iterable[SearchReport]) -> None:
+        """Send searches without a detection, except for a tag whose pulses arrive.
+
+        Reports come every second, pulses often less often; a controller would take a tag for
+        lost between two pulses.
+        """
+        for report in reports:
+            begin_ns, end_ns = self._found_ns.get(report.tag_id, (0, -1))
+            if not begin_ns <= report.time_ns <= end_ns:
+                self._send(record_of_search(report))
+
+    def heartbeat(self, now_s: float) -> None:
+        """Send a heartbeat for each tag once a second, by a monotonic clock."""
+        if now_s - self._last_heartbeat_s >= HEARTBEAT_S:
+            self._last_heartbeat_s = now_s
+            for tag_id in self._tag_ids:
+                self._send(PulseRecord(tag_id=tag_id))
+
+    def _note_found(self, pulse: Pulse) -> None:
+        """Extend the time span in which a tag is found, or begin another."""
+        next_ns = pulse.predicted_next_end_ns or pulse.end_time_ns
+        begin_ns, end_ns = pulse.start_time_ns, next_ns + OVERDUE_NS
+        before_ns, until_ns = self._found_ns.get(pulse.tag_id, (begin_ns, end_ns))
+        # Pulses of a block may come before its reports, and a weak one later than its next;
+        # stretches that are apart are a tag that was lost, or a clock that was set.
+        if begin_ns <= until_ns and before_ns <= end_ns:
+            begin_ns, end_ns = min(begin_ns, before_ns), max(end_ns, until_ns)
+        self._found_ns[pulse.tag_id] = begin_ns, end_ns
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _send(self, record: PulseRecord) -> None:
+        try:
+            self._socket.sendto(record.encode(), self._place)
+            self.sent += 1
+        except OSError:
+            self.dropped += 1

@@ -1,0 +1,185 @@
+"""Table of topics: every kind of record that crosses a process.
+
+Routing, recording, the hub's queues and the documentation derive from this table and from the
+table of processes (`uavrt.drone.supervisor.tree.table`).
+
+A record is sent as one line, ``topic TAB json NEWLINE``.
+"""
+
+from dataclasses import KW_ONLY, dataclass
+from typing import Any
+
+import msgspec
+
+from uavrt.config.settings import Settings
+from uavrt.core import messages
+from uavrt.drone.ipc.tag_assignment import Assignment
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A kind of record: name, type, meaning, and limits."""
+
+    name: str
+    record: type
+    meaning: str
+    _: KW_ONLY
+    newest: int | None = None
+    """Number of newest records kept for a slow or restarting consumer; None: all. Older ones
+    are dropped and counted."""
+    every_s: float | None = None
+    """Time between two records of one sender once they flow [s]; None: irregular. Less than
+    half the rate is reported as too slow (`uavrt.drone.supervisor.pace`)."""
+    each_tag: bool = False
+    """True if `every_s` applies to each tag that the sender serves."""
+
+
+TOPICS: dict[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        Topic("assignment", Assignment, "what a starting process is to do; its first record"),
+        Topic("pulse", messages.Pulse, "a pulse that a detector found"),
+        Topic(
+            "search_report",
+            messages.SearchReport,
+            "searched, nothing found, with the noise floor",
+            newest=200,
+            every_s=1.0,
+            each_tag=True,
+        ),
+        Topic(
+            "pulse_pose",
+            messages.PulsePose,
+            "a pulse with the antenna's pose, or the word that there is none",
+        ),
+        Topic("recorded", messages.Recorded, "which of them are safe on disk"),
+        Topic(
+            "taken",
+            messages.Taken,
+            "how many records are dealt with for good; the rest would be sent again",
+        ),
+        Topic(
+            "bearing",
+            messages.LiveBearing,
+            "a bearing estimated on the drone, where its table has the estimator",
+            newest=50,
+        ),
+        Topic(
+            "beep",
+            messages.Beep,
+            "a sender of pulses that was found without knowing any tag",
+            newest=100,
+        ),
+        Topic(
+            "delivered",
+            messages.Delivered,
+            "pulses that reached a ground station, never to be sent again",
+        ),
+        Topic(
+            "poses",
+            messages.Poses,
+            "raw poses of the vehicle, batched",
+            newest=600,
+            every_s=0.5,
+        ),
+        Topic("flight", messages.FlightInfo, "a flight has started"),
+        Topic(
+            "corrected_tags",
+            messages.FlightInfo,
+            "the flight goes on with other values of its tags",
+        ),
+        Topic(
+            "flight_end",
+            messages.FlightInfo,
+            "the flight has ended and all its pulses are on their way",
+        ),
+        Topic("motion", messages.MotionRequest, "a motion that an operator asks for", newest=1),
+        Topic(
+            "motion_offer",
+            messages.MotionOffer,
+            "what would be flown, for the operator to confirm",
+            newest=1,
+        ),
+        Topic(
+            "vehicle",
+            messages.VehicleReport,
+            "state of the vehicle, and authority over it",
+            newest=1,
+            every_s=0.1,
+        ),
+        Topic("vehicle_fence", messages.VehicleFence, "the autopilot's own fence", newest=1),
+        Topic("wish", messages.VehicleWish, "what the guide wishes of the vehicle", newest=4),
+        Topic(
+            "course", messages.Course, "where the drone is going, for others that fly", newest=2
+        ),
+        Topic(
+            "neighbour",
+            messages.Neighbour,
+            "another drone's state, from the ground station",
+            newest=32,
+        ),
+        Topic(
+            "search_note",
+            messages.SearchNote,
+            "what a search has decided or found, and why",
+            newest=200,
+        ),
+        Topic("command", messages.Command, "what an operator asks"),
+        Topic("command_reply", messages.CommandReply, "the supervisor's answer"),
+        Topic(
+            "operation",
+            messages.Operation,
+            "how far something is that takes longer than its command",
+        ),
+        Topic("settings", Settings, "the settings after an operator has changed one", newest=1),
+        Topic("status_text", messages.StatusText, "a short text for the operator", newest=100),
+        Topic(
+            "health", messages.Health, "what a process says of itself", newest=100, every_s=1.0
+        ),
+        Topic(
+            "system_status",
+            messages.SystemStatus,
+            "the state of the drone side",
+            newest=2,
+            every_s=1.0,
+        ),
+    )
+}
+
+
+def _plain(value: Any) -> Any:
+    """Convert a NumPy scalar to a Python number; raises `TypeError` for other types."""
+    if type(value).__module__ == "numpy" and getattr(value, "shape", None) == ():
+        return value.item()
+    raise TypeError(f"{type(value).__name__} cannot travel between processes")
+
+
+_encoder = msgspec.json.Encoder(enc_hook=_plain)
+_decoders: dict[str, msgspec.json.Decoder[Any]] = {
+    name: msgspec.json.Decoder(topic.record) for name, topic in TOPICS.items()
+}
+
+
+def encode_record(topic: str, record: object) -> bytes:
+    """Write a record as one line with its newline; raises `TypeError` for a wrong type."""
+    if not isinstance(record, TOPICS[topic].record):
+        raise TypeError(f"{topic} carries {TOPICS[topic].record.__name__}, not {record!r}")
+    return topic.encode() + b"\t" + _encoder.encode(record) + b"\n"
+
+
+def topic_of(line: bytes) -> str:
+    """Topic of a line, without reading its record."""
+    return line[: line.find(b"\t")].decode("ascii", "replace")
+
+
+def decode_record(line: bytes) -> tuple[str, Any]:
+    """Read a line into topic and record; raises `ValueError` for an unknown topic or record."""
+    name, separator, body = line.partition(b"\t")
+    topic = name.decode("ascii", "replace")
+    decoder = _decoders.get(topic)
+    if not separator or decoder is None:
+        raise ValueError(f"not a record: {line[:80]!r}")
+    try:
+        return topic, decoder.decode(body)
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"not a {topic} record: {error}") from error

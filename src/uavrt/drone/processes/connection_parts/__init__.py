@@ -1,0 +1,1 @@
+"""Parts of the connection: ground stations, poses, pulses, parameters, status."""

@@ -1,0 +1,115 @@
+"""Ground stations of a drone: which one commands, and by which link each gets its answers.
+
+The station in command has its own share of the link; its answers are sent before pulses.
+"""
+
+from collections.abc import Callable
+
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.drone.processes.connection_parts.station_limits import Place, StationLimits
+from uavrt.link.mavlink.dialect import ParamValue
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.mavlink_connection import Connection
+from uavrt.link.mavlink.sending.pacing import Priority
+from uavrt.link.tunnel.drone_exchange import Answer
+from uavrt.link.tunnel.gate import Gate
+from uavrt.link.tunnel.own_messages.private import MOTION_STATE_TYPE, SESSION_TYPE
+
+SESSION_NS = NANOSECONDS_PER_SECOND
+MAVLINK_SOURCE = "mavlink "
+
+
+class GroundStations:
+    """Accepts or drops messages of ground stations, and sends the answers."""
+
+    def __init__(self, link: Connection, gate: Gate, now_ns: Callable[[], int]) -> None:
+        self._link, self.gate, self._now_ns = link, gate, now_ns
+        self._limits = StationLimits()
+        self._asked_on: dict[Place, int] = {}
+        self._next_session_ns = 0
+
+    def asked(self, peer: Peer) -> None:
+        """Remember the link of a station's message as the link for its answers."""
+        self._asked_on[peer.place] = peer.link
+
+    def commander(self, source: str | None) -> None:
+        """Set the station in command from the source name of its commands."""
+        if source is None or not source.startswith(MAVLINK_SOURCE):
+            return
+        system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
+        place = (int(system_id), int(component_id))
+        self._link.keep_station(place)
+        self._limits.commander(place)
+
+    def accepted(self, asker: Place) -> None:
+        """Treat a station as the one in command until the supervisor reports it."""
+        if not self._limits.has_commander:
+            self._limits.commander(asker)
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages dropped because an allowance was used up."""
+        return self._limits.dropped
+
+    def admits(self, peer: Peer, answers: int = 0) -> bool:
+        """True if an unsealed message may be handled; with a key, all share one limit."""
+        place = (0, 0) if self.gate.locked else peer.place
+        return self._limits.admits(place, self._now_ns(), answers=answers)
+
+    def admits_file_request(self, peer: Peer, *, detecting: bool) -> bool:
+        """True if a request for a file may be handled."""
+        proof = not (self.gate.locked and detecting) or self.gate.asks_for_files(peer.place)
+        return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
+
+    def file_received(self, peer: Peer, trip_s: float) -> None:
+        """Adapt a link's rate to a file transfer's round trip [s], unless it carries pulses."""
+        others = self._limits.has_commander and not self._limits.commands(peer.place)
+        if not (others and peer.link == self._link.tunnel.link):
+            self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
+
+    def silent_s(self) -> dict[Place, float]:
+        """Silence of each station [s]; after a first sealed message only those count."""
+        return self._link.stations_silent_s() | self.gate.silent_s()
+
+    def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
+        """Send an answer: before pulses to the station in command, after pulses to others."""
+        if answer is not None:
+            first = urgent and self._limits.commands(answer.asker)
+            priority = Priority.ACK if first else Priority.OTHER
+            self._link.tunnel.send_tunnel(answer.payload, priority, self._peer(answer.asker))
+
+    def answer_motion(self, payload: bytes, asker: Place | None) -> None:
+        """Report the progress of a motion order to its station, or to all if None."""
+        if asker is None:
+            self._link.tunnel.send_tunnel(payload, Priority.STATUS, None, MOTION_STATE_TYPE)
+            return
+        payload, kind, first = self.gate.answer(payload, asker, self._link.place)
+        priority = Priority.ACK if first else Priority.OTHER
+        self._link.tunnel.send_tunnel(payload, priority, self._peer(asker), kind)
+
+    def answer_parameter(self, value: ParamValue, asker: Peer | None) -> None:
+        """Report a parameter: to all, or to one station with low priority."""
+        tunnel = self._link.tunnel
+        if asker is None or (self._limits.commands(asker.place) and not self.gate.locked):
+            tunnel.send_message(value)
+        else:
+            tunnel.send_message(value, Priority.OTHER, asker.link)
+
+    def answer_keepalive(self, payload: bytes, peer: Peer) -> None:
+        """Answer a station's keepalive with the number that its next command must contain."""
+        self.asked(peer)
+        session = self.gate.keepalive(payload, peer.place, self._link.place)
+        if session is not None:
+            self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
+
+    def announce_session(self, now_ns: int) -> None:
+        """Announce once a second the session number that sealed commands must contain."""
+        if now_ns < self._next_session_ns:
+            return
+        self._next_session_ns = now_ns + SESSION_NS
+        session = self.gate.announcement(self._link.place)
+        if session is not None:
+            self._link.tunnel.send_tunnel(session, Priority.STATUS, payload_type=SESSION_TYPE)
+
+    def _peer(self, asker: Place) -> Peer:
+        return Peer(*asker, self._asked_on.get(asker, 0))

@@ -1,0 +1,214 @@
+"""Collects the vehicle's poses, records them, and gives each pulse the antenna's pose.
+
+The samples come from the autopilot, or from the station itself (`own_pose`).
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+from uavrt.config.settings import PoseSettings, Settings
+from uavrt.core.clock import Clock
+from uavrt.core.errors import PoseUnavailable, UavrtError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import (
+    AttitudeSample,
+    Pose,
+    Poses,
+    PositionSample,
+    Pulse,
+    PulsePose,
+    StatusText,
+)
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.drone.ipc.topics import TOPICS
+from uavrt.drone.processes.connection_parts.own_pose import SILENCE_NS, WAIT_S, OwnPose
+from uavrt.localization.pose.attacher import PoseAttacher
+from uavrt.localization.pose.ring import PoseRing
+
+log = get_logger()
+
+POSE_PERIOD_NS = 50_000_000
+"""Time between recorded poses [ns]. Interpolation over 50 ms errs by less than 0.1° at the
+start of a turn of 60°/s."""
+OWN_POSE_PERIOD_NS = 250_000_000
+"""Time between recorded poses without autopilot, where turns are slower [ns]."""
+REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
+"""Time between two reports of the position of a station without autopilot [ns]."""
+RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
+"""Time covered by the poses of one record [ns]."""
+POSES_KEPT_NS = 200 * POSE_PERIOD_NS
+"""Gap after which recording restarts with the newest pose [ns]."""
+SAME_CLOCK_NS = 1_000_000
+"""Change of the clock below which known poses are kept [ns]; 0.03° at 30°/s."""
+
+_POSE_KNOWN = StatusText(severity=6, text="Place and heading known")
+_STALE_CLOCK = StatusText(
+    severity=4, text="Autopilot's clock: no answer for 10 s, times are extrapolated"
+)
+
+
+def _missing_text(missing: str) -> StatusText:
+    """Text on what is missing for the station's own pose."""
+    return StatusText(severity=4, text=missing.capitalize()[:200])
+
+
+class PoseDesk:
+    """Collects attitude and position samples; computes the poses of pulses.
+
+    `settings`: antenna, and source of the pose. `clock`: clock of this process; the flight's
+    differs by `shift_ns`. `record`: gets poses to record. `say`: gets texts for the operator.
+    Raises `ConfigError`: see `uavrt.drone.processes.connection_parts.own_pose.pose_address`.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        clock: Clock,
+        *,
+        record: Callable[[Poses], None],
+        say: Callable[[StatusText], None],
+    ) -> None:
+        self._clock, self._record, self._say = clock, record, say
+        self.shift_ns = 0
+        """Clock of the flight minus the clock of this process [ns]."""
+        self._clock_is_stale = False
+        """True while the autopilot's clock is extrapolated; poses are then marked."""
+        self._ring = PoseRing(settings.antenna)
+        self._own: OwnPose | None = None
+        self._period_ns = POSE_PERIOD_NS
+        wait_s = settings.antenna.pose_wait_s if settings.mavlink.address else 0.0
+        if settings.pose.source != "autopilot":
+            self._own = OwnPose(
+                settings.pose, clock.now_ns, attitude=self.attitude, position=self.position
+            )
+            self._period_ns = OWN_POSE_PERIOD_NS
+            wait_s = max(settings.antenna.pose_wait_s, WAIT_S)
+        self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
+        self._poses: list[Pose] = []
+        self._next_pose_ns = 0
+        self._next_report_ns = 0
+        self._missing: str | None = None
+        self._on_stale_clock = 0
+
+    @property
+    def is_own(self) -> bool:
+        """True if the pose comes from settings or a GPS receiver, not from an autopilot."""
+        return self._own is not None
+
+    async def run(self) -> None:
+        """Read the station's own pose, if it has one, until cancelled."""
+        if self._own is not None:
+            await self._own.run()
+
+    def use(self, settings: PoseSettings) -> None:
+        """Apply changed settings, such as a newly typed heading."""
+        if self._own is not None:
+            self._own.use(settings)
+
+    def use_clock(self, offset_ns: int) -> None:
+        """Set the clock of a new flight."""
+        before_ns, self.shift_ns = self.shift_ns, offset_ns - self._clock.offset_ns
+        if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
+            self._ring.clear()
+
+    def watch_clock(self, stale: bool, counters: Callable[[], Mapping[str, float]]) -> None:
+        """Report when the autopilot's clock stops or resumes being known."""
+        if stale == self._clock_is_stale:
+            return
+        self._clock_is_stale = stale
+        if stale:
+            log.warning("autopilot's clock is extrapolated", **counters())
+            self._say(_STALE_CLOCK)
+        else:
+            log.info("autopilot's clock known", **counters())
+
+    def attitude(self, sample: AttitudeSample) -> None:
+        """Add an attitude, timed by the clock of this process."""
+        self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
+
+    def position(self, sample: PositionSample) -> None:
+        """Add a position, timed by the clock of this process; record the poses now known."""
+        self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
+        newest_ns = self._ring.newest_ns
+        if newest_ns is None:
+            return
+        if not 0 <= newest_ns - self._next_pose_ns <= POSES_KEPT_NS:
+            self._next_pose_ns = newest_ns
+        while self._next_pose_ns <= newest_ns:
+            with suppress(UavrtError):
+                pose = self._ring.vehicle_pose(self._next_pose_ns)
+                self._poses.append(self._by_the_clock(pose))
+            self._next_pose_ns += self._period_ns
+        if len(self._poses) * self._period_ns >= RECORD_NS:
+            self._record(Poses(poses=tuple(self._poses)))
+            self._poses.clear()
+
+    @property
+    def pulses_waiting(self) -> int:
+        """Number of pulses that wait for their pose."""
+        return len(self._attacher)
+
+    def add(self, pulse: Pulse) -> None:
+        """Add a pulse that needs its pose."""
+        self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
+
+    def ready(self) -> list[PulsePose]:
+        """Return the pulses whose pose is known, or will never be."""
+        return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
+
+    def flush(self) -> list[PulsePose]:
+        """Return all waiting pulses, with a pose where it is known."""
+        return self._marked(self._attacher.flush())
+
+    def _marked(self, pulse_poses: list[PulsePose]) -> list[PulsePose]:
+        return [
+            replace(item, pose=None if item.pose is None else self._by_the_clock(item.pose))
+            for item in pulse_poses
+        ]
+
+    def _by_the_clock(self, pose: Pose) -> Pose:
+        """Mark a pose as extrapolated if the autopilot's clock is."""
+        if not self._clock_is_stale or pose.extrapolated:
+            return pose
+        self._on_stale_clock += 1
+        return replace(pose, extrapolated=True)
+
+    def missing(self) -> str | None:
+        """Text on what is missing for the station's own pose; changes are reported."""
+        assert self._own is not None
+        missing = self._own.status
+        if missing != self._missing:
+            self._missing = missing
+            log.info("own pose", missing=missing or "nothing")
+            self._say(_POSE_KNOWN if missing is None else _missing_text(missing))
+        return missing
+
+    def faults(self) -> list[StatusText]:
+        """Get lasting faults of pose and clock, which the ground is reminded of."""
+        faults = [_STALE_CLOCK] if self._clock_is_stale else []
+        return faults if self._missing is None else [*faults, _missing_text(self._missing)]
+
+    def due(self, now_ns: int) -> Pose | None:
+        """The station's own position, when due for a report; None with an autopilot."""
+        if self._own is None or now_ns < self._next_report_ns:
+            return None
+        self._next_report_ns = now_ns + REPORT_PERIOD_NS
+        newest_ns = self._ring.newest_ns
+        if newest_ns is None or now_ns + self.shift_ns - newest_ns > SILENCE_NS:
+            return None
+        with suppress(PoseUnavailable):  # the receiver has just come back
+            return self._ring.vehicle_pose(newest_ns, extrapolate=True)
+        return None
+
+    def counters(self) -> dict[str, float]:
+        """Counts of poses and waiting pulses, for the health report."""
+        return {
+            "pulses_waiting_for_pose": len(self._attacher),
+            "poses_attached": self._attacher.attached,
+            "poses_extrapolated": self._attacher.extrapolated,
+            "pulses_without_pose": self._attacher.without_pose,
+            "pose_resets": self._ring.resets,
+            **({} if self._own is None else self._own.health()),
+            "poses_on_stale_clock": self._on_stale_clock,
+        }

@@ -1,0 +1,179 @@
+"""Delivers pulses to the ground: queues, sends, and reads unsent ones from the disk.
+
+Connects the sender (`uavrt.link.tunnel.pulses.reliable`) to the flight's database
+(`uavrt.flight.database.spool`). Part of the connection process. `Disk` reads the database, so
+that a slow disk does not delay queued pulses.
+"""
+
+from collections import OrderedDict, deque
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
+from pathlib import Path
+
+from uavrt.core.errors import RecordingError, TunnelError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import Delivered, PulsePose
+from uavrt.core.units import ns_from_s
+from uavrt.flight.database.spool import undelivered
+from uavrt.link.mavlink.services.ftp_server import Disk, at_once
+from uavrt.link.tunnel.own_messages.burst import BURST_TYPE, encode_burst
+from uavrt.link.tunnel.own_messages.private import Receipt
+from uavrt.link.tunnel.pulses.receiving_stations import PLAIN
+from uavrt.link.tunnel.pulses.reliable import ReliableSender
+from uavrt.link.tunnel.pulses.underway import ItemKey
+
+log = get_logger()
+
+REFILL = 512
+FLIGHTS = 4
+"""Number of flights whose pulses may still be undelivered; the recorder notes as many."""
+RECENT = 2_000
+RECENT_NS = ns_from_s(60.0)
+"""Number and age [ns] of remembered deliveries, which the recorder may not have stored yet. It
+commits every three seconds; after a longer delay some pulses are sent twice."""
+REFILL_PERIOD_NS = ns_from_s(0.5)
+
+
+class PulseOutlet:
+    """All pulses that are still to be sent to the ground.
+
+    `encode`: payload of a pulse in the ground's protocol version. `note`: gets deliveries, for
+    the recorder. `disk`: runs disk work; inline by default. `first_refill_ns`: time before
+    which nothing is read from disk.
+    """
+
+    def __init__(
+        self,
+        encode: Callable[[PulsePose], bytes],
+        note: Callable[[Delivered], None],
+        disk: Disk = at_once,
+        *,
+        first_refill_ns: int = 0,
+    ) -> None:
+        self.sender: ReliableSender[PulsePose] = ReliableSender(
+            encode, lambda item: encode_burst(item.pulse), BURST_TYPE
+        )
+        self._note = note
+        self._disk = disk
+        self._reading = False
+        self._flights: deque[str] = deque(maxlen=FLIGHTS)
+        self._recent: OrderedDict[tuple[int, ItemKey], int] = OrderedDict()
+        self._next_refill_ns = first_refill_ns
+        self.bad_receipts = 0
+        self.receipts = 0
+
+    def flight(self, directory: str, *, resumed: bool = False) -> None:
+        """Begin a flight, or resume it after a restart of this process.
+
+        A new flight is not read yet, because the recorder is creating its database.
+        """
+        if directory not in self._flights:
+            self._flights.append(directory)
+        if resumed:
+            self.sender.stores.disk_has_news()
+
+    def disk_has_news(self) -> None:
+        """Note that the database has a pulse that this process has not received."""
+        self.sender.stores.disk_has_news()
+
+    def add(self, pulse_pose: PulsePose) -> None:
+        """Add a pulse with its pose, to be sent."""
+        self.sender.pulses.add(pulse_pose.pulse.key, pulse_pose)
+
+    def receipt(
+        self, payload: bytes, place: tuple[int, int], now_ns: int
+    ) -> tuple[bool, float | None]:
+        """Handle a ground station's receipt.
+
+        Returns (acknowledged, round_trip_s): True if the station has ever acknowledged a pulse,
+        and the measured round trip, if any.
+        """
+        try:
+            receipt = Receipt.decode(payload)
+        except TunnelError as error:
+            self.bad_receipts += 1
+            log.seldom(self.bad_receipts, "bad receipt", reason=error.message)
+            return False, None
+        self.receipts += 1
+        new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
+        self._delivered(receipt.store, new, now_ns)
+        return receipt.store in self.sender.stores.confirmed, self.sender.underway.fresh_trip_s
+
+    def tick(self, now_ns: int) -> None:
+        """Note deliveries to stations without receipts; read pulses from disk if needed."""
+        self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
+        for number, key in self.sender.settled():
+            self._delivered(number, [key], now_ns)
+        due = now_ns >= self._next_refill_ns and not self._reading
+        store = self.sender.pulses.wanted() if due else None
+        if store is not None:
+            self._next_refill_ns = now_ns + REFILL_PERIOD_NS
+            self._refill(store)
+
+    def counters(self) -> dict[str, float]:
+        """Counts of pulses and receipts, for the health report."""
+        sender = self.sender
+        return {
+            "pulses_to_send": sender.pulses.waiting,
+            "pulses_unacknowledged": len(sender.underway),
+            "pulses_sent": sender.first_sends,
+            "pulses_sent_again": sender.repeats,
+            "pulses_acknowledged": sender.acknowledged_pulses,
+            "pulses_put_back": sender.pulses.put_back,
+            "receipts": self.receipts,
+            "receipts_bad": self.bad_receipts,
+            "receipts_of_too_many": sender.stores.refused,
+            **({"burst_insides_sent": sender.insides_sent} if sender.insides_sent else {}),
+        }
+
+    def _delivered(self, store: int, keys: list[ItemKey], now_ns: int) -> None:
+        if not keys:
+            return
+        for key in keys:
+            self._recent[store, key] = now_ns
+        while len(self._recent) > RECENT or self._oldest_ns() < now_ns - RECENT_NS:
+            self._recent.popitem(last=False)
+        self._note(Delivered(time_ns=now_ns, store=store, pulses=tuple(keys)))
+
+    def _oldest_ns(self) -> int:
+        return next(iter(self._recent.values()))
+
+    def _refill(self, store: int) -> None:
+        sender, pulses = self.sender, self.sender.pulses
+        without = pulses.keys(store) | {k for number, k in self._recent if number == store}
+        room = min(REFILL, pulses.room(store))
+        newest_first = tuple(reversed(self._flights))
+        self._reading = True
+        sender.stores.note_on_disk(store, on_disk=False)
+        job = partial(_read, newest_first, store, room, without)
+        if not self._disk(job, partial(self._refilled, store)):
+            self._reading = False
+            pulses.refill(store, (), more=True)
+
+    def _refilled(self, store: int, result: tuple[list[PulsePose], bool]) -> None:
+        self._reading = False
+        found, more = result
+        items = [(item.pulse.key, item) for item in found]
+        # Some may have arrived while the disk was read.
+        new = [(key, item) for key, item in items if (store, key) not in self._recent]
+        self.sender.pulses.refill(store, new, more=more)
+
+
+def _read(
+    flights: Sequence[str], store: int, room: int, without: Collection[ItemKey]
+) -> tuple[list[PulsePose], bool]:
+    """Get up to `room` unsent pulses that are not in `without`; True if there are more."""
+    found: list[PulsePose] = []
+    more = False
+    for directory in flights:
+        try:
+            pulses, rest = undelivered(directory, store, room - len(found), without)
+        except RecordingError as error:
+            log.debug("spool", reason=str(error))
+            more = more or Path(directory).is_dir()  # else it was removed: nothing comes
+            continue
+        found += pulses
+        more = more or rest
+        if len(found) >= room:
+            return found, True
+    return found, more

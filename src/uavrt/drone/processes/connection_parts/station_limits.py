@@ -1,0 +1,71 @@
+"""Limits the rate of processed ground-station messages, so that a flood delays no pulses.
+
+The station in command has its own allowance. All others share one, since one sender can use
+many names. Messages beyond it are counted and dropped.
+"""
+
+from uavrt.link.allowance import Allowance
+
+Place = tuple[int, int]
+"""System and component id of a station."""
+
+OWN_BURST, OWN_PER_S = 400, 50
+"""Allowance of the station in command: uploading a hundred tags three times, seven receipts a
+second."""
+OTHERS_BURST, OTHERS_PER_S = 120, 60
+"""Allowance of all other stations for messages without an answer: receipts of eight stations.
+"""
+ANSWERED_BURST, ANSWERED_PER_S = 12, 1
+"""Allowance for messages that need an answer, such as an upload or a parameter list. Answers
+have a lower priority than pulses, but use the link."""
+FILES_BURST, FILES_PER_S = 200, 100
+"""Allowance for file requests; a client that reads piece by piece gets 24 kB/s."""
+OPEN_FILES_BURST, OPEN_FILES_PER_S = 8, 1
+"""Allowance for unauthenticated file requests while a drone with a key detects."""
+
+
+class StationLimits:
+    """Decides which messages of ground stations are processed."""
+
+    def __init__(self) -> None:
+        self._commander: Place | None = None
+        self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
+        self._others = Allowance(burst=OTHERS_BURST, per_s=OTHERS_PER_S)
+        self._files = Allowance(burst=FILES_BURST, per_s=FILES_PER_S)
+        self._open_files = Allowance(burst=OPEN_FILES_BURST, per_s=OPEN_FILES_PER_S)
+        self._answered = Allowance(burst=ANSWERED_BURST, per_s=ANSWERED_PER_S)
+        self.dropped = 0
+        """Number of messages dropped because the allowance was used up."""
+
+    @property
+    def has_commander(self) -> bool:
+        """True if the station in command is known."""
+        return self._commander is not None
+
+    def commander(self, place: Place) -> None:
+        """Set the station in command."""
+        if place != self._commander:
+            self._commander = place
+            self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
+
+    def commands(self, place: Place) -> bool:
+        """True for the station in command; its answers are sent before pulses."""
+        return place == self._commander
+
+    def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
+        """True if a file request may be handled; `proof`: it is authenticated if necessary."""
+        allowance = self._files if proof else self._open_files
+        admitted = (proof and place == self._commander) or allowance.take(now_ns)
+        self.dropped += not admitted
+        return admitted
+
+    def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
+        """True if a message may be processed; `answers`: number of messages that answer it."""
+        if place == self._commander:
+            admitted = self._own.take(now_ns)
+        elif answers:
+            admitted = all(self._answered.take(now_ns) for _ in range(answers))
+        else:
+            admitted = self._others.take(now_ns)
+        self.dropped += not admitted
+        return admitted

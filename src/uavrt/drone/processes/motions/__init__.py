@@ -1,0 +1,1 @@
+"""Parts of the connection that move the vehicle and report it."""

@@ -1,0 +1,250 @@
+"""Sends the motion commands that the authority permits, until control ends.
+
+The authority (`uavrt.guidance`) decides from the autopilot's messages whether a command may be
+sent. An operator ends control by *Take back*.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from uavrt.config.settings import GuidanceSettings
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import CommandRefused
+from uavrt.core.log import get_logger
+from uavrt.core.messages import Command, FlyThere, MotionOffer, StatusText, VehicleWish, Wish
+from uavrt.drone.processes.motions.stall_watch import StallWatch
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS, AutopilotName
+from uavrt.guidance.control.authority import Authority, Standing
+from uavrt.guidance.control.observed import Observation
+from uavrt.guidance.control.offers import WHEN_YOURS
+from uavrt.guidance.control.vehicle_commands import CommandWriter
+from uavrt.guidance.height_frames import target_amsl_m
+from uavrt.guidance.safety import SAFETY
+from uavrt.link.mavlink.autopilot.vehicle_messages import command_message
+from uavrt.link.mavlink.message import Message
+from uavrt.link.tunnel.own_messages.motion_messages import MotionConfirmation
+
+log = get_logger()
+
+Asker = tuple[int, int]
+STOP_WITHIN_S = 1.5
+"""Longest wait to send the stop command [s]; then control ends without it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlets:
+    """Functions by which the motion parts send their messages."""
+
+    command: Callable[[Message], None]
+    """Sends a command to the autopilot at once."""
+    leaves: Callable[[], bool]
+    """True if a command could be sent at once."""
+    state: Callable[[bytes, Asker | None], None]
+    """Sends a payload of type 60006 to one station, or to all if None."""
+    ask: Callable[[Command], None]
+    record: Callable[[str, object], None]
+    """Sends a record to the guide, through the supervisor."""
+    text: Callable[[StatusText], None]
+
+
+class MotionControl:
+    """The authority over the present autopilot, and the commands of its order.
+
+    `own_place`: own system and component id; the vehicle has the same system id. `changed`:
+    called with the time [s] after each change of state.
+    """
+
+    def __init__(
+        self,
+        settings: GuidanceSettings,
+        outlets: Outlets,
+        own_place: Callable[[], tuple[int, int]],
+        changed: Callable[[float], None],
+    ) -> None:
+        self._settings, self._out = settings, outlets
+        self._own_place, self._changed = own_place, changed
+        self.authority: Authority | None = None
+        """Decides which commands are permitted; None without a known autopilot."""
+        self.standing = Standing.OUT
+        self.stalls = StallWatch(monotonic_s())
+        self.order_id = self.sent = self.refused = 0
+        """Number of the last confirmed order (`order_id`); its commands sent and refused."""
+        self._said = ""
+        self._late_reported = False
+
+    def use(self, kind: AutopilotName | None) -> None:
+        """Set the autopilot's kind, for the rules on commands; None: no commands possible."""
+        if kind is None:
+            self.authority = None
+            return
+        settings = self._settings
+        writer = CommandWriter(
+            behaviour=BEHAVIOURS[kind],
+            lowest_m=settings.lowest_m,
+            highest_m=settings.highest_m,
+            farthest_m=settings.fence_m,
+        )
+        self.authority = Authority(
+            writer,
+            may_take_off=settings.may_take_off,
+            unwatched_channels=frozenset(settings.unwatched_channels),
+        )
+
+    @property
+    def text(self) -> str:
+        """State of the order, as a text for the operator."""
+        if self.authority is None:
+            return "the autopilot is not known"
+        if self.authority.standing is Standing.OUT:
+            return self.authority.reason
+        late = self.authority.vehicle.late
+        return self._said if late is None else f"{late}: nothing is commanded"
+
+    def watch(self, now_s: float) -> None:
+        """Report a change of state at once."""
+        standing = Standing.OUT if self.authority is None else self.authority.standing
+        if standing is not self.standing:
+            self.standing = standing
+            self._changed(now_s)
+
+    def wake(self, now_s: float, *, turn: bool = False) -> None:
+        """End control if this process was paused so long that its messages may be old."""
+        pause_s = self.stalls.wake(now_s, turn=turn)
+        if pause_s > SAFETY.stall_s:
+            self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
+
+    def see(self, observations: Iterable[Observation], now_s: float) -> None:
+        """Pass the autopilot's reports to the authority."""
+        if self.authority is not None:
+            for one in observations:
+                self.authority.see(one)
+            self.watch(now_s)
+
+    def end(self, reason: str, now_s: float) -> None:
+        """End control, for this reason."""
+        if self.authority is not None:
+            self.authority.stop(now_s, reason)
+            self.watch(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """End control if the autopilot, the guide or the operator is silent."""
+        if self.authority is not None and self.stalls.silence_counts(now_s):
+            self.authority.tick(now_s)
+
+    def offer(self, offer: MotionOffer) -> None:
+        """Propose an order for confirmation; raises `CommandRefused`."""
+        authority = self.known
+        mode = authority.vehicle.mode_name
+        if offer.mode != mode:
+            raise CommandRefused(f"the mode is {mode} now", remedy=WHEN_YOURS)
+        authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
+
+    def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
+        """Begin the confirmed order; raises `CommandRefused`."""
+        self.known.confirm(
+            confirmation.order_id,
+            confirmation.nonce,
+            now_s,
+            sticks_unseen=confirmation.sticks_unseen,
+        )
+        self.sent = self.refused = 0
+        self._late_reported = False
+        self._said, self.order_id = "confirmed", confirmation.order_id
+
+    @property
+    def known(self) -> Authority:
+        """Get the authority; raises `CommandRefused` while the autopilot is unknown."""
+        if self.authority is None:
+            raise CommandRefused("the autopilot is not known")
+        return self.authority
+
+    def fly(self, wish: VehicleWish, now_s: float) -> bool:
+        """Handle the guide's request for the present order; True if it contained a motion."""
+        authority = self.known
+        assert wish.order_id is not None
+        self._said = wish.said or self._said
+        if wish.ends:
+            late = authority.vehicle.late
+            authority.stop(now_s, wish.said if late is None else f"{wish.said}: {late}")
+            return False
+        if wish.wish is None:
+            return False
+        if not self.stalls.late and self.command(wish.order_id, wish.wish, now_s):
+            self.sent += 1
+        else:
+            self.refused += 1
+        return True
+
+    def command(self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False) -> bool:
+        """Send a motion command if it is permitted and can be sent at once; True if sent."""
+        authority = self.known
+        try:
+            if not self._out.leaves():
+                raise CommandRefused("the link to the autopilot is busy")
+            command = authority.command(order_id, wish, now_s, stops=stops)
+        except CommandRefused as error:
+            log.info("motion not permitted", reason=error.message)
+            self._report_late(authority)
+            return False
+        self._out.command(command_message(command, self._own_place()[0]))
+        nearest_m = authority.nearest_m
+        log.info("commanded", command=command.name, order=order_id, nearest_m=nearest_m)
+        return True
+
+    def _report_late(self, authority: Authority) -> None:
+        late = authority.vehicle.late
+        if late is None or authority.standing is Standing.OUT or self._late_reported:
+            return
+        self._late_reported = True
+        self._out.text(StatusText(severity=4, text=f"Not commanded: {late}"))
+
+
+class TakeBack:
+    """The operator's *Take back*: stops the drone where it is, then ends control."""
+
+    def __init__(self, settings: GuidanceSettings, control: MotionControl) -> None:
+        self._settings, self._control = settings, control
+        self._by_s = 0.0
+
+    @property
+    def under_way(self) -> bool:
+        """True until the stop command is sent."""
+        return self._by_s > 0.0
+
+    def begin(self, now_s: float) -> None:
+        """Stop a drone that flies our command, end control, withdraw a proposed order."""
+        if self._control.authority is not None:
+            self._by_s = self._by_s or now_s + STOP_WITHIN_S
+            self.go_on(now_s)
+
+    def go_on(self, now_s: float) -> None:
+        """End control once the stop command is sent, or after `STOP_WITHIN_S`."""
+        authority = self._control.authority
+        if authority is None or not self.under_way:
+            return
+        if authority.taking_off:
+            climbs = ": it climbs on to its height" if authority.climbs else ""
+            authority.stop(now_s, f"stopped by the operator{climbs}")
+        if not authority.flies_ours or self._send_stop(authority, now_s):
+            authority.stop(now_s)
+        elif now_s >= self._by_s:
+            authority.stop(now_s, "stopped by the operator: it flies on to its last target")
+        if authority.standing is Standing.OUT:
+            self._by_s = 0.0
+        self._control.watch(now_s)
+
+    def _send_stop(self, authority: Authority, now_s: float) -> bool:
+        now, order_id = authority.vehicle_seen(), authority.order_id
+        if self._control.stalls.late or now is None or order_id is None:
+            return False
+        height = max(now.altitude_relative_m, self._settings.lowest_m)
+        here = FlyThere(
+            latitude_deg=now.latitude_deg,
+            longitude_deg=now.longitude_deg,
+            altitude_amsl_m=target_amsl_m(
+                now.altitude_amsl_m,
+                now.altitude_relative_m,
+                min(height, self._settings.highest_m),
+            ),
+        )
+        return self._control.command(order_id, here, now_s, stops=True)

@@ -1,0 +1,126 @@
+"""Connects motion orders, the autopilot's messages and the commands to the autopilot.
+
+Part of the connection process. `Authority` gets the autopilot's messages before anything else
+uses them. The guide's requests become commands here or are dropped. Orders must be sealed
+(authenticated), except for a simulator on this computer.
+"""
+
+from collections.abc import Callable, Mapping
+
+from uavrt.config.settings import GuidanceSettings
+from uavrt.core.clock import monotonic_s
+from uavrt.core.messages import VehicleWish
+from uavrt.drone.processes.motions.fence_watch import FenceWatch
+from uavrt.drone.processes.motions.motion_control import Asker, MotionControl, Outlets, TakeBack
+from uavrt.drone.processes.motions.motion_orders import MotionOrders, NeighbourReports
+from uavrt.drone.processes.motions.motion_reports import MotionReports
+from uavrt.drone.processes.motions.reported_autopilot import ReportedAutopilot
+from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.observed import Boot
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.autopilot.vehicle_messages import observations
+from uavrt.link.mavlink.links.address import Address
+from uavrt.link.mavlink.message import Message
+
+
+class MotionDesk:
+    """Passes each message to the parts that need it, in a safe order.
+
+    `settings`: the drone's. `outlets`: functions that send its messages. `own_place`: own
+    system and component id; the vehicle has the same system id. `next_request_id`: numbers for
+    commands. `autopilot_link`: address of the autopilot's link.
+    """
+
+    def __init__(
+        self,
+        settings: GuidanceSettings,
+        outlets: Outlets,
+        *,
+        own_place: Callable[[], tuple[int, int]],
+        next_request_id: Callable[[], int],
+        autopilot_link: Address | None,
+    ) -> None:
+        self._out, self._own_place = outlets, own_place
+        self._fence = FenceWatch(
+            outlets.command, lambda fence: outlets.record("vehicle_fence", fence), own_place
+        )
+        self._autopilot = autopilot = ReportedAutopilot(autopilot_link)
+        self.control = control = MotionControl(
+            settings, outlets, own_place, lambda now_s: self._reports.standing_changed(now_s)
+        )
+        self._take_back = stop = TakeBack(settings, control)
+        self._reports = reports = MotionReports(outlets, control, autopilot)
+        self.orders = MotionOrders(outlets, autopilot, control, stop, reports, next_request_id)
+        self.neighbours = NeighbourReports(outlets, autopilot, own_place)
+
+    def autopilot_found(self) -> None:
+        """Reset, because the autopilot is new or another one."""
+        now_s = monotonic_s()
+        self.control.see([Boot(now_s)], now_s)
+        self.control.use(None)
+        self._autopilot.reset()
+        self._fence.autopilot_found()
+
+    def vehicle(
+        self, message: Message, age_s: float = 0.0, late_s: float | None = None
+    ) -> None:
+        """Handle a message from the autopilot.
+
+        `age_s`: time since it arrived. `late_s`: its delay on the link, None if the autopilot's
+        clock is unknown.
+        """
+        now_s, before = monotonic_s(), self._autopilot.kind
+        self.control.wake(now_s)
+        self._autopilot.receive(message, now_s - age_s)
+        if self._autopilot.kind != before:
+            self.control.use(self._autopilot.kind)
+        if isinstance(message, dialect.Heartbeat):
+            self.control.watch(now_s)
+        if self.control.authority is not None:
+            self.control.see(observations(message, now_s - age_s, late_s), now_s)
+            self._fence.vehicle(message, now_s)
+
+    def wish(self, wish: VehicleWish) -> None:
+        """Handle a motion request from the guide."""
+        now_s, authority = monotonic_s(), self.control.authority
+        self.control.wake(now_s)
+        if authority is None:
+            return
+        if wish.order_id is None:
+            if wish.ends:
+                self.control.end("the guide has restarted", now_s)
+                self._fence.repeat()
+        elif wish.order_id == authority.order_id:
+            authority.planner_alive(now_s)
+            if self._take_back.under_way:
+                return
+            if self.control.fly(wish, now_s):
+                self._reports.report(now_s)
+            self.control.watch(now_s)
+
+    def tick(self, silent_s: Mapping[Asker, float]) -> None:
+        """End or continue control, and send requests and reports that are due.
+
+        `silent_s`: silence of each ground station.
+        """
+        now_s = monotonic_s()
+        self.control.wake(now_s, turn=True)
+        self._reports.stations_silent(silent_s)
+        self.control.tick(now_s)
+        self._take_back.go_on(now_s)
+        self.control.watch(now_s)
+        self._autopilot.ask_identity(self._out.command, self._own_place()[0], now_s)
+        if self.control.authority is not None:
+            self._fence.tick(now_s, resting=self.control.standing is Standing.OUT)
+        self._reports.tick(now_s)
+
+    def counters(self) -> dict[str, float]:
+        """Counts of refused orders and of commands, for the health report."""
+        authority = self.control.authority
+        counts = {} if authority is None else authority.counters
+        return {
+            "motion_orders_refused": self.orders.refused,
+            "neighbours_refused": self.neighbours.refused,
+            **self._fence.counters(),
+            **{f"motion_{name}": float(count) for name, count in counts.items()},
+        }

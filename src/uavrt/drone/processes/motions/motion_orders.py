@@ -1,0 +1,197 @@
+"""Motion orders of ground stations: checked, allowed by the supervisor, proposed, confirmed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+
+from uavrt.core.clock import monotonic_s
+from uavrt.core.commands import CommandName
+from uavrt.core.errors import CommandRefused, TunnelError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import Command, CommandReply, MotionOffer, MotionRequest
+from uavrt.drone.processes.motions.motion_control import Asker, MotionControl, Outlets, TakeBack
+from uavrt.drone.processes.motions.motion_reports import MotionReports
+from uavrt.drone.processes.motions.reported_autopilot import ReportedAutopilot
+from uavrt.link.tunnel.own_messages.motion_messages import (
+    MotionConfirmation,
+    MotionStop,
+    decode_motion,
+)
+from uavrt.link.tunnel.own_messages.neighbour_messages import decode_neighbour
+
+log = get_logger()
+
+PENDING = 16
+ANSWERS_WITHIN_S = 2.0
+"""Longest wait for the supervisor at a confirmation [s]; stations wait no longer."""
+SENDER_S = 10.0
+"""Silence of the station that reports other drones after which another may do so [s]. Two
+stations at once could assign the same path twice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Question:
+    name: CommandName
+    about: MotionRequest | MotionConfirmation
+    asker: Asker
+    asked_s: float
+
+
+class MotionOrders:
+    """Motion orders that wait for an answer; `next_request_id` numbers the queries."""
+
+    def __init__(
+        self,
+        outlets: Outlets,
+        autopilot: ReportedAutopilot,
+        control: MotionControl,
+        take_back: TakeBack,
+        reports: MotionReports,
+        next_request_id: Callable[[], int],
+    ) -> None:
+        self._out, self._autopilot, self._control = outlets, autopilot, control
+        self._take_back, self._reports = take_back, reports
+        self._next_request_id = next_request_id
+        self._pending: dict[int, _Question] = {}
+        self._offered_to: Asker | None = None
+        self.refused = 0
+        """Number of orders that were unauthenticated or invalid."""
+
+    def receive(
+        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+    ) -> None:
+        """Handle a ground station's message about motion.
+
+        `payload`: of type 60005, without its seal. `asker`: the station. `refusal`: why this
+        station may not command. `sealed`: it had a valid seal.
+        """
+        try:
+            message = decode_motion(payload, asker)
+        except TunnelError as error:
+            self.refused += 1
+            log.seldom(self.refused, "order of motion refused", reason=error.message)
+            return
+        if refusal is None and not sealed and not self._autopilot.takes_unsealed:
+            refusal = "orders of motion must be sealed: give drone and ground a key"
+        if refusal is None and not isinstance(message, MotionStop):
+            refusal = self._autopilot.link_fault
+        if refusal is not None:
+            self.refused += 1
+            self._reports.answer("refused", refusal, asker, message.request_id)
+        elif isinstance(message, MotionStop):
+            self._stop(message, asker)
+        elif isinstance(message, MotionConfirmation):
+            self._ask("confirm_motion", message, asker, sealed=sealed)
+        elif not self._reports.is_repeated(asker, message.request_id):
+            self._ask("fly", message, asker, sealed=sealed)
+
+    def _stop(self, stop: MotionStop, asker: Asker) -> None:
+        now_s = monotonic_s()
+        self._control.wake(now_s)
+        self._take_back.begin(now_s)
+        self._reports.answer("state", self._control.text, asker, stop.request_id)
+
+    def _ask(
+        self,
+        name: CommandName,
+        about: MotionRequest | MotionConfirmation,
+        asker: Asker,
+        *,
+        sealed: bool,
+    ) -> None:
+        number = self._next_request_id()
+        self._pending[number] = _Question(
+            name=name, about=about, asker=asker, asked_s=monotonic_s()
+        )
+        while len(self._pending) > PENDING:
+            del self._pending[next(iter(self._pending))]
+        self._out.ask(
+            Command(
+                name=name,
+                request_id=number,
+                source=f"mavlink {asker[0]}/{asker[1]}",
+                sealed=sealed,
+            )
+        )
+
+    def reply(self, reply: CommandReply) -> None:
+        """Handle the supervisor's answer on whether a station may command."""
+        question = self._pending.get(reply.request_id)
+        if question is None or question.name != reply.name:
+            return
+        del self._pending[reply.request_id]
+        about, asker = question.about, question.asker
+        waited_s = monotonic_s() - question.asked_s
+        if not reply.accepted:
+            self._reports.answer("refused", reply.message, asker, about.request_id)
+        elif isinstance(about, MotionRequest):
+            self._out.record("motion", about)
+        elif waited_s > ANSWERS_WITHIN_S:
+            text = f"the confirmation waited {waited_s:.0f} s on the drone: ask again"
+            self._reports.answer("refused", text, asker, about.request_id)
+        else:
+            self._confirm(about, asker)
+
+    def _confirm(self, confirmation: MotionConfirmation, asker: Asker) -> None:
+        now_s, control = monotonic_s(), self._control
+        try:
+            if control.known and asker != self._offered_to:
+                raise CommandRefused(
+                    "another station requested this order",
+                    remedy="Request it from this station",
+                )
+            control.confirm(confirmation, now_s)
+        except CommandRefused as error:
+            self._reports.answer("refused", str(error), asker, confirmation.request_id)
+            return
+        log.info("motion confirmed", order=confirmation.order_id, source=asker)
+        self._reports.confirmed(asker, confirmation.request_id, now_s)
+
+    def offer(self, offer: MotionOffer) -> None:
+        """Send the guide's proposed order, or its refusal, to the requesting station."""
+        answer, asker, number = self._reports.answer, offer.asker, offer.request_id
+        if offer.refused:
+            answer("refused", offer.summary, asker, number)
+            return
+        try:
+            self._control.offer(offer)
+        except CommandRefused as error:
+            answer("refused", str(error), asker, number)
+            return
+        self._offered_to = asker
+        order_id, nonce = offer.order_id, offer.nonce
+        answer("offer", offer.summary, asker, number, order_id=order_id, nonce=nonce)
+
+
+class NeighbourReports:
+    """Passes reports on other drones to the guide, from one ground station at a time."""
+
+    def __init__(
+        self,
+        outlets: Outlets,
+        autopilot: ReportedAutopilot,
+        own_place: Callable[[], tuple[int, int]],
+    ) -> None:
+        self._record, self._autopilot, self._own_place = outlets.record, autopilot, own_place
+        self._sender: Asker | None = None
+        self._sent_s = -inf
+        self.refused = 0
+
+    def receive(
+        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+    ) -> None:
+        """Handle a report of type 60010; parameters as for `MotionOrders.receive`."""
+        now_s = monotonic_s()
+        try:
+            neighbour = decode_neighbour(payload)
+        except TunnelError as error:
+            self.refused += 1
+            log.seldom(self.refused, "neighbour refused", reason=error.message)
+            return
+        another = self._sender not in (None, asker) and now_s - self._sent_s < SENDER_S
+        proven = refusal is None and (sealed or self._autopilot.takes_unsealed)
+        if not proven or another or neighbour.vehicle == self._own_place()[0]:
+            self.refused += 1
+            return
+        self._sender, self._sent_s = asker, now_s
+        self._record("neighbour", neighbour)

@@ -1,0 +1,1 @@
+"""Parts of receiver and detector: capture, kept channels, watch on the search."""

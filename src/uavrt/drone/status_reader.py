@@ -1,0 +1,118 @@
+"""Client of a running supervisor's status socket: reads records, sends commands."""
+
+import select
+import socket
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from uavrt.config.settings import Settings
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import UavrtError
+from uavrt.core.messages import SystemStatus
+from uavrt.drone.ipc.record_link import LineBuffer
+from uavrt.drone.ipc.topics import decode_record, encode_record
+
+SOCKET_NAME = "status.sock"
+STATUS_S = 3.0
+"""Period of the supervisor's status reports [s]."""
+
+
+def status_socket_path(settings: Settings) -> Path:
+    """Path of the supervisor's socket: from the settings, or in the flights' directory."""
+    if settings.status_socket is not None:
+        return Path(settings.status_socket)
+    return Path(settings.recording.directory) / SOCKET_NAME
+
+
+def running_status(path: Path) -> SystemStatus | None:
+    """Status of the running system; None if none runs."""
+    try:
+        reader = StatusReader(path)
+    except (UavrtError, OSError):
+        return None
+    with closing(reader):
+        end_s = monotonic_s() + STATUS_S
+        while monotonic_s() < end_s:
+            for _, record in reader.read(0.1):
+                if isinstance(record, SystemStatus):
+                    return record
+    return None
+
+
+def _never() -> None:
+    """Check nothing; the default of `check`."""
+
+
+class StatusReader:
+    """Reads the records of the supervisor's status socket.
+
+    `timeout_s`: longest wait for the socket to open [s]. `check`: called while waiting; raises
+    an error if a program has ended. Raises `UavrtError` if the socket does not open in time.
+    """
+
+    def __init__(
+        self, path: Path, timeout_s: float = 0.0, check: Callable[[], None] = _never
+    ) -> None:
+        self._sock = socket.socket(socket.AF_UNIX)
+        self._lines = LineBuffer()
+        try:
+            self._connect(str(path), monotonic_s() + timeout_s, check)
+        except BaseException:
+            self._sock.close()
+            raise
+        self._sock.setblocking(False)
+        self._open = True
+
+    def _connect(self, path: str, deadline_s: float, check: Callable[[], None]) -> None:
+        while True:
+            try:
+                self._sock.connect(path)
+            except (FileNotFoundError, ConnectionRefusedError):
+                check()
+                if monotonic_s() > deadline_s:
+                    raise UavrtError(
+                        "the supervisor did not start in time", remedy="Try again"
+                    ) from None
+                time.sleep(0.05)
+            else:
+                return
+
+    @property
+    def is_open(self) -> bool:
+        """True while the supervisor is connected."""
+        return self._open
+
+    @property
+    def process_id(self) -> int:
+        """Process id of the supervisor (unix(7), SO_PEERCRED)."""
+        credentials = self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+        return int.from_bytes(credentials[:4], sys.byteorder)
+
+    def read(self, wait_s: float) -> list[tuple[str, Any]]:
+        """Read the records received within `wait_s`, with their topics; none after the end."""
+        deadline_s = monotonic_s() + wait_s
+        records: list[tuple[str, Any]] = []
+        while (rest_s := deadline_s - monotonic_s()) > 0:
+            if not self._open:
+                time.sleep(rest_s)
+                break
+            if not select.select([self._sock], [], [], rest_s)[0]:
+                break
+            data = self._sock.recv(1 << 18)
+            self._open = bool(data)
+            records += [decode_record(line) for line in self._lines.feed(data)]
+        return records
+
+    def send(self, topic: str, record: object) -> None:
+        """Send a record, such as a command, to the supervisor."""
+        self._sock.setblocking(True)
+        self._sock.sendall(encode_record(topic, record))
+        self._sock.setblocking(False)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._sock.close()

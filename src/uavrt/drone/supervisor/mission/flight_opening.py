@@ -1,0 +1,109 @@
+"""Creates a flight's directory and assigns tags to detector processes."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from uavrt.config.ghost_places import Receiver
+from uavrt.config.settings import Settings
+from uavrt.config.tags.tag_bands import tags_by_band
+from uavrt.core.clock import Clock, flight_stamp
+from uavrt.core.errors import RecordingError
+from uavrt.core.messages import FlightInfo, Tag
+
+_CHEAP_SHARE_TAGS = 16
+"""Number of tags one detector process may get while others have none; they cost 2 % of a core.
+"""
+
+
+def share_tags(
+    tags: Sequence[Tag], workers: int, *, window_hz: float, receiver: Receiver | None = None
+) -> tuple[tuple[Tag, ...], ...]:
+    """Distribute the tags over detector processes.
+
+    Tags with overlapping bands share pulses and must be compared, so one process gets them all.
+    Each such group goes to the process with the fewest tags. Tags that may appear as receiver
+    ghosts (image or harmonic) of each other are also kept together, up to an equal share or 16
+    tags.
+
+    `window_hz`: half-width of the search around each tag. `receiver`: determines the ghosts.
+    Returns at least one list, which is empty only without tags.
+    """
+    together = tags_by_band(tags, window_hz)
+    if receiver is not None and workers > 1:
+        most = max(_CHEAP_SHARE_TAGS, math.ceil(len(tags) / workers))
+        together = _with_ghosts(together, receiver, window_hz, most)
+    shares: list[list[Tag]] = [[] for _ in range(max(1, min(workers, len(together))))]
+    for some in together:
+        min(shares, key=len).extend(some)
+    return tuple(tuple(share) for share in shares)
+
+
+def _with_ghosts(
+    together: list[list[Tag]], receiver: Receiver, window_hz: float, most: int
+) -> list[list[Tag]]:
+    """Join groups of tags that may be receiver ghosts of each other, up to `most` tags each."""
+    group_of = {tag.tag_id: group for group in together for tag in group}
+    multiples = (
+        (receiver.multiple(ghost.frequency_hz, tag.frequency_hz, window_hz), tag, ghost)
+        for tag in itertools.chain(*together)
+        for ghost in itertools.chain(*together)
+        if group_of[tag.tag_id] is not group_of[ghost.tag_id]
+    )
+    pairs = [(abs(multiple), tag, ghost) for multiple, tag, ghost in multiples if multiple]
+    for _, tag, ghost in sorted(pairs, key=lambda pair: pair[0]):
+        one, other = group_of[tag.tag_id], group_of[ghost.tag_id]
+        if one is not other and len(one) + len(other) <= most:
+            joined = [*one, *other]
+            group_of |= {each.tag_id: joined for each in joined}
+    found = {id(group): group for group in group_of.values()}
+    return sorted(found.values(), key=lambda group: -len(group))
+
+
+def new_flight(
+    settings: Settings,
+    tags: tuple[Tag, ...],
+    clock: Clock,
+    *,
+    center_frequency_hz: float,
+    capture_s: float | None = None,
+) -> FlightInfo:
+    """Create a flight's directory and description; with `capture_s`, those of a raw capture.
+
+    Raises `RecordingError` if the directory cannot be made.
+    """
+    start_ns = clock.now_ns()
+    return FlightInfo(
+        directory=str(_make_directory(Path(settings.recording.directory), start_ns)),
+        start_time_ns=start_ns,
+        clock_offset_ns=clock.offset_ns,
+        center_frequency_hz=center_frequency_hz,
+        sample_rate_hz=settings.radio.sample_rate_hz,
+        tags=tags,
+        capture_s=capture_s,
+    )
+
+
+def last_written_ns(directory: Path) -> int | None:
+    """Time of the last change of a flight's files [ns, wall clock]; None without files."""
+    times = [path.stat().st_mtime_ns for path in directory.glob("*") if path.is_file()]
+    return max(times, default=None)
+
+
+def _make_directory(parent: Path, start_ns: int) -> Path:
+    """Make ``flight_log_<UTC>``; a second flight in the same second gets a number appended."""
+    for attempt in range(1, 100):
+        suffix = "" if attempt == 1 else f"_{attempt}"
+        directory = parent.resolve() / f"flight_log_{flight_stamp(start_ns)}{suffix}"
+        try:
+            directory.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RecordingError(
+                f"cannot make {directory}: {error.strerror}",
+                remedy="Free some space, or set recording.directory to a writable place",
+            ) from error
+        return directory
+    raise RecordingError(f"cannot make a new flight directory in {parent}")

@@ -1,0 +1,83 @@
+"""Tests the radio in a short-lived process: ``python -m
+uavrt.drone.supervisor.mission.radio_check``.
+
+A process of its own, because the radio module loads NumPy and the radio's program may hang.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+
+import msgspec
+
+from uavrt.config.settings import RadioSettings
+from uavrt.core.errors import UavrtError
+from uavrt.drone.ipc.parent import PARENT_VARIABLE, die_with_parent
+
+TIMEOUT_S = 7.5
+"""Longest wait for the radio test [s]. The ground station waits 8 s; a working radio answers in
+4 s."""
+
+
+class RadioTest:
+    """A running test of the radio.
+
+    Create it where child processes are tracked, so that it is not killed as an orphan. Wait for
+    its answer in a thread. Raises `OSError` if no process can be started.
+    """
+
+    def __init__(self, settings: RadioSettings) -> None:
+        question = msgspec.json.encode(settings).decode()
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", __name__, question],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {PARENT_VARIABLE: str(os.getpid())},
+            process_group=0,
+        )
+
+    @property
+    def pid(self) -> int:
+        """Process id of the test."""
+        return self._process.pid
+
+    def stop(self) -> None:
+        """Stop the test because a flight needs the radio; its answer then says so."""
+        with suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+    def answer(self) -> tuple[bool, str]:
+        """Wait for the result: (radio found, text for the operator)."""
+        try:
+            output, _ = self._process.communicate(timeout=TIMEOUT_S)
+            answer = json.loads(output)
+        except (OSError, subprocess.TimeoutExpired, ValueError) as error:
+            return False, f"the radio could not be checked ({type(error).__name__}): try again"
+        finally:
+            # With the radio's program, which would block the radio.
+            self.stop()
+            self._process.wait()
+            if self._process.stdout is not None:
+                self._process.stdout.close()
+        return bool(answer["found"]), str(answer["text"])
+
+
+def main() -> None:
+    """Test the radio given as JSON in the arguments; print the answer."""
+    from uavrt.radio.checking import check_device
+
+    die_with_parent()
+    settings = msgspec.json.decode(sys.argv[1], type=RadioSettings)
+    try:
+        answer = {"found": True, "text": check_device(settings)}
+    except UavrtError as error:
+        answer = {"found": False, "text": str(error)}
+    sys.stdout.write(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""The supervisor's state in a file, replaced atomically at each change.
+
+The next supervisor resumes from it after a kill or power cut. A clean stop deletes it.
+"""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from uavrt.core.commands import SystemState
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import FlightInfo, Tag
+from uavrt.flight.kept_file import KeptFile
+
+STATE_NAME = "supervisor_state.json"
+LOCK_NAME = "supervisor.lock"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SavedState:
+    """State that a new supervisor needs to resume a flight."""
+
+    boot_id: str
+    clock_offset_ns: int
+    """Offset of the flight's clock from the monotonic clock [ns]; valid only within one boot.
+    """
+    state: SystemState
+    tags: tuple[Tag, ...]
+    flight: FlightInfo | None
+    tags_sent: int = 0
+    """Number of tags the sender announced for the last upload; 0 if unknown."""
+    last_flights: tuple[str, ...] = ()
+    gain: int | None = None
+    """Radio gain given with a start command; None: the settings' gain."""
+    waiting: dict[str, float] = field(default_factory=dict)
+    """Present values of parameters that change at the next flight."""
+    commander: str | None = None
+    """Station in command; None if every station may command."""
+
+
+class StateStore(KeptFile[SavedState]):
+    """The state file in the flights' directory, and the lock that admits one supervisor."""
+
+    def __init__(self, directory: Path) -> None:
+        super().__init__(directory / STATE_NAME, SavedState, "saved state")
+        self._lock_path = directory / LOCK_NAME
+        self._lock: int | None = None
+
+    def claim(self) -> None:
+        """Lock the directory; raises `ConfigError` if another supervisor holds the lock.
+
+        The kernel releases the lock when this process ends.
+        """
+        import fcntl  # not where Windows runs the page, which reads the state
+
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as error:
+            self._complain(error)
+            return
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigError(
+                f"uavrt is already running with flights in {self.path.parent}",
+                remedy="Stop it first, or set another recording.directory",
+            ) from None
+        except OSError as error:  # a file system without locks
+            self._complain(error)

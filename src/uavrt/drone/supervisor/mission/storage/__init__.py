@@ -1,0 +1,1 @@
+"""Space and files: free space, copies to a drive, removal of flights."""

@@ -1,0 +1,169 @@
+"""Jobs that take longer than a command: copying flights to a drive, and removing flights.
+
+One job runs at a time, in a thread. It reports progress as `Operation` records and texts; the
+original ground station reads texts that begin with ``#`` aloud.
+"""
+
+import asyncio
+import re
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.config.settings import RecordingSettings
+from uavrt.core.clock import monotonic_s
+from uavrt.core.commands import CommandName
+from uavrt.core.errors import RecordingError, UavrtError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import Operation
+from uavrt.drone.supervisor.mission.storage.background import in_background
+from uavrt.drone.supervisor.mission.storage.copying import Step, remove_flights, save_flights
+from uavrt.drone.supervisor.mission.storage.flight_removal import (
+    RETRY_WITHIN_S,
+    SecondStep,
+    removable,
+)
+from uavrt.flight.flight_order import flights_in_order
+
+log = get_logger()
+
+MOUNTS = Path("/proc/self/mounts")
+REMOVABLE = ("/media/", "/run/media/")
+"""Directories below which desktops and udiskie mount removable drives."""
+
+END_S = 1.5
+"""Longest wait for a running job when the system ends [s]; the whole stop may take 3 s."""
+
+_ESCAPED = re.compile(r"\\([0-7]{3})")
+
+
+class Operations:
+    """Runs one job at a time; `publish` gets its progress, `notify` its texts."""
+
+    def __init__(
+        self,
+        settings: RecordingSettings,
+        publish: Callable[[Operation], None],
+        notify: Callable[[int, str], None],
+        clock_s: Callable[[], float] = monotonic_s,
+    ) -> None:
+        self._settings = settings
+        self._publish, self._notify = publish, notify
+        self._task: asyncio.Task[None] | None = None
+        self._ending = threading.Event()
+        self._second_step = SecondStep(clock_s)
+        self.running: Operation | None = None
+
+    def _wanted(self) -> bool:
+        return not self._ending.is_set()
+
+    async def end(self) -> None:
+        """Stop the job because the system ends; do not wait for a drive that hangs."""
+        self._ending.set()
+        if self._task is not None:
+            await asyncio.wait([self._task], timeout=END_S)
+
+    def check_free(self) -> None:
+        """Raise `UavrtError` while a job runs."""
+        if self.running is not None:
+            raise UavrtError(f"busy: {words(self.running.name)} in progress")
+
+    def begin(self, name: CommandName, source: str = "") -> str:
+        """Begin to copy or remove flights; return the answer for the operator.
+
+        `source`: the sender, who must confirm a removal by a second request. Raises
+        `UavrtError` if another job runs, no drive is plugged in, or confirmation is needed.
+        """
+        self.check_free()
+        root = Path(self._settings.directory)
+        flights = flights_in_order(root)
+        if name == "save_logs":
+            target = save_directory(self._settings)
+            start, end = "#Saving logs", "#Log save complete"
+            work: Callable[[Step], None] = lambda step: save_flights(  # noqa: E731
+                flights, target, step, self._wanted
+            )
+            answer = f"{len(flights)} flights to {target}"
+        else:
+            whole = len(flights)
+            flights = removable(flights)
+            stay = f"the newest and the starred stay, {whole - len(flights)} of {whole}"
+            if not flights:
+                raise UavrtError(f"nothing to delete: {stay}")
+            if not self._second_step.is_confirmation(source):
+                raise UavrtError(
+                    f"send it again after {RETRY_WITHIN_S:.0f} s to delete {len(flights)} "
+                    f"flights: {stay}"
+                )
+            start, end = "#Deleting logs", "#Logs deleted"
+            work = lambda step: remove_flights(flights, step, self._wanted)  # noqa: E731
+            answer = f"{len(flights)} flights; {stay}"
+        self._show(Operation(name=name, state="running", step_count=len(flights)))
+        self._notify(6, start)
+        self._task = asyncio.get_running_loop().create_task(self._run(work, end))
+        return answer
+
+    async def _run(self, work: Callable[[Step], None], end: str) -> None:
+        loop = asyncio.get_running_loop()
+
+        def step(done: int, whole: int, text: str) -> None:
+            loop.call_soon_threadsafe(self._step, done, whole, text)
+
+        try:
+            await in_background(lambda: work(step))
+        except (OSError, UavrtError) as error:
+            reason = error.message if isinstance(error, UavrtError) else str(error)
+            self._finish("failed", reason)
+            self._notify(3, reason)
+        else:
+            self._finish("complete", end.lstrip("#"))
+            self._notify(6, end)
+
+    def _step(self, done: int, whole: int, text: str) -> None:
+        if self.running is not None:
+            changes = {"step": done, "step_count": whole, "message": text}
+            self._show(replace(self.running, **changes))  # type: ignore[arg-type]
+
+    def _finish(self, state: str, text: str) -> None:
+        assert self.running is not None
+        ended, self.running = self.running, None
+        self._publish(replace(ended, state=state, message=text))  # type: ignore[arg-type]
+
+    def _show(self, operation: Operation) -> None:
+        self.running = operation
+        self._publish(operation)
+
+
+def words(name: CommandName) -> str:
+    """Text for a job's name."""
+    return name.replace("_", " ")
+
+
+def save_directory(settings: RecordingSettings) -> Path:
+    """Directory to copy flights to: the configured one, or one on the only removable drive.
+
+    Raises `RecordingError` if there is no drive, or several.
+    """
+    if settings.save_directory is not None:
+        path = Path(settings.save_directory)
+        if not path.is_dir():
+            raise RecordingError(
+                f"{path} is not there",
+                remedy="Plug the drive in, or set recording.save_directory",
+            )
+        return path
+    drives = removable_drives(MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines())
+    if len(drives) != 1:
+        raise RecordingError(
+            "flash drive not found" if not drives else f"{len(drives)} drives are plugged in",
+            remedy="Plug one drive in, or set recording.save_directory",
+        )
+    return drives[0]
+
+
+def removable_drives(mounts: Iterable[str]) -> list[Path]:
+    """Mount points of plugged-in removable drives, from ``/proc/mounts``."""
+    points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
+    names = (_ESCAPED.sub(lambda octal: chr(int(octal[1], 8)), point) for point in points)
+    return [Path(name) for name in names if name.startswith(REMOVABLE)]

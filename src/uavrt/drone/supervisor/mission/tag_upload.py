@@ -1,0 +1,94 @@
+"""The list of tags being uploaded, and the last complete list on disk."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from uavrt.config.tags.code_rules import same_codes
+from uavrt.config.tags.tag_files import faults_of_tags
+from uavrt.core.errors import UavrtError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import Tag
+from uavrt.flight.kept_file import KeptFile
+
+log = get_logger()
+
+LAST_TAGS_NAME = "last_tags.json"
+"""File with the last complete list, for a start without an upload (parameter `DET_RUN`)."""
+_MOST_TAGS = 1000
+"""Largest number of tags in a list unless `detection.maximum_tags` is set."""
+
+
+class TagUpload:
+    """The list of tags. Its methods raise `UavrtError` when they refuse."""
+
+    def __init__(self, directory: Path) -> None:
+        self._last = KeptFile(directory / LAST_TAGS_NAME, tuple[Tag, ...], "last tags")
+        self._tags: dict[int, Tag] = {}
+        self.sent = 0
+        """Number of tags the sender announced for this upload; 0 if unknown."""
+
+    @property
+    def tags(self) -> Mapping[int, Tag]:
+        """The tags by tag number."""
+        return self._tags
+
+    def begin(self, tags: Sequence[Tag] = (), sent: int = 0) -> None:
+        """Begin a new list; `tags` and `sent` restore an interrupted upload."""
+        self._tags = {tag.tag_id: tag for tag in tags}
+        self.sent = sent
+
+    def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
+        """Add a tag; repeating an equal one is allowed."""
+        if tag is None:
+            raise UavrtError("the tag is missing")
+        if self._tags.get(tag.tag_id, tag) != tag:
+            raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
+        check_tag(tag)
+        most = maximum_tags or _MOST_TAGS
+        if tag.tag_id not in self._tags and len(self._tags) >= most:
+            raise UavrtError(f"at most {most} tags: see detection.maximum_tags")
+        self._tags[tag.tag_id] = tag
+
+    def end(self, tag_count: int | None) -> str:
+        """End the list and store it if it is complete; return its size as text."""
+        if not self._tags:
+            raise UavrtError("no tag was sent: send TAG before END_TAGS")
+        for one, two in same_codes(tuple(self._tags.values())):
+            raise UavrtError(f"tags {one.tag_id} and {two.tag_id} have the same code")
+        self.sent = max(self.sent, tag_count or 0)
+        if len(self._tags) < self.sent:
+            return f"{len(self._tags)} of {self.sent} tags"
+        self._last.keep((*self._tags.values(),))
+        return f"{len(self._tags)} tags"
+
+    def check_complete(self, tag_count: int | None) -> None:
+        """Raise `UavrtError` if fewer tags arrived than the sender announced."""
+        sent = max(self.sent, tag_count or 0)
+        if len(self._tags) < sent:
+            raise UavrtError(f"only {len(self._tags)} of {sent} tags came: send them all again")
+
+    def correct(self, tag: Tag) -> None:
+        """Replace a tag's values in the list and in its copy on disk."""
+        self._tags[tag.tag_id] = tag
+        self._last.keep(tuple(self._tags.values()))
+
+    def load_last(self, maximum_tags: int | None) -> None:
+        """Load the last complete list from the disk."""
+        tags = self._last.read() or ()
+        if not tags:
+            raise UavrtError("no tags known: send them once with uavrt ground")
+        self.begin()
+        try:
+            for tag in tags:
+                self.add(tag, maximum_tags)
+        except UavrtError:
+            self.begin()
+            raise
+        log.info("last tags loaded", tags=len(self._tags))
+
+
+def check_tag(tag: Tag) -> None:
+    """Raise `UavrtError` if a tag has values that a tag file may not contain."""
+    faults = faults_of_tags([tag])
+    if faults:
+        raise UavrtError(faults[0])

@@ -1,0 +1,49 @@
+"""Reports corrections of the computer's clock during a flight, which keeps its own time."""
+
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.drone.card import clock_fault
+
+REPORTED_CORRECTION_S = 0.5
+"""Smallest reported correction [s]; NTP adjusts at most half a second in 17 minutes."""
+REPEAT_AFTER_S = 15.0
+"""Time after which a wrong clock is reported again, for stations that connect later [s]. Longer
+than the 10 s in which the connection suppresses repeated texts."""
+
+
+class WallClockWatch:
+    """Compares the computer's clock with the flight's."""
+
+    def __init__(self) -> None:
+        self._noted_s = 0.0
+        self._again_s: float | None = None
+
+    def flight_started(self, now_s: float) -> str | None:
+        """Begin with both clocks equal; return a warning if the date is impossible."""
+        self._noted_s = 0.0
+        text = _wrong_time()
+        self._again_s = None if text is None else now_s + REPEAT_AFTER_S
+        return text
+
+    def wrong_time_again(self, now_s: float) -> str | None:
+        """Repeat the warning of the flight's start once, after `REPEAT_AFTER_S`."""
+        if self._again_s is None or now_s < self._again_s:
+            return None
+        self._again_s = None
+        return _wrong_time()
+
+    def check(self, correction_ns: int) -> str | None:
+        """Compare the clocks; return a text if the difference has changed, otherwise None."""
+        correction_s = correction_ns / NANOSECONDS_PER_SECOND
+        moved_s = correction_s - self._noted_s
+        if abs(moved_s) < REPORTED_CORRECTION_S:
+            return None
+        self._noted_s = correction_s
+        return (
+            f"Wall clock corrected by {moved_s:+.3f} s; the flight keeps its time, "
+            f"{correction_s:+.3f} s from it"
+        )
+
+
+def _wrong_time() -> str | None:
+    fault = clock_fault()
+    return None if fault is None else f"Drone's clock: {fault}"

@@ -1,0 +1,71 @@
+"""Stores each line that the processes print, with its time.
+
+During a flight the files are in the flight's directory, in the layout of the thesis
+(`uavrt.flight.flight_layout`); the radio program's output gets a file of its own. Otherwise
+they are in ``system_log/`` of the flights' folder.
+"""
+
+import json
+import time
+from pathlib import Path
+
+from uavrt.core.log import in_words
+from uavrt.core.messages import StatusText
+from uavrt.flight.flight_layout import FlightLayout
+from uavrt.flight.logs.process_log import ProcessLog
+
+RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
+"""Receiver log events that carry a line printed by the radio program, or its command line."""
+
+_SEVERITY = {"warning": 4, "error": 3, "critical": 2}
+_PLAIN_KEYS = {"event", "level", "timestamp", "process"}
+
+
+def warning_text(process: str, line: bytes) -> StatusText | None:
+    """Convert a printed line to an operator's text; None unless a warning or worse."""
+    try:
+        event = json.loads(line)
+        severity = _SEVERITY[event["level"]]
+    except (ValueError, KeyError, TypeError):
+        return None
+    facts = {name: value for name, value in event.items() if name not in _PLAIN_KEYS}
+    text = f"{process}: {in_words(str(event.get('event', '')), facts)}"
+    return StatusText(severity=severity, text=text[:200])
+
+
+class OutputLog:
+    """Files for the lines that the processes print.
+
+    Lines that cannot be written (full disk) are dropped and counted; the process continues.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._flight: FlightLayout | None = None
+        self._logs: dict[Path, ProcessLog] = {}
+
+    def open_flight(self, directory: Path) -> None:
+        """Write to files in a flight's directory from now on."""
+        self._flight = FlightLayout(directory)
+
+    def close_flight(self) -> None:
+        """Write to files in the flights' folder from now on."""
+        self._flight = None
+        self._logs.clear()
+
+    @property
+    def lost_lines(self) -> int:
+        """Number of lines that could not be written to the open files."""
+        return sum(log.lost_lines for log in self._logs.values())
+
+    def write(self, process: str, line: bytes) -> None:
+        """Write a printed line with the present time."""
+        path = self._path("radio" if any(e in line for e in RADIO_EVENTS) else process)
+        log = self._logs.setdefault(path, ProcessLog(path))
+        stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())
+        log.write(stamp + line.decode("utf-8", "replace"))
+
+    def _path(self, process: str) -> Path:
+        if self._flight is None:
+            return self._directory / "system_log" / f"{process}.log"
+        return self._flight.process_log(process)

@@ -1,0 +1,263 @@
+"""The table of processes, which defines the drone side.
+
+One row is one process. Start order, stop order (reverse), routing of records, silence limits
+and budgets derive from it. Consumers precede their producers, so that they run first. Modules
+are named by string; the table imports none of them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavrt.config.settings import Settings
+from uavrt.core.commands import SystemState
+from uavrt.drone.supervisor.start.restarts import SOON, RestartPolicy
+
+Predicate = Callable[[SystemState], bool]
+
+
+def always(state: SystemState) -> bool:
+    """True in every state."""
+    return state in SystemState
+
+
+def while_detecting(state: SystemState) -> bool:
+    """True between start and stop of detection."""
+    return state is SystemState.DETECTING
+
+
+def while_receiving(state: SystemState) -> bool:
+    """True while the radio is needed, for detection or a raw capture."""
+    return state in (SystemState.DETECTING, SystemState.CAPTURING)
+
+
+def on_every_drone(settings: Settings) -> bool:
+    """True with any settings."""
+    return isinstance(settings, Settings)
+
+
+def with_bearings_on_drone(settings: Settings) -> bool:
+    """True if the settings ask for bearings computed on the drone."""
+    return settings.bearings.on_drone
+
+
+def with_integration_on_drone(settings: Settings) -> bool:
+    """True if the settings ask for a search of the whole flight's samples on the drone."""
+    return settings.integration.on_drone and settings.recording.channels
+
+
+def with_ros2(settings: Settings) -> bool:
+    """True if the settings enable the ROS 2 gateway."""
+    return settings.ros2.enabled
+
+
+def with_guide(settings: Settings) -> bool:
+    """True if the settings allow motion commands."""
+    return settings.guidance.enabled
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessRow:
+    """One process in the table of processes."""
+
+    name: str
+    module: str
+    meaning: str
+    runs: Predicate
+    consumes: tuple[str, ...]
+    """Topics that the supervisor forwards to the process."""
+    produces: tuple[str, ...]
+    configured: Callable[[Settings], bool] = on_every_drone
+    """Function of the settings: True if the process is needed."""
+    backlog: int | None = None
+    """Most records of one topic queued for the process; None: no limit. It must hold a burst: a
+    hundred tags with pulses at the same time give hundreds of records."""
+    acks_taken: bool = False
+    """True if it reports how many records it has taken; after its end the rest is sent again.
+    """
+    per_worker: bool = False
+    """True if each detector worker gets its own instance."""
+    samples_to: str | None = None
+    """Name of the row that receives samples from it, by one socket for each instance."""
+    silence_limit_s: float = 5.0
+    """Silence after which the process is killed [s]; a healthy one reports once a second."""
+    start_limit_s: float = 20.0
+    """Longest wait for its first report after the start, which includes its imports [s]."""
+    restart: RestartPolicy = SOON
+    """Delays of restarts after it ended unexpectedly."""
+    cpu_budget_percent: float
+    """CPU budget [% of one core of the reference machine], with 100 tags."""
+    memory_limit_mb: float
+    stop_timeout_s: float = 5.0
+    """Time from SIGTERM to SIGKILL [s]."""
+
+
+PROCESSES: tuple[ProcessRow, ...] = (
+    ProcessRow(
+        name="recorder",
+        module="uavrt.drone.processes.recorder",
+        meaning="writes the flight directory; makes up for poses that never come",
+        runs=always,
+        consumes=(
+            "pulse",
+            "beep",
+            "search_report",
+            "search_note",
+            "pulse_pose",
+            "delivered",
+            "poses",
+            "flight",
+            "flight_end",
+            "corrected_tags",
+            "command",
+            "command_reply",
+            "status_text",
+            "health",
+        ),
+        produces=("pulse_pose", "recorded", "taken", "health", "status_text"),
+        acks_taken=True,
+        cpu_budget_percent=2.0,
+        memory_limit_mb=60.0,
+        # A memory card may need seconds for an fsync; killing the writer would not help.
+        silence_limit_s=8.0,
+    ),
+    ProcessRow(
+        name="connection",
+        module="uavrt.drone.processes.connection",
+        meaning="MAVLink to the autopilot and the ground; gives each pulse its pose",
+        runs=always,
+        consumes=(
+            "pulse",
+            "pulse_pose",
+            "recorded",
+            "bearing",
+            "beep",
+            "search_report",
+            "command_reply",
+            "operation",
+            "settings",
+            "status_text",
+            "system_status",
+            "flight",
+            "flight_end",
+            "corrected_tags",
+            "motion_offer",
+            "wish",
+            "course",
+        ),
+        produces=(
+            "pulse_pose",
+            "delivered",
+            "poses",
+            "command",
+            "motion",
+            "vehicle",
+            "vehicle_fence",
+            "neighbour",
+            "health",
+            "status_text",
+        ),
+        cpu_budget_percent=6.0,
+        memory_limit_mb=60.0,
+    ),
+    ProcessRow(
+        name="estimator",
+        module="uavrt.drone.processes.estimator",
+        meaning="bearings on the drone; without it the ground alone makes them",
+        runs=always,
+        configured=with_bearings_on_drone,
+        consumes=("pulse_pose", "poses", "flight", "health"),
+        produces=("bearing", "health", "status_text"),
+        backlog=500,
+        cpu_budget_percent=10.0,
+        memory_limit_mb=120.0,
+    ),
+    ProcessRow(
+        name="integrator",
+        module="uavrt.analysis.integrated.integrator",
+        meaning="tags below the noise, judged over the flight so far",
+        runs=always,
+        configured=with_integration_on_drone,
+        consumes=("flight", "flight_end"),
+        produces=("health", "status_text"),
+        backlog=10,
+        cpu_budget_percent=10.0,
+        memory_limit_mb=500.0,
+    ),
+    ProcessRow(
+        name="guide",
+        module="uavrt.drone.processes.guide",
+        meaning="flies what an operator has confirmed; without it nothing moves",
+        runs=always,
+        configured=with_guide,
+        consumes=(
+            "motion",
+            "vehicle",
+            "vehicle_fence",
+            "neighbour",
+            "flight",
+            "flight_end",
+            "pulse_pose",
+            "search_report",
+        ),
+        produces=("motion_offer", "wish", "course", "search_note", "health", "status_text"),
+        backlog=500,
+        cpu_budget_percent=5.0,
+        memory_limit_mb=80.0,
+    ),
+    ProcessRow(
+        name="ros2",
+        module="uavrt.drone.processes.ros2_gateway",
+        meaning="shows everything as ROS 2 nodes and topics; takes commands from there",
+        runs=always,
+        configured=with_ros2,
+        consumes=(
+            "pulse",
+            "pulse_pose",
+            "poses",
+            "flight",
+            "flight_end",
+            "command",
+            "command_reply",
+            "status_text",
+            "system_status",
+            "settings",
+        ),
+        produces=("pulse", "command", "health", "status_text"),
+        backlog=500,
+        cpu_budget_percent=3.0,
+        memory_limit_mb=80.0,
+    ),
+    ProcessRow(
+        name="detector",
+        module="uavrt.drone.processes.detector",
+        meaning="finds the pulses of several tags",
+        runs=while_detecting,
+        consumes=(),
+        produces=("pulse", "search_report", "health", "status_text"),
+        per_worker=True,
+        cpu_budget_percent=5.5,
+        memory_limit_mb=100.0,
+    ),
+    ProcessRow(
+        name="receiver",
+        module="uavrt.drone.processes.receiver",
+        meaning="radio samples to channels; also records the band",
+        runs=while_receiving,
+        samples_to="detector",
+        consumes=("settings",),
+        produces=("beep", "health", "status_text"),
+        cpu_budget_percent=4.7,
+        memory_limit_mb=150.0,
+        # A radio program that ignores SIGTERM is waited for 2 s before it is killed.
+        silence_limit_s=5.0,
+    ),
+)
+
+SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
+
+
+def consumers_of(
+    topic: str, rows: tuple[ProcessRow, ...] = PROCESSES
+) -> tuple[ProcessRow, ...]:
+    """Rows that consume a topic."""
+    return tuple(row for row in rows if topic in row.consumes)

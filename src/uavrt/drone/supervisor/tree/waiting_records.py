@@ -1,0 +1,155 @@
+"""Queue of records to be sent to one process; it outlives the process.
+
+Lossless records wait until the process takes them. Of other topics the newest are kept and the
+dropped ones counted.
+
+A process may end before it has read or stored records that were sent. If it reports its
+progress (`ProcessRow.acks_taken`), these are sent again to its next run.
+"""
+
+import socket
+from collections import Counter, deque
+
+from uavrt.core.messages import FlightInfo
+from uavrt.drone.ipc.topics import TOPICS, decode_record, topic_of
+
+BYTES_AT_ONCE = 32_768
+MOST_KEPT = 20_000
+"""Largest number of sent lines kept until they are taken: 10 MB, half an hour of failing disk.
+"""
+RUNS_WITHOUT_PROGRESS = 3
+"""Consecutive runs without progress after which kept lines are dropped; one of them may crash
+the process."""
+
+Line = tuple[str, bytes]
+"""Topic and the whole line with its newline."""
+
+
+class Outbox:
+    """Queue of record lines to be sent to one process.
+
+    `backlog`: largest number per topic. `keeps`: keep sent lines until reported as taken.
+    """
+
+    def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
+        self._backlog = backlog
+        self._keeps = keeps
+        self._lines: deque[Line] = deque()
+        self._kept: deque[Line] = deque()
+        """Lines sent to the present run and not yet taken."""
+        self._taken = 0
+        self._runs_without_progress = 0
+        self._flight: bytes | None = None
+        """Record of the flight to which the first waiting or kept line belongs; None outside of
+        flights."""
+        self._waiting: Counter[str] = Counter()
+        self._written = 0
+        """Number of bytes already sent of the first waiting line."""
+        self.dropped: Counter[str] = Counter()
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    @property
+    def flight(self) -> FlightInfo | None:
+        """Flight to which the first line not yet taken belongs; None outside of flights."""
+        return None if self._flight is None else decode_record(self._flight)[1]
+
+    def holds(self, name: str) -> bool:
+        """True if a line of the topic is not yet sent or not yet taken."""
+        return any(topic == name for lines in (self._kept, self._lines) for topic, _ in lines)
+
+    def put(self, line: bytes) -> None:
+        """Add a line with its newline; drop the topic's oldest line if there are too many."""
+        name = topic_of(line)
+        newest = TOPICS[name].newest
+        self._lines.append((name, line))
+        self._waiting[name] += 1
+        limit = self._backlog if newest is None else newest
+        if limit is not None and self._waiting[name] > limit:
+            self._drop_oldest(name)
+
+    def put_first(self, line: bytes) -> None:
+        """Add a line before all others, for a process that has just been started."""
+        self._written = 0
+        self._lines.appendleft((topic_of(line), line))
+        self._waiting[topic_of(line)] += 1
+
+    def remove_topic(self, name: str) -> None:
+        """Remove all lines of a topic, such as an outdated assignment."""
+        self._lines = deque(item for item in self._lines if item[0] != name)
+        self._waiting[name] = 0
+        self._written = 0
+
+    def taken(self, count: int) -> None:
+        """Remove kept lines after the process reported how many it has taken."""
+        while self._taken < count and self._kept:
+            self._taken += 1
+            self._update_flight(*self._kept.popleft())
+
+    def process_ended(self, *, by_itself: bool) -> None:
+        """Queue the lines that the process has not taken before all waiting ones."""
+        self._runs_without_progress = (
+            self._runs_without_progress + 1 if by_itself and not self._taken else 0
+        )
+        self._taken = 0
+        if self._runs_without_progress >= RUNS_WITHOUT_PROGRESS:
+            self._runs_without_progress = 0
+            while self._kept:
+                self._give_up()
+        self._written = 0
+        self._lines.extendleft(reversed(self._kept))
+        self._waiting.update(name for name, _ in self._kept)
+        self._kept.clear()
+
+    def write_to(self, sock: socket.socket) -> bool:
+        """Send lines until the socket is full; True if none is left."""
+        while self._lines:
+            try:
+                sent = sock.send(self._next_bytes())
+            except BlockingIOError:
+                return False
+            self._written += sent
+            while self._lines and self._written >= len(self._lines[0][1]):
+                name, line = self._lines.popleft()
+                self._waiting[name] -= 1
+                self._written -= len(line)
+                if self._keeps and name != "assignment":
+                    self._keep(name, line)
+        return True
+
+    def _keep(self, name: str, line: bytes) -> None:
+        self._kept.append((name, line))
+        if len(self._kept) > MOST_KEPT:
+            self._give_up()
+            self._taken += 1
+
+    def _next_bytes(self) -> bytes:
+        """Join lines for one call, because each call wakes the receiving process."""
+        size, lines = 0, []
+        for _, line in self._lines:
+            lines.append(line)
+            size += len(line)
+            if size > BYTES_AT_ONCE:
+                break
+        return b"".join(lines)[self._written :]
+
+    def _give_up(self) -> None:
+        name, line = self._kept.popleft()
+        self.dropped[name] += 1
+        self._update_flight(name, line)
+
+    def _update_flight(self, name: str, line: bytes) -> None:
+        if name == "flight":
+            self._flight = line
+        elif name == "flight_end":
+            self._flight = None
+
+    def _drop_oldest(self, name: str) -> None:
+        for index, (topic, _) in enumerate(self._lines):
+            # The first line may be partly written, so it stays.
+            if topic == name and not (index == 0 and self._written):
+                del self._lines[index]
+                self._waiting[name] -= 1
+                self.dropped[name] += 1
+                return

@@ -1,0 +1,136 @@
+"""Describe a record's fields for tables and files, from its dataclass.
+
+A new field of `uavrt.core.messages.Pulse` becomes a column of the flight's database, of the
+files of ``uavrt detect`` and of the page's records.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields
+from enum import StrEnum
+from types import NoneType, UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
+
+IN_NO_TABLE = "in no table"
+"""Metadata key that marks a field without a column, since it is no plain value."""
+_KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
+SQL_TYPES: dict[Kind, str] = {
+    "whole": "INTEGER",
+    "real": "REAL",
+    "switch": "INTEGER",
+    "word": "TEXT",
+    "wholes": "TEXT",
+    "reals": "TEXT",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordField:
+    """Name, type and limits of one field of a record."""
+
+    name: str
+    kind: Kind
+    optional: bool
+    """True if the value may be None."""
+    defaulted: bool
+    """True if the field may be missing, as in older files."""
+    choices: tuple[str, ...] = ()
+    """Allowed texts; empty if any text is allowed."""
+    length: int | None = None
+    """Required count of numbers in a tuple; None: any."""
+
+    def from_record(self, value: Any) -> Any:
+        """Convert a value from JSON or CSV; raises `ValueError` or `TypeError`."""
+        if value is None and self.optional:
+            return None
+        match self.kind:
+            case "whole":
+                return int(value)
+            case "real":
+                return math.nan if value is None else float(value)
+            case "switch":
+                if not isinstance(value, bool):
+                    raise ValueError(f"{self.name} must be true or false")
+                return value
+            case "wholes":
+                return tuple(map(int, value or ()))
+            case "reals":
+                numbers = tuple(map(float, value or ()))
+                if self.length is not None and len(numbers) != self.length:
+                    raise ValueError(f"{self.name} must have {self.length} numbers")
+                return numbers
+        if self.choices and value not in self.choices:
+            raise ValueError(f"{self.name} has the unknown value {value!r}")
+        return value
+
+    @property
+    def to_sql(self) -> Callable[[Any], Any] | None:
+        """Function that converts a value for the database; None if none is needed."""
+        return _joined if self.kind in ("wholes", "reals") else None
+
+    @property
+    def from_sql(self) -> Callable[[Any], Any] | None:
+        """Function that converts a database cell to a value; None if none is needed.
+
+        NaN is stored as NULL, which each table's own reader converts.
+        """
+        match self.kind:
+            case "switch":
+                return bool
+            case "wholes":
+                return _parted
+            case "reals":
+                return _parted_reals
+        return None
+
+
+def fields_of(record: type) -> tuple[RecordField, ...]:
+    """Describe a dataclass's fields; raises `TypeError` unless all are plain values."""
+    hints = get_type_hints(record)
+    return tuple(
+        _field(item.name, hints[item.name], defaulted=item.default is not MISSING)
+        for item in fields(record)
+        if not item.metadata.get(IN_NO_TABLE)
+    )
+
+
+def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
+    optional = get_origin(hint) is UnionType and NoneType in get_args(hint)
+    if optional:
+        (hint,) = (one for one in get_args(hint) if one is not NoneType)
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+    if get_origin(hint) is Literal:
+        kind: Kind = "word"
+        choices = get_args(hint)
+    elif isinstance(hint, type) and issubclass(hint, StrEnum):
+        kind, choices = "word", tuple(hint)
+    elif get_origin(hint) is tuple:
+        kind = "reals" if get_args(hint)[0] is float else "wholes"
+        length = None if Ellipsis in get_args(hint) else len(get_args(hint))
+    elif hint in _KINDS:
+        kind = _KINDS[hint]
+    else:
+        raise TypeError(f"{name} is {hint}: no column holds that")
+    return RecordField(
+        name=name,
+        kind=kind,
+        optional=optional,
+        defaulted=defaulted,
+        choices=choices,
+        length=length,
+    )
+
+
+def _joined(numbers: tuple[float, ...]) -> str | None:
+    return " ".join(map(repr, numbers)) if numbers else None
+
+
+def _parted(text: str | None) -> tuple[int, ...]:
+    return tuple(map(int, str(text).split())) if text else ()
+
+
+def _parted_reals(text: str | None) -> tuple[float, ...]:
+    return tuple(map(float, str(text).split())) if text else ()

@@ -1,0 +1,381 @@
+"""Define the tables of ``flight.sqlite``, and convert records to rows and back.
+
+Times are nanoseconds UTC, units are in the names, and missing values are NULL. Columns that may
+be NaN allow NULL, since SQLite stores NaN so, and one odd record must not block the others.
+"""
+
+import json
+import math
+import sqlite3
+from dataclasses import replace
+from functools import lru_cache
+from operator import attrgetter
+from typing import Any, cast
+
+import msgspec
+
+from uavrt.core.messages import (
+    Beep,
+    BurstInside,
+    Command,
+    CommandReply,
+    DetectionStatus,
+    Health,
+    Pose,
+    Pulse,
+    PulsePose,
+    SearchNote,
+    SearchReport,
+    Tag,
+)
+from uavrt.flight.database.fields import SQL_TYPES, fields_of
+
+VERSION = 6
+"""Version of the tables. 2: doubts about pulses; 3: searches; 4: coded tags; 5: usable share of
+time and weakest tag in search reports; 6: beeping senders."""
+SEARCH_REPORT_COLUMNS = (
+    "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
+)
+
+_PULSE_FIELDS = fields_of(Pulse)
+_PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
+_COLUMNS = {
+    "pulses": _PULSE_TYPES,
+    "tags": {"gaps_s": "TEXT"},
+    "search_reports": {"usable_share": "REAL", "weakest_enr_db": "REAL"},
+}
+"""SQL types of columns that flights of older versions may lack, by table."""
+PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
+"""Column names of a pulse; in older flights, missing ones are read as NULL."""
+_BEEP_FIELDS = fields_of(Beep)
+BEEP_COLUMNS = ", ".join(one.name for one in _BEEP_FIELDS)
+_BEEP_TYPES = {one.name: SQL_TYPES[one.kind] for one in _BEEP_FIELDS}
+POSE_COLUMNS = (
+    "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
+    "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
+)
+PULSE_POSE_COLUMNS = ", ".join(
+    [
+        *(f"pulses.{name}" for name in _PULSE_TYPES),
+        *(f"pulse_poses.{name}" for name in POSE_COLUMNS.split(", ")),
+    ]
+)
+"""Column names of pulses joined with their poses."""
+_POSE_FIELDS = POSE_COLUMNS.split(", ")[:5]
+POSE_DECLARED = ", ".join(
+    f"{name} {'INTEGER' if name in ('time_ns', 'extrapolated') else 'REAL'}"
+    for name in POSE_COLUMNS.split(", ")
+)
+
+
+def _declared(types: dict[str, str]) -> str:
+    return ", ".join(f"{name} {kind}" for name, kind in types.items())
+
+
+TABLES = f"""
+CREATE TABLE IF NOT EXISTS flight (
+    start_time_ns INTEGER, clock_offset_ns INTEGER, center_frequency_hz REAL,
+    sample_rate_hz REAL, settings TEXT, uavrt_version TEXT
+);
+CREATE TABLE IF NOT EXISTS tags (
+    tag_id INTEGER PRIMARY KEY, name TEXT, frequency_hz REAL, pulse_width_s REAL,
+    pulse_intervals_s TEXT, interval_uncertainty_s REAL, interval_jitter_s REAL, k INTEGER,
+    false_alarm_probability REAL, gaps_s TEXT
+);
+CREATE TABLE IF NOT EXISTS pulses (
+    pulse_id INTEGER PRIMARY KEY, {_declared(_PULSE_TYPES)},
+    UNIQUE (tag_id, start_time_ns)
+);
+CREATE TABLE IF NOT EXISTS pulse_poses (
+    pulse_id INTEGER PRIMARY KEY REFERENCES pulses, {POSE_DECLARED}
+);
+CREATE TABLE IF NOT EXISTS poses (
+    {POSE_DECLARED.replace("INTEGER", "INTEGER PRIMARY KEY", 1)}
+);
+CREATE TABLE IF NOT EXISTS health (
+    time_ns INTEGER, process TEXT, status TEXT, ok INTEGER, counters TEXT
+);
+CREATE TABLE IF NOT EXISTS status_texts (time_ns INTEGER, severity INTEGER, text TEXT);
+CREATE TABLE IF NOT EXISTS commands (
+    time_ns INTEGER, request_id INTEGER, name TEXT, source TEXT, detail TEXT,
+    accepted INTEGER, message TEXT
+);
+CREATE TABLE IF NOT EXISTS search_reports (
+    time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL,
+    usable_share REAL, weakest_enr_db REAL
+);
+CREATE TABLE IF NOT EXISTS beeps ({_declared(_BEEP_TYPES)});
+CREATE TABLE IF NOT EXISTS search_notes (
+    time_ns INTEGER, order_id INTEGER, event TEXT, text TEXT, reason TEXT, detail TEXT
+);
+CREATE TABLE IF NOT EXISTS deliveries (
+    pulse_id INTEGER, store INTEGER, time_ns INTEGER, PRIMARY KEY (pulse_id, store)
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
+"""
+
+TAG_COLUMNS = (
+    "tag_id, name, frequency_hz, pulse_width_s, pulse_intervals_s, interval_uncertainty_s, "
+    "interval_jitter_s, k, false_alarm_probability, gaps_s"
+)
+
+Row = tuple[Any, ...]
+
+
+def insertion(table: str, columns: str) -> str:
+    """SQL statement that adds a row, unless the row exists already."""
+    marks = ", ".join("?" * len(columns.split(",")))
+    return f"INSERT OR IGNORE INTO {table} ({columns}) VALUES ({marks})"
+
+
+INSERT_TAG = insertion("tags", TAG_COLUMNS)
+REPLACE_TAG = INSERT_TAG.replace("OR IGNORE", "OR REPLACE")
+INSERT_PULSE = insertion("pulses", PULSE_COLUMNS)
+INSERT_POSE = insertion("poses", POSE_COLUMNS)
+INSERT_PULSE_POSE = insertion("pulse_poses", f"pulse_id, {POSE_COLUMNS}")
+INSERT_HEALTH = insertion("health", "time_ns, process, status, ok, counters")
+INSERT_STATUS_TEXT = insertion("status_texts", "time_ns, severity, text")
+INSERT_COMMAND = insertion(
+    "commands", "time_ns, request_id, name, source, detail, accepted, message"
+)
+INSERT_SEARCH_REPORT = insertion("search_reports", SEARCH_REPORT_COLUMNS)
+INSERT_BEEP = insertion("beeps", BEEP_COLUMNS)
+SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
+"""Column names for queries on search notes; the whole record is in ``detail``."""
+INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
+INSERT_DELIVERY = (
+    "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
+    "SELECT pulse_id, ?, ? FROM pulses WHERE tag_id = ? AND start_time_ns = ?"
+)
+_INSIDE = ("burst_starts_ns", "burst_snrs_db", "also_possible_tag_ids")
+UPDATE_INSIDE = (
+    f"UPDATE pulses SET {', '.join(f'{name} = ?' for name in _INSIDE)} "
+    "WHERE tag_id = ? AND start_time_ns = ?"
+)
+INSERT_NOTE = insertion("notes", "time_ns, text")
+SELECT_PULSES_WITHOUT_POSE = (
+    f"SELECT {PULSE_COLUMNS} FROM pulses WHERE NOT EXISTS (SELECT 1 FROM pulse_poses"
+    " WHERE pulse_poses.pulse_id = pulses.pulse_id) ORDER BY pulse_id LIMIT ?"
+)
+SELECT_POSES = (
+    f"SELECT {POSE_COLUMNS} FROM poses WHERE time_ns BETWEEN ? AND ? ORDER BY time_ns"
+)
+
+
+def bring_up_to_date(database: sqlite3.Connection) -> None:
+    """Make the tables of a flight, or add columns of newer versions; raises `sqlite3.Error`."""
+    database.executescript(TABLES)
+    for table, columns in _lacking(database).items():
+        for column in columns:
+            kind = _COLUMNS[table][column]
+            database.execute(f"ALTER TABLE {table} ADD COLUMN {column} {kind}")
+    database.execute(f"PRAGMA user_version={VERSION}")
+
+
+def read_older(database: sqlite3.Connection) -> None:
+    """Read columns that an older flight lacks as NULL; raises `sqlite3.Error`."""
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    for table, columns in _lacking(database).items() if version < VERSION else ():
+        nulls = ", ".join(f"NULL AS {column}" for column in columns)
+        database.execute("PRAGMA temp_store=MEMORY")
+        # Temporary views take precedence over tables of the same name.
+        database.execute(f"CREATE TEMP VIEW {table} AS SELECT *, {nulls} FROM main.{table}")
+
+
+def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
+    """Columns that a database's tables lack; empty for a missing table."""
+    names = " UNION ALL ".join(
+        f"SELECT '{table}', name FROM pragma_table_info('{table}', 'main')"
+        for table in _COLUMNS
+    )
+    present: dict[str, set[str]] = {}
+    for table, column in database.execute(names):
+        present.setdefault(table, set()).add(column)
+    lacking = {
+        table: [column for column in _COLUMNS[table] if column not in there]
+        for table, there in present.items()
+    }
+    return {table: columns for table, columns in lacking.items() if columns}
+
+
+_pulse_values = attrgetter(*_PULSE_TYPES)
+_TO_SQL = [(i, one.to_sql) for i, one in enumerate(_PULSE_FIELDS) if one.to_sql]
+_FROM_SQL = [(i, one.from_sql) for i, one in enumerate(_PULSE_FIELDS) if one.from_sql]
+_REALS = [i for i, one in enumerate(_PULSE_FIELDS) if one.kind == "real" and not one.optional]
+
+
+def pulse_row(pulse: Pulse) -> Row:
+    """Values of a pulse in the order of `PULSE_COLUMNS`."""
+    row = list(_pulse_values(pulse))
+    for place, converted in _TO_SQL:
+        row[place] = converted(row[place])
+    return tuple(row)
+
+
+def inside_row(burst: BurstInside) -> Row:
+    """Values of a burst's single pulses, for `UPDATE_INSIDE`."""
+    to_sql = {one.name: one.to_sql for one in _PULSE_FIELDS if one.to_sql}
+    return (*(to_sql[name](getattr(burst, name)) for name in _INSIDE), *burst.key)
+
+
+def pulse_from_row(row: Row) -> Pulse:
+    """Make a pulse from a row; raises `ValueError` or `TypeError` for wrong values.
+
+    NULL in a real column is NaN; a status of a newer version is kept.
+    """
+    values = list(row)
+    for place in _REALS:
+        if values[place] is None:
+            values[place] = math.nan
+    for place, converted in _FROM_SQL:
+        values[place] = converted(values[place])
+    record = dict(zip(_PULSE_TYPES, values, strict=True))
+    try:
+        return msgspec.convert(record, Pulse)  # faster than the dataclass's own constructor
+    except msgspec.ValidationError:
+        status = msgspec.convert(record.pop("detection_status"), str)
+        pulse = msgspec.convert(record | {"detection_status": "detected"}, Pulse)
+        return replace(pulse, detection_status=cast("DetectionStatus", status))
+
+
+def pose_row(pose: Pose | None) -> Row:
+    """Values of a pose in the order of `POSE_COLUMNS`; all NULL without a pose."""
+    if pose is None:
+        return (None,) * 10
+    return (
+        pose.time_ns,
+        pose.latitude_deg,
+        pose.longitude_deg,
+        pose.altitude_amsl_m,
+        pose.altitude_relative_m,
+        *pose.quaternion_wxyz,
+        int(pose.extrapolated),
+    )
+
+
+def pose_from_row(row: Row) -> Pose | None:
+    """Make a pose from a row, None if all are NULL; raises `ValueError` for wrong values."""
+    if row[0] is None:
+        return None
+    time_ns, *numbers, extrapolated = row
+    numbers = [_number(one) for one in numbers]
+    record = dict(zip(_POSE_FIELDS, (time_ns, *numbers[:4]), strict=True))
+    turned = {"quaternion_wxyz": tuple(numbers[4:]), "extrapolated": bool(extrapolated)}
+    return msgspec.convert(record | turned, Pose)
+
+
+def pulse_pose_from_row(row: Row) -> PulsePose:
+    """Make a pulse with pose from a row of `PULSE_POSE_COLUMNS`."""
+    width = len(_PULSE_TYPES)
+    return PulsePose(pulse=pulse_from_row(row[:width]), pose=pose_from_row(row[width:]))
+
+
+def tag_row(tag: Tag) -> Row:
+    """Values of a tag in the order of `TAG_COLUMNS`."""
+    return (
+        tag.tag_id,
+        tag.name,
+        tag.frequency_hz,
+        tag.pulse_width_s,
+        json.dumps(tag.pulse_intervals_s),
+        tag.interval_uncertainty_s,
+        tag.interval_jitter_s,
+        tag.k,
+        tag.false_alarm_probability,
+        json.dumps(tag.gaps_s) if tag.gaps_s else None,
+    )
+
+
+_numbers = lru_cache(maxsize=256)(json.loads)
+"""Parse a JSON list of numbers, cached: tags of thousands of flights share few intervals."""
+
+
+def tag_from_row(row: Row) -> Tag:
+    """Make a tag from a row; raises `ValueError` or `TypeError` for wrong values."""
+    record = dict(zip(TAG_COLUMNS.split(", "), row, strict=True))
+    record["pulse_intervals_s"] = _numbers(record["pulse_intervals_s"])
+    record["gaps_s"] = _numbers(record["gaps_s"] or "[]")
+    try:
+        tag = msgspec.convert(record, Tag)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"tag {row[0]}: {error}") from error
+    numbers = (tag.frequency_hz, tag.pulse_width_s, *tag.pulse_intervals_s)
+    if not all(0.0 < one < math.inf for one in numbers):
+        raise ValueError(f"tag {row[0]}: a frequency, width or interval is not above 0")
+    return tag
+
+
+search_report_row = attrgetter(*SEARCH_REPORT_COLUMNS.split(", "))
+"""Values of a search report in the order of `SEARCH_REPORT_COLUMNS`."""
+
+
+def search_report_from_row(row: Row) -> SearchReport:
+    """Make a search report from a row, NULL as NaN; raises `ValueError`."""
+    record = dict(zip(SEARCH_REPORT_COLUMNS.split(", "), row, strict=True))
+    for name in ("frequency_hz", "noise_psd", "best_score"):
+        record[name] = _number(record[name])
+    return msgspec.convert(record, SearchReport)
+
+
+def beep_row(beep: Beep) -> Row:
+    """Values of a beeping sender in the order of `BEEP_COLUMNS`."""
+    values = ((one, getattr(beep, one.name)) for one in _BEEP_FIELDS)
+    return tuple(one.to_sql(value) if one.to_sql else value for one, value in values)
+
+
+def beep_from_row(row: Row) -> Beep:
+    """Make a beeping sender's record from a row; raises `ValueError` for wrong values."""
+    values = {
+        one.name: one.from_sql(cell) if one.from_sql else cell
+        for one, cell in zip(_BEEP_FIELDS, row, strict=True)
+    }
+    return msgspec.convert(values, Beep)
+
+
+def search_note_row(note: SearchNote) -> Row:
+    """Values of a search note in the order of its columns."""
+    detail = msgspec.json.encode(note).decode()
+    return (note.time_ns, note.order_id, note.event, note.text, note.reason, detail)
+
+
+def search_note_from_row(row: Row) -> SearchNote:
+    """Make a search note from a row."""
+    return msgspec.json.decode(row[5], type=SearchNote)
+
+
+def health_row(health: Health) -> Row:
+    """Values of a health record in the order of its columns."""
+    counters = json.dumps(health.counters)
+    return (health.time_ns, health.process, health.status, int(health.ok), counters)
+
+
+def health_from_row(row: Row) -> Health:
+    """Make a health record from a row; raises `ValueError` or `TypeError`."""
+    time_ns, process, status, ok, counters = row
+    fields = {"process": process, "time_ns": time_ns, "status": status, "ok": bool(ok)}
+    return msgspec.convert(fields | {"counters": json.loads(counters)}, Health)
+
+
+def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> Row:
+    """Values of a command and its answer, in the order of the columns."""
+    detail = {
+        "tag_id": None if command.tag is None else command.tag.tag_id,
+        "center_frequency_hz": command.center_frequency_hz,
+        "gain": command.gain,
+        "parameter": command.parameter,
+        "value": command.value,
+    }
+    given = {key: value for key, value in detail.items() if value is not None}
+    return (
+        time_ns,
+        command.request_id,
+        command.name,
+        command.source,
+        json.dumps(given),
+        None if reply is None else int(reply.accepted),
+        None if reply is None else reply.message,
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

@@ -1,0 +1,75 @@
+"""Query the flight in progress: received tags, and pulses that have not reached the ground.
+
+A delivery is a row linked to its pulse.
+"""
+
+import sqlite3
+from collections.abc import Collection, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from uavrt.core.errors import RecordingError
+from uavrt.core.messages import Delivered, PulsePose
+from uavrt.flight.database import schema
+from uavrt.flight.flight_layout import FlightLayout
+
+_MADE = "SELECT COUNT(*) FROM sqlite_master WHERE name = 'pulses'"
+_HEARD = "SELECT tag_id, COUNT(*), MAX(end_time_ns) FROM pulses WHERE confirmed GROUP BY tag_id"
+_UNDELIVERED = (
+    f"SELECT {schema.PULSE_POSE_COLUMNS} FROM pulses JOIN pulse_poses USING (pulse_id) "
+    "WHERE NOT EXISTS (SELECT 1 FROM deliveries"
+    " WHERE deliveries.pulse_id = pulses.pulse_id AND (deliveries.store = ?1 OR ?1 = 0)) "
+    "ORDER BY pulses.start_time_ns DESC LIMIT ?2"
+)
+
+
+def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
+    """Number of confirmed pulses of each tag in the flight, and the end of the newest [ns].
+
+    Tags without pulses are left out. Raises `RecordingError` if the database cannot be read.
+    """
+    with _opened(directory) as database:
+        # The recorder makes the tables after the file: there are no pulses yet.
+        made = database.execute(_MADE).fetchone()[0]
+        rows = database.execute(_HEARD).fetchall() if made else []
+        return {int(tag_id): (int(count), int(end_ns)) for tag_id, count, end_ns in rows}
+
+
+def undelivered(
+    directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
+) -> tuple[list[PulsePose], bool]:
+    """Recorded pulses that a ground station lacks, the newest first, and whether there are
+    more.
+
+    `store` is the station's number. With 0, only pulses sent to no station at all are returned:
+    plain stations get no old pulses after a restart. Pulses in `without` (tag id, start time)
+    are excluded. Raises `RecordingError` if the database cannot be read.
+    """
+    with _opened(directory) as database:
+        schema.read_older(database)
+        rows = database.execute(_UNDELIVERED, (store, limit + len(without) + 1)).fetchall()
+        wanted = (row for row in rows if (row[0], row[2]) not in without)
+        found = list(map(schema.pulse_pose_from_row, wanted))
+    return found[:limit], len(found) > limit
+
+
+def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
+    """Record deliveries in a closed flight; raises `RecordingError` if not writable."""
+    rows = [
+        (delivered.store, delivered.time_ns, tag_id, start_time_ns)
+        for tag_id, start_time_ns in delivered.pulses
+    ]
+    with _opened(directory, writable=True) as database, database:
+        database.executemany(schema.INSERT_DELIVERY, rows)
+
+
+@contextmanager
+def _opened(directory: str | Path, *, writable: bool = False) -> Iterator[sqlite3.Connection]:
+    path = FlightLayout(Path(directory)).database
+    mode, timeout_s, done = ("rw", 0.5, "written") if writable else ("ro", 0.05, "read")
+    try:
+        uri = f"{path.absolute().as_uri()}?mode={mode}"
+        with closing(sqlite3.connect(uri, uri=True, timeout=timeout_s)) as database:
+            yield database
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise RecordingError(f"{path} cannot be {done}: {error}") from error

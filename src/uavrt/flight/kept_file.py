@@ -1,0 +1,72 @@
+"""Store one record in a file, so that it survives every stop and restart.
+
+A disk fault loses the record, but never stops the flight.
+"""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import msgspec
+
+from uavrt.core.atomic_file import sync_to_disk, write_atomically
+from uavrt.core.errors import FormatError
+from uavrt.core.foreign import read_record
+from uavrt.core.log import get_logger
+
+log = get_logger()
+
+R = TypeVar("R")
+
+
+class KeptFile(Generic[R]):
+    """A record stored as readable JSON in one file.
+
+    The directory of `path` is made on demand. `kind` is the record's type, and `name` its name
+    in the log. With `sync` each `keep` waits for the disk; otherwise a power cut may lose half
+    a minute.
+    """
+
+    def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
+        self.path = path
+        self._kind: type[R] = kind
+        self._unread, self._unkept = f"{name} not read", f"{name} not kept over a restart"
+        self._sync = sync
+        self._fault = ""
+
+    def read(self) -> R | None:
+        """Read the record, None if missing; a damaged file is renamed with ``.damaged``."""
+        try:
+            return read_record(self.path, self._kind)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            log.warning(self._unread, reason=str(error.strerror))
+        except FormatError as error:
+            log.warning(self._unread, reason=f"damaged: {error}")
+            with suppress(OSError):
+                self.path.replace(self.path.with_suffix(".damaged"))
+        return None
+
+    def keep(self, record: R) -> None:
+        """Replace the stored record; after a power cut the old or the new one is there."""
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            text = msgspec.json.format(msgspec.json.encode(record)).decode()
+            write_atomically(self.path, text + "\n", sync=self._sync)
+            self._fault = ""
+        except OSError as error:
+            self._complain(error)
+
+    def remove(self) -> None:
+        """Delete the file."""
+        try:
+            self.path.unlink(missing_ok=True)
+            sync_to_disk(self.path.parent)
+        except OSError as error:
+            self._complain(error)
+
+    def _complain(self, error: OSError) -> None:
+        if (fault := str(error.strerror)) != self._fault:
+            log.warning(self._unkept, reason=fault)
+        self._fault = fault

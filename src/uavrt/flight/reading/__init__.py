@@ -1,0 +1,1 @@
+"""Flights and pulse logs, read back: complete, damaged or of another system."""

@@ -1,0 +1,29 @@
+"""Cache what was read of flights until their files change."""
+
+from collections.abc import Callable, Mapping
+from typing import Generic, TypeVar
+
+from uavrt.flight.flight_layout import Stamp, stamp_of
+
+T = TypeVar("T")
+
+
+class FlightCache(Generic[T]):
+    """Values read from flights, each with the state of the flight's files at that time.
+
+    `read` reads the flight in a directory. `kept` has values of an earlier run, by directory.
+    """
+
+    def __init__(
+        self, read: Callable[[str], T], kept: Mapping[str, tuple[Stamp, T]] | None = None
+    ) -> None:
+        self._read = read
+        self.kept = dict(kept or {})
+
+    def get(self, directory: str) -> T:
+        """Value of a flight, read only if its files changed; raises what `read` raises."""
+        stamp = stamp_of(directory)
+        found = self.kept.get(directory)
+        if found is None or found[0] != stamp:
+            found = self.kept[directory] = (stamp, self._read(directory))
+        return found[1]

@@ -1,0 +1,1 @@
+"""Recorded samples: the whole band, and the channels of the tags."""

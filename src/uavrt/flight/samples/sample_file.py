@@ -1,0 +1,207 @@
+"""Write a SigMF recording whose metadata is valid at any moment."""
+
+import json
+import os
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.atomic_file import write_atomically
+from uavrt.core.clock import monotonic_s
+from uavrt.core.units import ns_from_s
+from uavrt.flight.samples.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metadata
+
+BYTES_PER_SAMPLE = 4
+_FREE_SPACE_PERIOD_S = 1.0
+_LEAST_MOVE_NS = 1_000_000
+"""Smallest clock correction that is written to the metadata [ns]."""
+
+
+class SampleFile:
+    """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``.
+
+    The metadata describes all samples of the data file at any moment, also after a kill and,
+    with `sync`, after a power cut. `base` is directory and NAME, without a suffix; the
+    directory is made. `description` and `hardware` are texts of the metadata.
+    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which
+    need `append_stored`. For `settled_after_s` a new radio's clock is corrected; then, or at
+    the end of its stretch, the stretch is dated again.
+    Raises `FileExistsError` for another recording's file, and `OSError` if the files cannot be
+    made.
+    """
+
+    def __init__(
+        self,
+        base: Path,
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+        description: str,
+        hardware: str = "",
+        full_scale: float = 1.0,
+        sync: bool = True,
+        bits: int = 16,
+        settled_after_s: float | None = None,
+    ) -> None:
+        self.data_path = base.with_name(f"{base.name}.sigmf-data")
+        self.metadata_path = base.with_name(f"{base.name}.sigmf-meta")
+        self.full_scale = full_scale
+        self.bits = bits
+        self.bytes_per_sample = BYTES_PER_SAMPLE * bits // 16
+        self.written_samples = 0
+        self.clipped_samples = 0
+        """Number of samples beyond full scale, stored at its limit."""
+        self._sample_rate_hz = sample_rate_hz
+        self._center_frequency_hz = center_frequency_hz
+        self._description = description
+        self._hardware = hardware
+        self._sync = sync
+        self._settled_after_s = settled_after_s
+        self._moved_ns: int | None = None
+        """Clock correction since the stretch began [ns]; None when the clock has settled."""
+        self._stretches: list[Stretch] = []
+        self._next_index: int | None = None
+        if self.data_path.is_file():
+            raise FileExistsError(f"{self.data_path} exists already")
+        base.parent.mkdir(parents=True, exist_ok=True)
+        self._write_metadata()
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
+        self._file = os.open(self.data_path, flags, 0o644)
+
+    @property
+    def gaps(self) -> int:
+        """Number of gaps: stretches of samples after the first."""
+        return max(0, len(self._stretches) - 1)
+
+    def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
+        """Scale and write samples, completely or not at all; see `append_stored`."""
+        self.append_stored(self._as_int16(samples), sample_index, time_ns)
+
+    def append_stored(
+        self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
+    ) -> None:
+        """Write scaled and rounded samples completely or not at all.
+
+        `values` are I and Q interleaved, contiguous. `sample_index` and `time_ns` are the first
+        sample's number in the radio's stream and its time [ns, UTC]; a jump begins a new
+        stretch. Raises `OSError` if nothing was written; then the next samples begin a stretch.
+        """
+        count = values.size // 2
+        try:
+            if sample_index != self._next_index:
+                self._begin_stretch(sample_index, time_ns)
+            elif self._moved_ns is not None:
+                self._follow_clock(sample_index, time_ns)
+            self._write(values)
+        except OSError:
+            self._next_index = None
+            raise
+        self.written_samples += count
+        self._next_index = sample_index + count
+
+    def break_off(self) -> None:
+        """Make the next samples begin a new stretch."""
+        self._next_index = None
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._place_stretch():
+            with suppress(OSError):  # a full disk: the first reading of the clock stands
+                self._write_metadata()
+        os.close(self._file)
+
+    def _follow_clock(self, sample_index: int, time_ns: int) -> None:
+        """Track the clock's correction, and date the stretch again when it has settled."""
+        last = self._stretches[-1]
+        lasts_s = (sample_index - last.global_index) / self._sample_rate_hz
+        self._moved_ns = time_ns - last.time_ns - ns_from_s(lasts_s)
+        if lasts_s >= (self._settled_after_s or 0.0) and self._place_stretch():
+            self._write_metadata()
+
+    def _place_stretch(self) -> bool:
+        """Date the last stretch by its newest samples; true if its start moved."""
+        moved_ns, self._moved_ns = self._moved_ns, None
+        if moved_ns is None or abs(moved_ns) < _LEAST_MOVE_NS:
+            return False
+        last = self._stretches[-1]
+        self._stretches[-1] = replace(last, time_ns=last.time_ns + moved_ns)
+        return True
+
+    def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
+        """Write a stretch to the metadata before its samples are written.
+
+        So a power cut leaves at worst a capture without samples, never samples at a wrong time.
+        """
+        stretch = Stretch(
+            sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns
+        )
+        self._place_stretch()
+        # A stretch that got no samples (the disk was full) is replaced, not kept.
+        kept = [one for one in self._stretches if one.sample_start < self.written_samples]
+        self._stretches = [*kept, stretch]
+        self._moved_ns = None if self._settled_after_s is None else 0
+        self._write_metadata()
+
+    def _write_metadata(self) -> None:
+        metadata = sigmf_metadata(
+            self._stretches,
+            sample_rate_hz=self._sample_rate_hz,
+            center_frequency_hz=self._center_frequency_hz,
+            hardware=self._hardware,
+            description=self._description,
+            full_scale=self.full_scale,
+            bits=self.bits,
+        )
+        text = json.dumps(metadata, indent=1) + "\n"
+        write_atomically(self.metadata_path, text, sync=self._sync)
+
+    def _as_int16(self, samples: NDArray[np.complex64]) -> NDArray[np.int16]:
+        """Round I and Q to interleaved integers; values beyond full scale are clipped."""
+        factor = np.float32(FULL_SCALE[16] / self.full_scale)
+        scaled = np.ascontiguousarray(samples).view(np.float32) * factor
+        np.rint(scaled, out=scaled)
+        # Two passes in the common case; a NaN fails both comparisons and is seen, too.
+        if not (scaled.max(initial=0.0) <= 32_767.0 and scaled.min(initial=0.0) >= -32_768.0):
+            over = (scaled > 32_767.0) | (scaled < -32_768.0)
+            self.clipped_samples += int(np.count_nonzero(over.reshape(-1, 2).any(axis=1)))
+            np.nan_to_num(scaled, copy=False)
+            np.clip(scaled, -32_768.0, 32_767.0, out=scaled)
+        return scaled.astype("<i2")
+
+    def _write(self, values: NDArray[np.int16] | NDArray[np.int8]) -> None:
+        content = values.view(np.uint8).data
+        try:
+            while content:
+                content = content[os.write(self._file, content) :]
+        except OSError:
+            os.ftruncate(self._file, self.written_samples * self.bytes_per_sample)
+            raise
+
+
+class FreeSpace:
+    """Checks once a second that a disk has more than a required free space [MB]."""
+
+    def __init__(self, directory: Path, minimum_free_mb: float) -> None:
+        self._directory = directory
+        self._minimum_free_bytes = minimum_free_mb * 1e6
+        self._checked_s = float("-inf")
+        self._free = True
+
+    def enough(self) -> bool:
+        """True if there is enough free space; false if it cannot be measured."""
+        now_s = monotonic_s()
+        if now_s - self._checked_s >= _FREE_SPACE_PERIOD_S:
+            self._checked_s = now_s
+            self._free = self.room_bytes() > 0
+        return self._free
+
+    def room_bytes(self) -> int:
+        """Number of bytes that may still be written; 0 if it cannot be measured."""
+        try:
+            status = os.statvfs(self._directory)
+        except OSError:
+            return 0
+        return max(0, int(status.f_bavail * status.f_frsize - self._minimum_free_bytes))

@@ -1,0 +1,161 @@
+"""Read and write the original system's ``bearings.csv``, and read bearings noted by hand.
+
+No heading, ten columns, and our eleventh, the standard deviation, which the original's readers
+ignore::
+
+    tag_id,parent_file,bearing_deg,tau,lat,lon,alt_agl,alt_asl,t_start,t_end[,sigma_deg]
+
+Bearings noted by hand have a heading, with columns in any order; the first four are required::
+
+    tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc]
+"""
+
+import math
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from uavrt.core.clock import parse_iso_utc
+from uavrt.formats.text import (
+    finite,
+    latitude,
+    longitude,
+    number_or_nan,
+    read_lines,
+    seconds_ns,
+    seconds_text,
+    whole,
+    with_commas,
+    wrong_line,
+)
+from uavrt.formats.whole_file import require_plain_name, write_whole
+
+_COLUMNS = 10
+_NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
+"""Required column names of bearings noted by hand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BearingRow:
+    """One line of a bearings.csv."""
+
+    tag_id: int
+    parent_file: str
+    bearing_deg: float
+    confidence: float | None = None
+    latitude_deg: float
+    longitude_deg: float
+    altitude_relative_m: float | None = None
+    altitude_amsl_m: float | None = None
+    start_time_ns: int | None = None
+    end_time_ns: int | None = None
+    sigma_deg: float | None = None
+
+
+def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
+    """Read a bearings.csv or noted bearings without comments; raises `FormatError`."""
+    rows = []
+    names: list[str] = []
+    for number, line in enumerate(with_commas(read_lines(path)), start=1):
+        cells = [cell.strip() for cell in line.split(",")]
+        if not line.strip() or line.startswith("#"):
+            continue
+        if "tag_id" in cells:
+            names = cells if is_noted(cells) else []
+            continue
+        try:
+            noted = dict(zip(names, [*cells, *[""] * len(names)], strict=False))
+            rows.append(_noted_row(noted) if names else _row(cells))
+        except (ValueError, IndexError) as error:
+            remedy = "A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …"
+            raise wrong_line(path, number, error, remedy) from None
+    return tuple(rows)
+
+
+def _row(cells: list[str]) -> BearingRow:
+    if len(cells) < _COLUMNS:
+        raise ValueError(f"it has {len(cells)} columns")
+    return BearingRow(
+        tag_id=whole(cells[0]),
+        parent_file=cells[1],
+        bearing_deg=finite(cells[2]),
+        confidence=_known(cells[3]),
+        latitude_deg=latitude(cells[4]),
+        longitude_deg=longitude(cells[5]),
+        altitude_relative_m=_known(cells[6]),
+        altitude_amsl_m=_known(cells[7]),
+        start_time_ns=_time_ns(cells[8]),
+        end_time_ns=_time_ns(cells[9]),
+        sigma_deg=_sigma_deg(cells[10]) if len(cells) > _COLUMNS else None,
+    )
+
+
+def is_noted(heading: Iterable[str]) -> bool:
+    """True if a heading is that of bearings noted by hand."""
+    return set(heading) >= _NOTED
+
+
+def _noted_row(cells: Mapping[str, str]) -> BearingRow:
+    time = cells.get("time_utc")
+    return BearingRow(
+        tag_id=whole(cells["tag_id"]),
+        parent_file="noted",
+        bearing_deg=finite(cells["bearing_deg"]),
+        latitude_deg=latitude(cells["latitude_deg"]),
+        longitude_deg=longitude(cells["longitude_deg"]),
+        start_time_ns=parse_iso_utc(time) if time else None,
+        sigma_deg=_sigma_deg(cells.get("sigma_deg") or "NaN"),
+    )
+
+
+def _known(cell: str) -> float | None:
+    value = number_or_nan(cell)
+    return None if math.isnan(value) else value
+
+
+def _time_ns(cell: str) -> int | None:
+    return None if _known(cell) is None else seconds_ns(cell)
+
+
+def _sigma_deg(cell: str) -> float | None:
+    value = _known(cell)
+    if value is not None and value <= 0.0:
+        raise ValueError(f"{cell} is not a standard deviation")
+    return value
+
+
+def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
+    """Write a bearings.csv completely or not at all.
+
+    Existing lines of the written tags and parent files are replaced, and others are kept.
+    Raises `FormatError` if the existing file is not a bearings.csv or a name contains a comma,
+    and `RecordingError` if it cannot be written.
+    """
+    new = list(rows)
+    for row in new:
+        require_plain_name(row.parent_file)
+    old = read_bearing_file(path) if os.path.exists(path) else ()
+    replaced = {(row.tag_id, row.parent_file) for row in new}
+    kept = [row for row in old if (row.tag_id, row.parent_file) not in replaced]
+    write_whole(path, "".join(map(bearing_line, [*kept, *new])))
+
+
+def bearing_line(row: BearingRow) -> str:
+    """Format one line with its newline; unknown values are ``NaN``."""
+    cells = [
+        *(str(row.tag_id), row.parent_file, f"{row.bearing_deg:.6f}"),
+        _number(row.confidence, 6),
+        *(f"{row.latitude_deg:.9f}", f"{row.longitude_deg:.9f}"),
+        *(_number(row.altitude_relative_m, 6), _number(row.altitude_amsl_m, 6)),
+        *(
+            "NaN" if t is None else seconds_text(t)
+            for t in (row.start_time_ns, row.end_time_ns)
+        ),
+    ]
+    if row.sigma_deg is not None:
+        cells.append(_number(row.sigma_deg, 6))
+    return ",".join(cells) + "\n"
+
+
+def _number(value: float | None, decimals: int) -> str:
+    return "NaN" if value is None else f"{value:.{decimals}f}"

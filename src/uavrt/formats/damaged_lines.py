@@ -1,0 +1,66 @@
+"""Skip and report damaged lines of a pulse log, unless the file is no log at all."""
+
+from collections.abc import Callable
+
+from uavrt.core.earth.on_earth import OffEarthError
+from uavrt.core.errors import FormatError
+from uavrt.core.log import get_logger
+
+log = get_logger()
+
+
+class DamagedLines:
+    """Collects the unreadable lines of one file.
+
+    `remedy` is the advice in the error for a file of another kind. `warn` receives a sentence
+    about the skipped lines; by default they are logged.
+    """
+
+    def __init__(
+        self, name: str, remedy: str, warn: Callable[[str], None] | None = None
+    ) -> None:
+        self._name, self._remedy, self._warn = name, remedy, warn
+        self._faults: list[tuple[int, Exception]] = []
+
+    def add(self, number: int, reason: Exception) -> None:
+        """Add a line that is not a pulse, with the reason."""
+        self._faults.append((number, reason))
+
+    def report(self, good: int) -> None:
+        """Report the skipped lines; raises `FormatError` if they outnumber the good ones."""
+        if not self._faults:
+            return
+        number, error = self._faults[0]
+        reason, remedy = reason_of(error)
+        if len(self._faults) > good:
+            raise FormatError(
+                f"{self._name} line {number} is not a pulse: {reason}",
+                remedy=remedy or self._remedy,
+            )
+        if self._warn is not None:
+            self._warn(passed_over(self._name, len(self._faults), number, error))
+            return
+        log.warning(
+            "damaged lines passed over",
+            file=self._name,
+            lines=len(self._faults),
+            first=number,
+            reason=reason,
+        )
+
+
+def passed_over(name: str, lines: int, first: int, error: object) -> str:
+    """Warning about skipped lines, with the reason for the first."""
+    reason, remedy = reason_of(error)
+    count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
+    which = f"line {first}" if lines == 1 else f"the first is line {first}"
+    return f"{name}: {count} passed over ({which}: {reason})." + (
+        "" if remedy is None else f" {remedy}."
+    )
+
+
+def reason_of(error: object) -> tuple[str, str | None]:
+    """Reason why a line is wrong, with the error's own advice if it has one."""
+    if isinstance(error, OffEarthError):
+        return str(error), error.remedy
+    return str(error), None

@@ -1,0 +1,1 @@
+"""Pulse logs of other systems, each read into one record (`pulse_log`)."""

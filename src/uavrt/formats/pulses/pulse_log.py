@@ -1,0 +1,80 @@
+"""A pulse log in memory, as returned by the reader of any format."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from uavrt.core.messages import Pulse, PulsePose
+
+LogKind = Literal[
+    "flight",
+    "uavrt-jsonl",
+    "uavrt-csv",
+    "pulse_pose_log",
+    "tagtracker",
+    "ucsd",
+    "pyradiotracking",
+    "sensorgnome",
+    "detections",
+]
+
+WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
+"""Kinds of logs without headings: a whip is assumed unless an antenna is named, and bearings
+are impossible."""
+NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
+"""Kinds of logs without a tag list: one number can be different tags in different logs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotationMark:
+    """Place where the original's ground station started or stopped a rotation."""
+
+    kind: Literal["start", "stop"]
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    before_pulse: int
+    """Number of pulses in the log before the mark."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseLog:
+    """Pulses, rotation marks and warnings from a pulse log of any kind."""
+
+    kind: LogKind
+    pulse_poses: tuple[PulsePose, ...]
+    marks: tuple[RotationMark, ...] = ()
+    warnings: tuple[str, ...] = ()
+    """Sentences on limitations that users of these pulses must know."""
+    passed_over: int = 0
+    """Number of rows without a pulse: rotation slices in which nothing was found."""
+
+
+def heard_pulse(
+    tag_id: int,
+    frequency_hz: float,
+    start_ns: int,
+    end_ns: int,
+    snr_db: float,
+    *,
+    noise_db: float = math.nan,
+    confirmed: bool = False,
+) -> Pulse:
+    """Make a pulse from a log without pulse groups; `noise_db` is the noise density."""
+    return Pulse(
+        tag_id=tag_id,
+        frequency_hz=frequency_hz,
+        start_time_ns=start_ns,
+        end_time_ns=end_ns,
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=math.nan,
+        group_index=1,
+        group_sequence=0,
+        noise_psd=10.0 ** (noise_db / 10.0),
+        detection_status="confirmed" if confirmed else "detected",
+        confirmed=confirmed,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )

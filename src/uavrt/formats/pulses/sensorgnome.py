@@ -1,0 +1,245 @@
+"""Read pulse files of a SensorGnome, and detections of find_tags.
+
+A pulse file has a line for each record, whose kind is in the first cell::
+
+    p1,1366227448.192,4.056,-44.4,-50.55      port; time, kHz from the tuned frequency, dB, dB
+    S,1366227421.0,1,-m,166.376,0,            port, parameter, value: -m or frequency is MHz
+    G,1366227448.0,44.3405,-66.1185,21.7      time, latitude, longitude, altitude
+
+Other lines are ignored. Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq`` is
+in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` gives in MHz.
+Neither kind has headings, so the poses have none, and bearings are impossible.
+"""
+
+import math
+import os
+import re
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from uavrt.core.messages import Pose, Pulse, PulsePose
+from uavrt.core.units import hz_from_mhz, ns_from_s
+from uavrt.formats.damaged_lines import passed_over
+from uavrt.formats.pulses.pulse_log import PulseLog, heard_pulse
+from uavrt.formats.pulses.ucsd import tag_numbers
+from uavrt.formats.text import (
+    cells_of,
+    finite,
+    latitude,
+    longitude,
+    number_or_nan,
+    place_or_none,
+    read_lines,
+    seconds_ns,
+    whole,
+    wrong_line,
+)
+
+SAME_TAG_HZ = 2_000.0
+"""Largest difference between one tag's frequencies, unless a code identifies it [Hz]."""
+DETECTION_NAMES = {"ts", "id", "sig"}
+_PORT = re.compile(r"p[A-Za-z]?(\d+)")
+_PULSE_NS = ns_from_s(0.0025)
+_TUNED = ("-m", "frequency", "freq")
+_NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
+_LONGEST_NS = ns_from_s(60.0)
+"""Age above which a position is not used [ns]; a SensorGnome records one every five minutes."""
+_REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
+NO_HEADINGS = (
+    "This log has no headings: positions follow from strength alone, as with a monopole. "
+    "`uavrt attach` gives its pulses the poses of another log."
+)
+NUMBERED = (
+    "Pulses of this log are numbered by frequency, not by code: `uavrt attach --tags` puts "
+    "them together to the bursts of listed codes."
+)
+
+Place = tuple[int, float, float, float]
+"""Time [ns], latitude and longitude [deg], altitude above mean sea level [m]."""
+
+
+def is_pulse_file(lines: Sequence[str]) -> bool:
+    """True if the first lines with content are those of a SensorGnome's pulse file."""
+    some = [cells_of(line) for line in lines[:200]]
+    known = [cells for cells in some if cells and _kind(cells[0])]
+    content = [cells for cells in some if cells]
+    return len(known) * 2 > len(content) and any(len(cells) >= 4 for cells in known)
+
+
+def _kind(cell: str) -> str | None:
+    if _PORT.fullmatch(cell):
+        return "p"
+    return cell if cell in ("S", "G", "C") else None
+
+
+def is_detections(cells: Sequence[str]) -> bool:
+    """True if a heading is that of find_tags' detections."""
+    return {cell.strip('" ').lower() for cell in cells} >= DETECTION_NAMES
+
+
+def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
+    """Read a pulse file and count damaged lines; raises `FormatError` if most are damaged."""
+    tuned_hz: dict[str, float] = {}
+    pulses: list[Pulse] = []
+    places: list[Place] = []
+    damaged = 0
+    first: tuple[int, object] | None = None
+    for number, line in enumerate(read_lines(path), start=1):
+        cells = cells_of(line)
+        kind = _kind(cells[0]) if cells else None
+        try:
+            if kind == "p":
+                port = _port(cells[0])
+                if port not in tuned_hz:
+                    raise ValueError(f"no S line before it gives the frequency of port {port}")
+                pulses.append(_pulse(cells, tuned_hz[port]))
+            elif kind == "S" and len(cells) >= 5 and cells[3].strip('"') in _TUNED:
+                tuned_hz[cells[2]] = hz_from_mhz(finite(cells[4]))
+            elif kind == "G":
+                places.append(_place(cells[1:5]))
+        except (ValueError, IndexError, OverflowError) as error:
+            damaged += 1
+            first = first or (number, error)
+    if first is not None and damaged > len(pulses):
+        raise wrong_line(path, *first, _REMEDY)
+    warnings = [NUMBERED, NO_HEADINGS] if places else [NUMBERED]
+    if first is not None:
+        warnings.append(passed_over(os.fspath(path), damaged, *first))
+    numbers = tag_numbers([pulse.frequency_hz for pulse in pulses], SAME_TAG_HZ)
+    posed = _posed(sorted(zip(pulses, numbers, strict=True), key=_start), sorted(places))
+    return PulseLog(
+        kind="sensorgnome",
+        pulse_poses=posed,
+        warnings=tuple(warnings) if pulses else (),
+        passed_over=damaged,
+    )
+
+
+def _port(cell: str) -> str:
+    found = _PORT.fullmatch(cell)
+    assert found is not None
+    return found[1]
+
+
+def _start(item: tuple[Pulse, int]) -> int:
+    return item[0].start_time_ns
+
+
+def _pulse(cells: Sequence[str], tuned_hz: float) -> Pulse:
+    start_ns = seconds_ns(cells[1])
+    signal_db, noise_db = number_or_nan(cells[3]), number_or_nan(cells[4])
+    if abs(noise_db) > 300.0:
+        raise ValueError(f"{cells[4]} is not a level in dB")
+    return heard_pulse(
+        1,
+        tuned_hz + 1e3 * finite(cells[2]),
+        start_ns,
+        start_ns + _PULSE_NS,
+        signal_db - noise_db,
+        noise_db=noise_db,
+        confirmed=False,
+    )
+
+
+def _place(cells: Sequence[str]) -> Place:
+    altitude_m = number_or_nan(cells[3]) if len(cells) > 3 else math.nan
+    return seconds_ns(cells[0]), latitude(cells[1]), longitude(cells[2]), altitude_m
+
+
+def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulsePose, ...]:
+    times_ns = [place[0] for place in places]
+    base_m = next((place[3] for place in places if math.isfinite(place[3])), math.nan)
+    return tuple(
+        PulsePose(
+            pulse=replace(pulse, tag_id=tag_id),
+            pose=_between(pulse.start_time_ns, places, times_ns, base_m),
+        )
+        for pulse, tag_id in pulses
+    )
+
+
+def _between(
+    time_ns: int, places: list[Place], times_ns: list[int], base_m: float
+) -> Pose | None:
+    """Pose without a heading, interpolated between positions or copied from a near one."""
+    after = bisect_left(times_ns, time_ns)
+    near = [
+        place
+        for place in places[max(0, after - 1) : after + 1]
+        if abs(place[0] - time_ns) <= _LONGEST_NS
+    ]
+    if not near:
+        return None
+    one, two = near[0], near[-1]
+    share = (time_ns - one[0]) / (two[0] - one[0]) if two[0] > one[0] else 0.0
+    lat, lon, alt = (a + share * (b - a) for a, b in zip(one[1:], two[1:], strict=True))
+    return _pose(time_ns, lat, lon, alt, base_m)
+
+
+def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Pose:
+    return Pose(
+        time_ns=time_ns,
+        latitude_deg=lat,
+        longitude_deg=lon,
+        altitude_amsl_m=alt,
+        altitude_relative_m=alt - base_m,
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+    )
+
+
+def read_detections(path: str | os.PathLike[str]) -> PulseLog:
+    """Read detections, one burst per row; raises `FormatError` with a wrong row's number."""
+    names: list[str] | None = None
+    found: list[PulsePose] = []
+    lines = read_lines(path)
+    for number, line in enumerate(lines, start=1):
+        cells = [cell.strip().strip('"') for cell in line.split(",")]
+        if not any(cells):
+            continue
+        try:
+            if names is None:
+                names = [cell.lower() for cell in cells]
+                continue
+            found.append(_detection(dict(zip(names, cells, strict=False))))
+        except (ValueError, KeyError, OverflowError) as error:
+            if number == len(lines) and found:
+                break  # cut off while it was written
+            why = f"there is no {error}" if isinstance(error, KeyError) else error
+            raise wrong_line(path, number, why, _REMEDY) from None
+    placed = any(one.pose is not None for one in found)
+    return PulseLog(
+        kind="detections",
+        pulse_poses=tuple(sorted(found, key=lambda one: one.pulse.start_time_ns)),
+        warnings=(NO_HEADINGS,) if placed else (),
+    )
+
+
+def _detection(row: dict[str, str]) -> PulsePose:
+    start_ns = seconds_ns(row["ts"])
+    tag_id = whole(row["id"])
+    if tag_id < 1:
+        raise ValueError(f"id {tag_id} is not the number of a tag")
+    number = _reader(row)
+    noise_db = number("noise")
+    signal_db = number("sig")
+    nominal_mhz = next((number(name) for name in _NOMINAL if row.get(name)), math.nan)
+    away_khz = number("freq")
+    away_hz = 1e3 * away_khz if math.isfinite(away_khz) else 0.0
+    pulse = heard_pulse(
+        tag_id,
+        1e6 * nominal_mhz + away_hz,
+        start_ns,
+        start_ns + _PULSE_NS,
+        signal_db - (noise_db if math.isfinite(noise_db) else 0.0),
+        noise_db=noise_db,
+        confirmed=True,
+    )
+    place = place_or_none(row.get("lat", ""), row.get("lon", ""))
+    if place is None:
+        return PulsePose(pulse=pulse, pose=None)
+    return PulsePose(pulse=pulse, pose=_pose(start_ns, *place, number("alt"), math.nan))
+
+
+def _reader(row: dict[str, str]) -> Callable[[str], float]:
+    return lambda name: number_or_nan(row.get(name, ""))

@@ -1,0 +1,25 @@
+"""Replace a text file completely or not at all."""
+
+import os
+from pathlib import Path
+
+from uavrt.core.atomic_file import make_directories, write_atomically
+from uavrt.core.errors import FormatError, RecordingError, os_errors_as
+
+
+def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
+    """Write a temporary file in the same folder, then rename it; raises `RecordingError`."""
+    with os_errors_as(
+        RecordingError, f"cannot write {path}", "Choose a writable place with free space"
+    ):
+        make_directories(Path(path).parent)
+        write_atomically(Path(path), content)
+
+
+def require_plain_name(name: str) -> None:
+    """Reject a file name that a CSV without quotes cannot hold; raises `FormatError`."""
+    if "," in name or "\n" in name:
+        raise FormatError(
+            f"the name {name!r} cannot be written in a CSV without quotes",
+            remedy="Rename the file",
+        )

@@ -1,0 +1,1 @@
+"""Motions of the drone as the operator requests them."""

@@ -1,0 +1,79 @@
+"""Request, confirm and stop motions from the ground, for page and terminal."""
+
+import secrets
+from collections.abc import Sequence
+
+from uavrt.core.errors import CommandRefused, LinkError, UsageError
+from uavrt.core.messages import MotionAction, MotionRequest
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.link.tunnel.own_messages.motion_messages import (
+    MOTION_ACTIONS,
+    MotionConfirmation,
+    MotionState,
+    MotionStop,
+    encode_confirmation,
+    encode_request,
+    encode_stop,
+)
+
+
+def new_number() -> int:
+    """Draw a random request number; never 0."""
+    return secrets.randbits(31) | 1
+
+
+def motion_request(
+    action: str, places: Sequence[tuple[float, float]] = (), **values: object
+) -> MotionRequest:
+    """Encode a request for a motion; raises `UsageError` for an unknown one.
+
+    `places`: latitude and longitude [deg] of a goal, or of an outline's corners.
+    `**values`: further fields of `MotionRequest`.
+    """
+    if action not in MOTION_ACTIONS:
+        raise UsageError(f"{action[:40]!r} is not a motion")
+    named: MotionAction = action
+    return MotionRequest(
+        request_id=new_number(),
+        asker=(0, 0),
+        action=named,
+        places=tuple(places),
+        **values,  # type: ignore[arg-type]
+    )
+
+
+async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
+    """Request a motion; return the drone's proposed order. Nothing moves yet.
+
+    Raises `CommandRefused` with the drone's reason, `LinkError` without an answer.
+    """
+    return await link.motion(encode_request(request), request.request_id)
+
+
+async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
+    """Confirm a proposed order; the drone then moves. Raises as `ask`.
+
+    Without an answer the confirmation may still have arrived, so the drone is stopped. The
+    first error is raised. If the stop is not answered either, that error is its cause.
+    """
+    number = new_number()
+    confirmation = MotionConfirmation(
+        request_id=number,
+        order_id=offer.order_id,
+        nonce=offer.nonce,
+        sticks_unseen=sticks_unseen,
+    )
+    try:
+        return await link.motion(encode_confirmation(confirmation), number)
+    except LinkError as error:
+        try:
+            await stop(link)
+        except (CommandRefused, LinkError) as unheard:
+            raise error from unheard
+        raise
+
+
+async def stop(link: GroundLink) -> MotionState:
+    """Stop the drone and end uavrt's control. Raises as `ask`."""
+    number = new_number()
+    return await link.motion(encode_stop(MotionStop(request_id=number)), number)

@@ -1,0 +1,338 @@
+"""Request, confirm and stop motions of the drone for the page.
+
+The drone decides, and reports what it would fly; this module only passes messages. Previews use
+the same functions with which the drone plans.
+"""
+
+import asyncio
+import itertools
+import sys
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from math import nan
+from typing import Any
+
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.errors import CommandRefused, FormatError, LinkError, UsageError
+from uavrt.core.messages import KeepOut, MotionRequest
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.motions.motion_requests import ask, confirm, motion_request, stop
+from uavrt.ground.link.served_vehicle import ServedVehicle
+from uavrt.guidance.files.area_text import (
+    MOST_CORNERS,
+    MOST_KEEP_OUT,
+    area_in,
+    circle,
+    keep_out_in,
+)
+from uavrt.guidance.files.mission import NOT_CHECKED_ABOARD, survey_items
+from uavrt.guidance.operator_orders import Limits, Order
+from uavrt.guidance.plans import survey_places
+from uavrt.guidance.safety import SAFETY
+from uavrt.link.tunnel.own_messages.motion_messages import MAX_PLACES, MotionState
+
+SILENCE_NS = ns_from_s(6.0)
+"""Time without a motion report after which the motion is unknown [ns]; the drone reports it
+each second."""
+OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
+"""Time for which the drone waits for the confirmation of a proposed motion [ns]."""
+PATTERNS = ("lines", "around", "points")
+Places = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProposedMotion:
+    """Motion that the drone proposes to fly, and waits to be confirmed."""
+
+    state: MotionState
+    way: Places
+    time_ns: int
+    page: str | None
+    """Name of the page that requested the motion."""
+
+
+class MotionCommands:
+    """Requests and confirms the motions of one vehicle."""
+
+    def __init__(self, vehicle: ServedVehicle) -> None:
+        self._vehicle = vehicle
+        self._state: MotionState | None = None
+        self._heard_ns = 0
+        self._offered: ProposedMotion | None = None
+        self._flown: ProposedMotion | None = None
+        self._told = ("", "")
+
+    def take(self, state: MotionState) -> None:
+        """Store the drone's report of its motion."""
+        self._heard_ns = self._vehicle.clock.now_ns()
+        if state.kind != "state":
+            return
+        self._state = state
+        if state.standing == "out":
+            self._flown = None
+        if (state.standing, state.text) != self._told:
+            before, self._told = self._told[0], (state.standing, state.text)
+            if before and before != state.standing:
+                self._vehicle.feed.note(5, f"motion: {state.standing}, {state.text}")
+            self._vehicle.feed.send_state()
+
+    def forget(self) -> None:
+        """Clear the state: another vehicle is served."""
+        self._state = self._offered = self._flown = None
+        self._heard_ns, self._told = 0, ("", "")
+
+    def record(self) -> dict[str, Any] | None:
+        """Motion state for the page; None if the drone does not report any."""
+        now_ns = self._vehicle.clock.now_ns()
+        state = self._state
+        if state is None:
+            return None
+        heard = now_ns - self._heard_ns < SILENCE_NS
+        if not heard and state.standing == "out":
+            return None
+        offered = self._offered
+        if offered is not None and now_ns - offered.time_ns > OFFER_NS:
+            offered = self._offered = None
+        return {
+            "standing": state.standing,
+            "text": state.text,
+            "heard": heard,
+            "way": [] if self._flown is None else _listed(self._flown.way),
+            "offer": None
+            if offered is None
+            else {
+                "order_id": offered.state.order_id,
+                "text": offered.state.text,
+                "page": offered.page,
+                "left_s": (OFFER_NS - (now_ns - offered.time_ns)) / NANOSECONDS_PER_SECOND,
+                "way": _listed(offered.way),
+            },
+        }
+
+    def plan(self, wish: Any) -> dict[str, Any]:
+        """Preview a motion without involving the drone, as far as the ground can plan it."""
+        way = self._way(_request(wish))
+        home = self._home()
+        return {
+            "way": _listed(way),
+            "length_m": _length_m(way),
+            "farthest_m": None
+            if home is None
+            else max((distance_m(*home, *place) for place in way), default=0.0),
+        }
+
+    async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
+        """Request a motion; return the drone's proposed order. Nothing moves yet."""
+        request = _request(wish)
+        way = self._way(request)
+        self._offered = None
+        offer = await ask(self._link(), request)
+        now_ns = self._vehicle.clock.now_ns()
+        self._offered = ProposedMotion(state=offer, way=way, time_ns=now_ns, page=page)
+        self._vehicle.feed.note(6, f"the drone proposes to {offer.text}")
+        self._vehicle.feed.send_state()
+        return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
+
+    async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
+        """Confirm the order that this page shows; the drone then moves."""
+        number = wish.get("order_id") if isinstance(wish, dict) else None
+        unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
+        offered = self._offered
+        if offered is None or number != offered.state.order_id or page != offered.page:
+            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
+        self._offered = None
+        if self._vehicle.clock.now_ns() - offered.time_ns > OFFER_NS:
+            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
+        state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
+        self._flown = offered
+        self.take(state)
+        self._vehicle.feed.note(5, f"confirmed: {offered.state.text}")
+        return {"standing": state.standing, "text": state.text}
+
+    async def upload(
+        self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
+    ) -> dict[str, Any]:
+        """Upload a survey as the autopilot's mission; `call` runs the check of the path."""
+        order = Order.of(_request(wish))
+        await call(survey_items, order)  # what is none is refused without a link, too
+        link = self._vehicle.connection.link
+        if link is None:
+            raise LinkError("not connected", remedy="Connect to the drone")
+        done = await link.missions.upload_survey(order, Limits(), call)
+        self._vehicle.feed.note(
+            5,
+            f"the vehicle holds the survey as its mission: {done.items} items; not checked: "
+            f"{NOT_CHECKED_ABOARD}",
+        )
+        return {"items": done.items, "sent_again": done.sent_again}
+
+    async def stop(self) -> dict[str, Any]:
+        """Stop the drone and end uavrt's control; if this raises, a pilot must stop it."""
+        self._offered = None
+        self._vehicle.feed.note(5, "stopped by the operator")
+        state = await stop(self._link())
+        self.take(state)
+        return {"standing": state.standing, "text": state.text}
+
+    def _link(self) -> GroundLink:
+        link = self._vehicle.connection.link
+        if link is None or not self._vehicle.situation().drone_present:
+            raise LinkError(
+                "no contact with the drone", remedy="Stop it with the remote control if needed"
+            )
+        return link
+
+    def _home(self) -> tuple[float, float] | None:
+        watch = self._vehicle.connection.watch
+        return None if watch is None else watch.home
+
+    def _way(self, request: MotionRequest) -> Places:
+        pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
+        here: Places = () if pose is None else ((pose.latitude_deg, pose.longitude_deg),)
+        match request.action:
+            case "goto":
+                return (*here, *request.places)
+            case "survey":
+                if not request.places:
+                    raise UsageError("a survey needs an area", remedy="Draw or import an area")
+                return (
+                    *here,
+                    *survey_places(Order.of(request), self._home() or request.places[0]),
+                )
+            case "search" if bool(request.places) == (request.radius_m is not None):
+                raise UsageError(
+                    "a search needs exactly one area",
+                    remedy="Draw an area, or give a radius around the drone",
+                )
+            case "return":
+                home = self._home()
+                return () if home is None else (*here, home)
+        return ()
+
+
+def area_of_file(wish: Any) -> dict[str, Any]:
+    """Read an area's file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
+    if isinstance(wish, dict) and "radius_m" in wish:
+        (center,) = places_in([wish.get("center")])
+        places = circle(center, number_in(wish, "radius_m", 0.0))
+        return {"places": _listed(places), "keep_out": []}
+    name, text = (
+        (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
+    )
+    if not isinstance(name, str) or not isinstance(text, str):
+        raise FormatError("an area must be a name and a text")
+    places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
+    if len(places) > MAX_PLACES:
+        raise FormatError(
+            f"{name[:80]} has {len(places)} corners, which are too many",
+            remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
+        )
+    if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
+        raise FormatError(
+            f"{name[:80]} has excluded areas with more than {2 * MOST_CORNERS} corners",
+            remedy="Simplify these areas",
+        )
+    return {
+        "places": _listed(places),
+        "keep_out": [
+            {
+                "places": _listed(one.places),
+                "radius_m": one.radius_m,
+                "outline": _listed(
+                    one.places if one.radius_m is None else circle(one.places[0], one.radius_m)
+                ),
+            }
+            for one in keep_out
+        ],
+    }
+
+
+def _request(wish: Any) -> MotionRequest:
+    """Parse a motion request of the page; raises `FormatError` or `UsageError`."""
+    if not isinstance(wish, dict):
+        raise FormatError("a motion must be an object")
+    height = wish.get("height_m")
+    pattern = wish.get("pattern", "lines")
+    if pattern not in PATTERNS:
+        raise FormatError("pattern must be lines, around or points")
+    places = places_in(wish.get("places", []))
+    if len(places) > MAX_PLACES:
+        raise UsageError(
+            f"the area has {len(places)} corners, which are too many",
+            remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
+        )
+    return motion_request(
+        str(wish.get("action")),
+        places,
+        height_m=None if height is None else number_in(wish, "height_m", 0.0),
+        duration_s=number_in(wish, "duration_s", 60.0),
+        clockwise=wish.get("clockwise", True) is not False,
+        spacing_m=number_in(wish, "spacing_m", 60.0),
+        pattern=pattern,
+        radius_m=None if wish.get("radius_m") is None else number_in(wish, "radius_m", 0.0),
+        wish_m=number_in(wish, "wish_m", 25.0),
+        tags=_tags(wish.get("tags", [])),
+        keep_out=_keep_out(wish.get("keep_out", [])),
+    )
+
+
+def _keep_out(given: Any) -> tuple[KeepOut, ...]:
+    """Read excluded areas in the form that `area_of_file` returns."""
+    found = []
+    if isinstance(given, list) and len(given) > MOST_KEEP_OUT:
+        raise FormatError(f"keep_out has at most {MOST_KEEP_OUT} outlines")
+    for one in given if isinstance(given, list) else [None]:
+        if not isinstance(one, dict):
+            raise FormatError("keep_out must be a list of outlines")
+        radius = one.get("radius_m")
+        places = places_in(one.get("places"))
+        if len(places) > MOST_CORNERS:
+            raise FormatError(f"an outline has at most {MOST_CORNERS} corners")
+        if len(places) != 1 if radius is not None else len(places) < 3:
+            raise FormatError(
+                "each item of keep_out must be an outline, or a place with a radius"
+            )
+        radius_m = None if radius is None else number_in(one, "radius_m", 0.0)
+        if radius_m is not None and not radius_m > 0.0:
+            raise FormatError("radius_m must be above 0")
+        found.append(KeepOut(places=places, radius_m=radius_m))
+    return tuple(found)
+
+
+def places_in(given: Any) -> Places:
+    """Read a list of [latitude, longitude] in degrees; raises `FormatError`."""
+    places = []
+    for one in given if isinstance(given, list) else [None]:
+        match one:
+            case [int() | float() as north, int() | float() as east]:
+                on_earth = abs(north) <= 90.0 and abs(east) <= 180.0
+                if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
+                    places.append((float(north), float(east)))
+                    continue
+        raise FormatError("places must be latitudes and longitudes on earth")
+    return tuple(places)
+
+
+def _tags(given: Any) -> tuple[int, ...]:
+    """Read the ids of the tags to search for; all listed tags if none is given."""
+    if isinstance(given, list) and all(type(one) is int for one in given):
+        return tuple(given)
+    raise FormatError("tags must be whole numbers")
+
+
+def number_in(wish: dict[str, Any], name: str, default: float) -> float:
+    """Read the finite number of a given name; raises `FormatError`."""
+    value = wish.get(name, default)
+    number = value if isinstance(value, int | float) else nan
+    if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
+        raise FormatError(f"{name} must be a number")
+    return float(number)
+
+
+def _listed(places: Places) -> list[list[float]]:
+    return [list(place) for place in places]
+
+
+def _length_m(way: Places) -> float:
+    return sum(distance_m(*a, *b) for a, b in itertools.pairwise(way))

@@ -1,0 +1,1 @@
+"""What the drone reported, kept for the flight's files and for pages."""

@@ -1,0 +1,35 @@
+"""Estimate the drone's clock offset from the delays of its pulses. No I/O."""
+
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+
+SKEW_PULSES = 5
+"""Number of pulses compared before a clock offset is reported. The first pulses may be old
+ones, sent again after a gap."""
+LATE_NS = 10 * NANOSECONDS_PER_SECOND
+AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
+"""Limits of a prompt pulse's delay: `LATE_NS` behind and `AHEAD_NS` ahead of our clock [ns]. A
+usual delay is 0.5 to 2 s; the drone's clock is wrong if all delays are outside."""
+
+
+class ClockSkew:
+    """Estimates how far the drone's clock is behind ours, from the least delayed pulses."""
+
+    def __init__(self) -> None:
+        self.skew_ns: int | None = None
+        self._delays = 0
+        self._least_delay_ns: int | None = None
+
+    def learn(self, delay_ns: int) -> str | None:
+        """Add the delay of a pulse; return a message when an offset is first found."""
+        self._delays += 1
+        self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
+        if self._delays < SKEW_PULSES:
+            return None
+        least_ns = self._least_delay_ns
+        skew_ns = least_ns if not -AHEAD_NS <= least_ns <= LATE_NS else 0
+        first = self.skew_ns is None
+        if self.skew_ns is None or skew_ns < self.skew_ns:
+            self.skew_ns = skew_ns
+            if first and skew_ns != 0:
+                return f"the drone's clock differs by {-skew_ns / NANOSECONDS_PER_SECOND:.0f} s"
+        return None

@@ -1,0 +1,192 @@
+"""Begin, resume, write, show and end the ground's own flight of one vehicle."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from uavrt.config.tags.tag_corrections import still_holds
+from uavrt.core.clock import Clock, monotonic_s
+from uavrt.core.errors import ConfigError, UavrtError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import Beep, BurstInside, PulsePose, Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.flight.reading.flight_reader import read_beeps
+from uavrt.flight.reading.noted_places import Mark, home_note
+from uavrt.flight.reading.outline import battery_note
+from uavrt.ground.link.received.feed import Feed
+from uavrt.ground.store.drone_directory import flight_under_way
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.ground.store.stored_flights import FlightLibrary
+from uavrt.link.mavlink.links.address import parse_address
+
+log = get_logger()
+
+LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
+"""Time after a stop beyond which a pulse belongs to the next flight, unless it was sent earlier
+[ns]."""
+COMMIT_S = 0.15
+"""Interval in which pulses are collected for one write [s]; receipts follow each write."""
+BATTERY_STEP_PERCENT = 5
+"""Battery charge is written at the start of a flight and after each step of this size [%]."""
+ENDS_WITHIN_S = 10.0
+"""Longest wait for a slow disk when the session ends [s]."""
+_LOOKS_BACK = 10
+"""Number of past flights searched for measured senders to show at the start of a flight."""
+
+
+class CurrentFlight:
+    """The flight in progress, or else the last flight."""
+
+    def __init__(
+        self,
+        store: GroundStore,
+        clock: Clock,
+        feed: Feed,
+        also: Callable[[PulsePose | BurstInside], object],
+    ) -> None:
+        self.keeper = FlightKeeper(
+            store.directory,
+            clock,
+            store.disk,
+            also=also,
+            on_written=self._written,
+            begun=store.flights_begun,
+        )
+        self.marks: list[Mark] = []
+        self.resumed = False
+        """True if a restart of this program interrupted the flight."""
+        self._store, self._clock, self._feed = store, clock, feed
+        self._stopped_ns: int | None = None
+        self._home_kept: tuple[str | None, tuple[float, float] | None] = (None, None)
+        self._battery_kept: tuple[str | None, int] = (None, 0)
+        self._commit_due = False
+        self._committed_s = 0.0
+        self._unshown: list[tuple[PulsePose | BurstInside, dict[str, Any]]] = []
+
+    def begin(self, tags: tuple[Tag, ...]) -> str:
+        """Begin a flight; return the flight's name."""
+        flight_id = self.keeper.begin(tags, self._drones_own())
+        self._store.set_flight(flight_id)
+        self._stopped_ns, self.resumed = None, False
+        self.marks = []
+        return flight_id
+
+    def _drones_own(self) -> Path | None:
+        """Path of this flight's recording by a drone side on this computer; None without."""
+        if self._store.system_id is not None:
+            return None
+        with suppress(ConfigError):
+            addresses = map(parse_address, self._store.settings.address.split())
+            if all(address.is_loopback for address in addresses):
+                return flight_under_way(self._store.directory)
+        return None
+
+    async def resume(self, library: FlightLibrary) -> tuple[Tag, ...] | None:
+        """Continue with the flight that a restart interrupted; return the flight's tags."""
+        kept, disk = self._store.current_flight, self._store.disk
+        if kept is None:
+            return None
+        try:
+            columns, summary, places = await disk.run(
+                lambda: (library.columns(kept), library.summary(kept), library.places(kept))
+            )
+        except UavrtError as error:
+            self._feed.note(4, f"flight {kept} cannot be resumed: {error}")
+            return None
+        if not await disk.run(self.keeper.resume, kept):
+            return None
+        self.keeper.load(columns)
+        self.resumed, self.marks = True, list(places.marks)
+        self._feed.note(6, f"flight {kept} resumed")
+        return summary.tags
+
+    def end(self) -> None:
+        """End the flight; its late pulses are still accepted."""
+        self.keeper.queue.commit()
+        self.keeper.end()
+        self._stopped_ns = self._clock.now_ns()
+        self._store.set_flight(None)
+
+    def is_of_next(self, event: PulsePose, skew_ns: int) -> bool:
+        """True for a pulse sent after the end: another station has started detection."""
+        if not self.keeper.ended or self._stopped_ns is None:
+            return False
+        return event.pulse.start_time_ns + skew_ns > self._stopped_ns + LATE_PULSES_NS
+
+    def add_mark(self, mark: Mark) -> None:
+        """Add an operator's mark to the marks on the page."""
+        self.marks.append(mark)
+
+    def note_home(self, home: tuple[float, float] | None, now_ns: int) -> None:
+        """Write the home position into the flight, at first and whenever it changes."""
+        key = (self.keeper.flight_id, home)
+        if home is not None and not self.keeper.ended and key != self._home_kept:
+            self._home_kept = key
+            self.keeper.add_note(home_note(*home), now_ns)
+
+    def note_battery(self, percent: int | None, now_ns: int) -> None:
+        """Write the battery charge into the flight, for the season's summary."""
+        flight_id, noted = self.keeper.flight_id, self._battery_kept
+        if percent is None or self.keeper.ended:
+            return
+        if noted[0] != flight_id or abs(noted[1] - percent) >= BATTERY_STEP_PERCENT:
+            self._battery_kept = (flight_id, percent)
+            self.keeper.add_note(battery_note(percent), now_ns)
+
+    def show_soon(self, event: PulsePose | BurstInside, record: dict[str, Any]) -> None:
+        """Show a received record after the next write, which follows within a second."""
+        self._unshown.append((event, record))
+        self.commit_soon()
+
+    def commit_soon(self) -> None:
+        """Request a write of all data received until `COMMIT_S` from now."""
+        if not self._commit_due:
+            self._commit_due = True
+            wait_s = max(0.0, self._committed_s + COMMIT_S - monotonic_s())
+            asyncio.get_running_loop().call_later(wait_s, self.commit)
+
+    def commit(self) -> None:
+        """Queue all received data for writing."""
+        self._commit_due = False
+        self._committed_s = monotonic_s()
+        self.keeper.queue.commit()
+
+    def _written(self) -> None:
+        """Show the written records on the page, or the reason why the disk refused them."""
+        if text := self.keeper.queue.mended():
+            self._feed.note(3, text)
+        self.show_received()
+
+    def show_received(self) -> None:
+        """Show the records received since the last call."""
+        unshown, self._unshown = self._unshown, []
+        for event, record in unshown:
+            self._feed.emit(event)
+            if record["flight_id"] is not None:
+                self._feed.send("pulse" if isinstance(event, PulsePose) else "burst", record)
+
+    async def put_away(self) -> None:
+        """Write all received data to the disk; log an error if that fails."""
+        self.keeper.close()
+        await self.keeper.queue.settle(ENDS_WITHIN_S)
+        self.show_received()
+        taken, durable = self.keeper.queue.progress
+        if taken > durable:
+            reason = self.keeper.queue.fault or "the disk does not answer"
+            log.error(
+                "pulses not stored: the drone keeps them", pulses=taken - durable, reason=reason
+            )
+
+
+def last_beeps(directory: Path, flight_id: str | None, tags: tuple[Tag, ...]) -> list[Beep]:
+    """Read the measured senders of a flight; None: of the last flight that has any."""
+    paths = directory.glob(f"{flight_id or '*'}/flight.sqlite")
+    with suppress(OSError):
+        for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_LOOKS_BACK]:
+            with suppress(UavrtError):
+                if beeps := read_beeps(path.parent):
+                    return [one for one in beeps if still_holds(one, tags)]
+    return []

@@ -1,0 +1,1 @@
+"""Commands and parameters on their way to the drone."""

@@ -1,0 +1,141 @@
+"""Encode the ground's commands in the protocol version of the drone."""
+
+import random
+from collections.abc import Sequence
+
+from uavrt.config.parameters import check_start
+from uavrt.core.commands import COMMANDS, CommandId, CommandName, Generation
+from uavrt.core.errors import LinkError
+from uavrt.core.messages import Tag
+from uavrt.link.tunnel.generations.g0 import HeaderMessage
+from uavrt.link.tunnel.generations.g1 import RawCapture, StartDetection, TagG1
+from uavrt.link.tunnel.generations.g2 import (
+    BareG2,
+    RawCaptureG2,
+    StartDetectionG2,
+    TagG2,
+    UploadG2,
+)
+from uavrt.link.tunnel.own_messages.coded_tag import CodedTag
+from uavrt.link.tunnel.tunnel_records import tag_to_wire
+
+NUMBERED_FROM = 2**31
+
+
+class CommandEncoder:
+    """Encodes commands for one protocol version.
+
+    In G2 each command gets a request id, never 0.
+    `generation`: protocol version of the drone. G2v1 has the commands of G1.
+    """
+
+    def __init__(self, generation: Generation) -> None:
+        self._generation: Generation = generation
+        # From anywhere: a restarted ground station must not reuse the last one's ids.
+        self._last_id = random.randrange(1, NUMBERED_FROM)
+
+    def upload(self, tags: Sequence[Tag]) -> list[bytes]:
+        """Encode the messages of a tag upload, in order; raises `LinkError` if a tag cannot be
+        encoded.
+
+        The first message begins the upload, each tag has one, and the last ends it. A coded
+        tag's message has type `CODED_TAG_TYPE`, all others type 0.
+        """
+        coded = [tag.tag_id for tag in tags if tag.coded]
+        if coded and self._generation == "G0":
+            raise LinkError(
+                f"the thesis's software cannot search for coded tags (tags {coded})",
+                remedy="Send only the beeping tags, or choose another drone software in Set-up",
+            )
+        if self._generation != "G2":
+            older: Generation = "G0" if self._generation == "G0" else "G1"
+            return [
+                HeaderMessage(command=CommandId.START_TAGS).encode(),
+                *(
+                    (CodedTag(tag=tag) if tag.coded else tag_to_wire(tag, older)).encode()
+                    for tag in tags
+                ),
+                HeaderMessage(command=CommandId.END_TAGS).encode(),
+            ]
+        upload_id = self._next_id()
+        frames = [
+            UploadG2(
+                command=command,
+                request_id=self._next_id(),
+                upload_id=upload_id,
+                tag_count=len(tags),
+            ).encode()
+            for command in (CommandId.START_TAGS, CommandId.END_TAGS)
+        ]
+        inside = []
+        for index, tag in enumerate(tags):
+            numbers = {
+                "request_id": self._next_id(),
+                "upload_id": upload_id,
+                "tag_index": index,
+            }
+            if tag.coded:
+                inside.append(CodedTag(tag=tag, **numbers).encode())
+                continue
+            wire = tag_to_wire(tag, "G1")
+            assert isinstance(wire, TagG1)
+            inside.append(TagG2(tag=wire, **numbers).encode())
+        return [frames[0], *inside, frames[1]]
+
+    def correction(self, tag: Tag) -> bytes:
+        """Encode the correction of one beeping tag, with its measured values."""
+        if self._generation != "G2":
+            return tag_to_wire(tag, "G0" if self._generation == "G0" else "G1").encode()
+        wire = tag_to_wire(tag, "G1")
+        assert isinstance(wire, TagG1)
+        numbers = {"request_id": self._next_id(), "upload_id": 0, "tag_index": 0}
+        return TagG2(tag=wire, **numbers).encode()
+
+    def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
+        """Encode a start command; a frequency of None becomes 0: the drone's tuner chooses."""
+        check_start(None, center_frequency_hz, gain)
+        if self._generation == "G0":
+            return HeaderMessage(command=CommandId.START_DETECTION).encode()
+        start = StartDetection(
+            radio_center_frequency_hz=round(center_frequency_hz or 0), gain=gain
+        )
+        if self._generation == "G2":
+            return StartDetectionG2(request_id=self._next_id(), start=start).encode()
+        return start.encode()
+
+    def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
+        """Encode a raw capture; raises `LinkError` if the protocol version has none."""
+        check_start(None, center_frequency_hz, gain)
+        frequency_hz = round(center_frequency_hz or 0)
+        self._check_known("raw_capture")
+        if self._generation == "G2":
+            return RawCaptureG2(
+                request_id=self._next_id(), gain=gain, frequency_hz=frequency_hz
+            ).encode()
+        return RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
+
+    def bare(self, name: CommandName) -> bytes:
+        """Encode a command without fields; raises `LinkError` if the version lacks it."""
+        number = self._check_known(name)
+        if self._generation == "G2":
+            return BareG2(command=number, request_id=self._next_id()).encode()
+        return HeaderMessage(command=number).encode()
+
+    def _check_known(self, name: CommandName) -> CommandId:
+        """Number of a command in the protocol version; raises `LinkError` if it has none."""
+        row = COMMANDS[name]
+        generation = "G1" if self._generation == "G2v1" else self._generation
+        if row.number is None or generation not in row.lengths:
+            raise LinkError(
+                f"the drone's software has no command {name.replace('_', ' ')}",
+                remedy="Choose the drone's actual software under Set-up, or update the drone",
+            )
+        return row.number
+
+    def request_id_of(self, payload: bytes) -> int:
+        """Read the request id of a payload; 0 before G2."""
+        return int.from_bytes(payload[4:8], "little") if self._generation == "G2" else 0
+
+    def _next_id(self) -> int:
+        self._last_id = self._last_id % (2**32 - 1) + 1
+        return self._last_id

@@ -1,0 +1,1 @@
+"""The vehicle as the ground receives it: identity, state, contact, missions."""

@@ -1,0 +1,1 @@
+"""Who may open the page: addresses, passwords, limits on connections."""

@@ -1,0 +1,83 @@
+"""Routes to serve further vehicles, and to command all vehicles at once."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from starlette.requests import Request
+
+from uavrt.core.errors import UavrtError, UsageError
+from uavrt.ground.fleet import Fleet
+from uavrt.ground.link.command_sender import Commands
+from uavrt.ground.session import GroundSession
+from uavrt.ground.web.routes.api import FOR_ALL
+from uavrt.ground.web.routes.routing import Answer, Row, json_object, page_of
+
+TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
+    "send_tags": Commands.send_tags,
+    "start": Commands.start,
+    "stop": Commands.stop,
+}
+"""Commands that may be sent to all vehicles at once; none moves a vehicle."""
+
+
+class FleetApi:
+    """All vehicles of a ground station."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+
+    def routes(self) -> list[Row]:
+        """List the routes."""
+        return [
+            Row("/vehicles", "GET", self.vehicles),
+            Row("/vehicles", "POST", self.serve, commands=True),
+            Row("/vehicles/{number:int}", "DELETE", self.leave, commands=True),
+            Row("/vehicles/commands/{name}", "POST", self.command),
+        ]
+
+    async def vehicles(self, request: Request) -> Any:
+        """List the served vehicles."""
+        return self._fleet.records()
+
+    async def serve(self, request: Request) -> Any:
+        """Serve a further vehicle: ``{"system_id": 2}``."""
+        number = (await json_object(request)).get("system_id")
+        if not isinstance(number, int) or isinstance(number, bool):
+            raise UsageError("system_id must be a vehicle's number, 1 to 255")
+        await self._fleet.serve(number)
+        return self._fleet.records()
+
+    async def leave(self, request: Request) -> Any:
+        """Stop serving a vehicle, without a command to it."""
+        await self._fleet.leave(int(request.path_params["number"]))
+        return self._fleet.records()
+
+    async def command(self, request: Request) -> Any:
+        """Send the same command to all vehicles; return an answer for each.
+
+        A refusal by one vehicle does not affect the others. A page commands only vehicles that
+        it may command.
+        """
+        name, page = request.path_params["name"], page_of(request)
+        if name not in TO_ALL:
+            known = ", ".join(TO_ALL)
+            return Answer(404, {"error": f"there is no command to all {name[:40]!r}: {known}"})
+        answers = await asyncio.gather(
+            *(_answer(session, name, page) for session in self._fleet.sessions)
+        )
+        return {"accepted": all(one["accepted"] for one in answers), "answers": answers}
+
+
+async def _answer(session: GroundSession, action: str, page: str | None) -> dict[str, Any]:
+    """Send a command to one vehicle, by that vehicle's rules; return its answer."""
+    who = {
+        "system_id": session.vehicle.identity.system_id,
+        "name": session.vehicle.store.settings.vehicle_name,
+    }
+    try:
+        if action not in FOR_ALL:
+            session.commander.check(page)
+        return who | {"accepted": True, "message": await TO_ALL[action](session.commands)}
+    except UavrtError as error:
+        return who | {"accepted": False, "message": str(error)}

@@ -1,0 +1,66 @@
+"""Routes by which a page requests motions of a drone."""
+
+import asyncio
+from typing import Any
+
+from starlette.requests import Request
+
+from uavrt.ground.link.motions.page_motions import MotionCommands
+from uavrt.ground.store.ground_settings import GroundStore
+from uavrt.ground.web.routes.routing import Row, json_body, page_of
+from uavrt.ground.web.work.foreign_requests import area_in_body
+from uavrt.ground.web.work.foreign_worker import ForeignWorker
+from uavrt.ground.web.work.map_jobs import is_repeated
+from uavrt.ground.web.work.plan_maps import PlanMapRequest, plan_map_jobs
+
+
+class MotionApi:
+    """Routes for the motions of one vehicle's drone."""
+
+    def __init__(
+        self, flying: MotionCommands, store: GroundStore, worker: ForeignWorker
+    ) -> None:
+        self._flying, self._store, self._worker = flying, store, worker
+        self._foresight = plan_map_jobs()
+
+    def routes(self) -> list[Row]:
+        """List the routes."""
+        return [
+            Row("/motion/area", "POST", self.area),
+            Row("/motion/plan", "POST", self.plan),
+            Row("/motion/coverage", "POST", self.coverage),
+            Row("/motion/upload", "POST", self.upload, commands=True),
+            Row("/motion/ask", "POST", self.ask, commands=True),
+            Row("/motion/confirm", "POST", self.confirm, commands=True),
+            Row("/motion/stop", "POST", self.stop),
+        ]
+
+    async def area(self, request: Request) -> Any:
+        """Corners of an area, from a file's text or from centre and radius."""
+        return await self._worker.call(area_in_body, await request.body())
+
+    async def plan(self, request: Request) -> Any:
+        """Preview a motion without involving the drone."""
+        return self._flying.plan(await json_body(request))
+
+    async def coverage(self, request: Request) -> Any:
+        """Map of where a tag would be detected along a plan, or its progress."""
+        store, wanted = self._store, await json_body(request)
+        asked = PlanMapRequest.from_request(wanted, store.tags, store.settings.antenna_choice)
+        return await asyncio.to_thread(self._foresight.answer, asked, again=is_repeated(wanted))
+
+    async def upload(self, request: Request) -> Any:
+        """Upload a survey to the autopilot as its mission. Nothing moves yet."""
+        return await self._flying.upload(await json_body(request), self._worker.call)
+
+    async def ask(self, request: Request) -> Any:
+        """Request a motion; return the drone's proposed order. Nothing moves yet."""
+        return await self._flying.ask(await json_body(request), page_of(request))
+
+    async def confirm(self, request: Request) -> Any:
+        """Confirm an order, ``{"order_id": …, "sticks_unseen": false}``; it then moves."""
+        return await self._flying.confirm(await json_body(request), page_of(request))
+
+    async def stop(self, request: Request) -> Any:
+        """Stop the drone. Every page may do this."""
+        return await self._flying.stop()

@@ -1,0 +1,149 @@
+"""Results about a whole flight after its end: tags found in its samples, and coverage maps.
+
+Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs` makes the
+coverage map; the page polls until it is ready.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.flight.integrated import read_integrated
+from uavrt.flight.reading.flight_reader import read_flight
+from uavrt.ground.store.estimates import AntennaChoice
+from uavrt.ground.web.work.map_jobs import MapJobs, OnStep, Record, map_record, power_in
+from uavrt.localization.terrain.elevation_files import open_elevation
+
+if TYPE_CHECKING:
+    from uavrt.analysis.covered.silence import SilentMap
+
+_MOST_PULSES = 3000
+_MOST_CORNERS = 500
+
+
+def integrated_record(flight: Path) -> Record:
+    """Record of a whole flight's results, with the pulses found afterwards, thinned evenly."""
+    verdicts, pulses = read_integrated(flight)
+    placed = [one for one in pulses if one.pose is not None]
+    step = max(1, math.ceil(len(placed) / _MOST_PULSES))
+    return {
+        "tags": [asdict(one) for one in verdicts],
+        "pulses": [
+            {
+                "tag_id": one.pulse.tag_id,
+                "time_ns": one.pulse.start_time_ns,
+                "longitude_deg": one.pose.longitude_deg,
+                "latitude_deg": one.pose.latitude_deg,
+            }
+            for one in placed[::step]
+            if one.pose is not None
+        ],
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoverageMapRequest:
+    """Requested map of where a tag would have been detected."""
+
+    flight: Path
+    tag_id: int
+    tag_power_dbm: float
+    antenna: AntennaChoice
+
+    @classmethod
+    def from_request(
+        cls, flight: Path, antenna: AntennaChoice, wanted: object
+    ) -> "CoverageMapRequest":
+        """Read a page's request; raises `FormatError` or `UsageError`."""
+        if not isinstance(wanted, dict):
+            raise FormatError("the request must be an object")
+        tag_id = wanted.get("tag_id")
+        if type(tag_id) is not int:
+            raise FormatError("tag_id must be a whole number")
+        return cls(
+            flight=flight, tag_id=tag_id, tag_power_dbm=power_in(wanted), antenna=antenna
+        )
+
+
+class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
+    """Makes maps of where a tag would have been detected, one at a time; keeps the last."""
+
+    def __init__(self) -> None:
+        super().__init__(_made, _record, "map of silence")
+
+    def absence(self, asked: CoverageMapRequest, wanted: object) -> Record:
+        """Probability that an undetected tag is outside an outline, as a record."""
+        # Loaded with the first question only, as in `_made`.
+        from uavrt.analysis.covered.coverage_maps import inside
+        from uavrt.planning.area import Polygon
+        from uavrt.planning.detectability.detection_coverage import absence
+
+        found = self.found(asked)
+        if found is None:
+            raise UsageError(
+                "the map is not ready yet", remedy="Wait until the map is calculated"
+            )
+        if found.ambiguous:
+            raise UsageError(
+                f"pulses at the frequency of tag {asked.tag_id} may be its own, so its "
+                "absence cannot be judged"
+            )
+        if found.heard:
+            raise UsageError(
+                f"tag {asked.tag_id} was detected, so there is no map of places without it"
+            )
+        coverage, plane = found.coverage, found.coverage.ground.plane
+        longitude, latitude = np.array(_outline(wanted)).T
+        east, north = plane.to_local(latitude, longitude)
+        corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
+        area = Polygon(corners=corners, name="area")
+        absent = absence(coverage, inside(area, coverage.ground), None)
+        return {**asdict(absent), "prior_is": "anywhere on the map alike"}
+
+
+def _outline(wanted: object) -> list[list[float]]:
+    outline = wanted.get("outline") if isinstance(wanted, dict) else None
+    good = isinstance(outline, list) and 3 <= len(outline) <= _MOST_CORNERS
+    if not good or not all(_is_place(one) for one in outline or ()):
+        raise FormatError("an outline is a list of 3 or more [longitude, latitude]")
+    assert isinstance(outline, list)
+    return outline
+
+
+def _is_place(one: object) -> bool:
+    return (
+        isinstance(one, list)
+        and len(one) == 2
+        and all(isinstance(value, int | float) and abs(value) <= 360.0 for value in one)
+    )
+
+
+def _made(asked: CoverageMapRequest, on_step: OnStep) -> "SilentMap":
+    from uavrt.analysis.covered.silence import silent_map
+
+    dem = asked.antenna.dem
+    return silent_map(
+        asked.flight,
+        read_flight(asked.flight),
+        asked.tag_id,
+        asked.tag_power_dbm,
+        elevation=open_elevation(Path(dem)) if dem else None,
+        antenna=asked.antenna.pattern,
+        on_pulse=on_step,
+    )
+
+
+def _record(found: "SilentMap") -> Record:
+    return {
+        "tag_id": found.tag_id,
+        "tag_power_dbm": found.tag_power_dbm,
+        **map_record(found.coverage),
+        "heard_pulses": found.heard_pulses,
+        "in_hindsight": found.in_hindsight,
+        "whole_flight": found.coverage.whole_flight,
+        "noise": found.noise,
+    }

@@ -1,0 +1,41 @@
+"""Requests that contain files of others, parsed in the process of `foreign_worker`."""
+
+from typing import Any
+
+from uavrt.core.errors import FormatError
+from uavrt.core.foreign import REQUEST, UPLOADED_FILE, Limit, read_json
+from uavrt.ground.link.motions.page_motions import area_of_file
+from uavrt.ground.store import tag_table
+
+
+def read_body(content: bytes, limit: Limit = REQUEST) -> Any:
+    """Decode the body of a request; raises `FormatError`."""
+    try:
+        return read_json(content or b"{}", limit)
+    except ValueError as error:
+        raise FormatError(f"the request is not valid JSON: {error}") from error
+
+
+def checked_tags(content: bytes) -> dict[str, Any]:
+    """Check a table while it is typed; return its faults, or without any its warnings."""
+    tags, faults = tag_table.tags_from_rows(read_body(content))
+    return {"faults": faults, "warnings": tag_table.warnings_of(tags)}
+
+
+def imported_tags(content: bytes) -> dict[str, Any]:
+    """Read table rows from tag files, given as texts by file name."""
+    files = read_body(content, UPLOADED_FILE)
+    if not isinstance(files, dict) or not all(isinstance(one, str) for one in files.values()):
+        raise FormatError("files must be an object of texts by file name")
+    rows = tag_table.import_rows(files)
+    tags, _ = tag_table.tags_from_rows(rows)
+    return {
+        "rows": rows,
+        "left_out": tag_table.not_selected(files),
+        "warnings": tag_table.warnings_of(tags),
+    }
+
+
+def area_in_body(content: bytes) -> dict[str, Any]:
+    """Read the area in a file, or a circle; raises as `area_of_file`."""
+    return area_of_file(read_body(content, UPLOADED_FILE))

@@ -1,0 +1,226 @@
+"""Maps of where a tag would be detected along a planned path, as by ``uavrt coverage PLAN``."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.messages import Tag
+from uavrt.ground.link.motions.page_motions import number_in, places_in
+from uavrt.ground.store.estimates import AntennaChoice
+from uavrt.ground.web.work.map_jobs import (
+    MapJobs,
+    OnStep,
+    Record,
+    figures,
+    map_record,
+    power_in,
+)
+from uavrt.localization.antenna import pattern_named
+from uavrt.localization.terrain.elevation_files import open_elevation
+from uavrt.planning.detectability.link_budget import LinkBudget
+
+if TYPE_CHECKING:
+    from uavrt.analysis.covered.coverage_maps import MapSize
+    from uavrt.planning.detectability.detection_coverage import Coverage
+
+_HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
+_LEVEL_SIGMA_DB = 3.0
+"""Uncertainty of the tag's power [dB]; the default of `uavrt coverage`."""
+_MOST_PLACES, _MOST_CORNERS, _MOST_HEIGHTS, _MOST_LINES = 2000, 500, 5, 1000
+_FARTHEST_M = 50_000.0
+"""Largest distance of a plan's points from its first point [m]."""
+_MOST_CELLS = 45_000
+"""Most cells of a map. Maps below the limit have cells of 20 m and a margin of 2 km, as in
+`uavrt coverage`."""
+_MOST_PULSES = 20_000
+"""Most simulated pulses for the maps of all heights; more would take minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanMapRequest:
+    """Requested maps of a plan."""
+
+    places: tuple[tuple[float, float], ...]
+    """Latitude and longitude of each point [deg]."""
+    spacing_m: float | None
+    """Spacing of the lines over an area [m]; None: the points are a path."""
+    heights_m: tuple[float, ...]
+    """Flight heights above the ground, one per map [m]."""
+    speed_m_s: float
+    tag: Tag
+    listed: bool
+    """True for a tag of the table, False for an assumed tag."""
+    tag_power_dbm: float
+    antenna: AntennaChoice
+
+    @classmethod
+    def from_request(
+        cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
+    ) -> "PlanMapRequest":
+        """Read a page's request; raises `FormatError` or `UsageError`."""
+        from uavrt.analysis.covered.coverage_maps import assumed_tag
+
+        if not isinstance(wanted, dict):
+            raise FormatError("the request must be an object")
+        tag_id = wanted.get("tag_id")
+        places, spacing_m = _plan_in(wanted)
+        return cls(
+            places=places,
+            spacing_m=spacing_m,
+            heights_m=_heights_in(wanted),
+            speed_m_s=_between(wanted, "speed_m_s", _SPEED_M_S, 0.5, 100.0),
+            tag=assumed_tag() if tag_id is None else _listed(tag_id, tags),
+            listed=tag_id is not None,
+            tag_power_dbm=power_in(wanted),
+            antenna=antenna,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlanMaps:
+    """Coverage maps of a plan, one per height."""
+
+    request: PlanMapRequest
+    maps: "tuple[Coverage, ...]"
+    best: int
+
+
+def plan_map_jobs() -> MapJobs[PlanMapRequest, PlanMaps]:
+    """Make the `MapJobs` that computes maps of plans."""
+    return MapJobs(_made, _record, "map of a plan")
+
+
+def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
+    """Points of a path or of an outline, and the line spacing in an outline [m]."""
+    way, outline = wanted.get("way"), wanted.get("outline")
+    if (way is None) == (outline is None):
+        raise FormatError("a plan must be either a path or an outline")
+    given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
+    if not isinstance(given, list) or not least <= len(given) <= most:
+        raise FormatError(f"a plan must have {least} to {most} points")
+    places = places_in(given)
+    if way is None and places[0] == places[-1]:
+        places = places[:-1]
+    farthest_m = max(distance_m(*places[0], *one) for one in places)
+    if not farthest_m <= _FARTHEST_M:
+        raise UsageError(
+            f"the plan reaches {farthest_m / 1e3:.0f} km from its first point, which is too "
+            "far",
+            remedy=f"Plan at most {_FARTHEST_M / 1e3:.0f} km",
+        )
+    if way is not None:
+        return places, None
+    return places, _between(wanted, "spacing_m", _SPACING_M, 5.0, 1000.0)
+
+
+def _heights_in(wanted: dict[str, Any]) -> tuple[float, ...]:
+    given = wanted.get("heights_m", [_HEIGHT_M])
+    if not isinstance(given, list) or not 1 <= len(given) <= _MOST_HEIGHTS:
+        raise FormatError(f"heights_m must be a list of 1 to {_MOST_HEIGHTS} numbers")
+    heights = {
+        _between({"heights_m": one}, "heights_m", _HEIGHT_M, 1.0, 20_000.0) for one in given
+    }
+    return tuple(sorted(heights))
+
+
+def _between(
+    wanted: dict[str, Any], name: str, default: float, least: float, most: float
+) -> float:
+    number = number_in(wanted, name, default)
+    if not least <= number <= most:
+        raise UsageError(f"{name} must be {least:g} to {most:g}")
+    return number
+
+
+def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
+    if type(tag_id) is not int:
+        raise FormatError("tag_id must be a whole number")
+    for one in tags:
+        if one.tag_id == tag_id:
+            return one
+    raise UsageError(
+        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose a tag of the table"
+    )
+
+
+def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
+    # Loaded with the first question only, as in `_size`.
+    from uavrt.analysis.covered import coverage_maps as coverage
+
+    plane, corners = (
+        coverage.corners_of_path(request.places)
+        if request.spacing_m is None
+        else coverage.corners_over_area(request.places, request.spacing_m, most=_MOST_LINES)
+    )
+    east, north = np.array(corners).T
+    dem = request.antenna.dem
+    size = _size(float(np.ptp(east)), float(np.ptp(north)))
+    pulses = coverage.pulses_on(corners, request.tag, request.speed_m_s)
+    if pulses * len(request.heights_m) > _MOST_PULSES:
+        raise UsageError(
+            f"a map of {pulses:.0f} pulses from {len(request.heights_m)} heights takes too "
+            "long",
+            remedy="Choose fewer heights, wider lines or a smaller area",
+        )
+    area = coverage.map_around(
+        plane, east, north, open_elevation(Path(dem)) if dem else None, size
+    )
+    budget = LinkBudget(
+        frequency_hz=request.tag.frequency_hz,
+        pulse_width_s=request.tag.pulse_width_s,
+        tag_eirp_dbm=request.tag_power_dbm,
+        drone_height_m=request.heights_m[0],
+    )
+    maps = []
+    for number, height_m in enumerate(request.heights_m):
+
+        def on_pulse(done: int, total: int, number: int = number) -> None:
+            on_step(number * total + done, len(request.heights_m) * total)
+
+        maps.append(
+            coverage.plan_coverage(
+                area,
+                corners,
+                request.tag,
+                budget,
+                height_m=height_m,
+                speed_m_s=request.speed_m_s,
+                pattern=pattern_named(request.antenna.pattern),
+                level_sigma_db=_LEVEL_SIGMA_DB,
+                on_pulse=on_pulse,
+            )
+        )
+    return PlanMaps(request=request, maps=tuple(maps), best=coverage.best_of(maps))
+
+
+def _size(wide_m: float, high_m: float) -> "MapSize":
+    """Size of a map's cells: as in `uavrt coverage`, but larger if there would be too many."""
+    from uavrt.analysis.covered.coverage_maps import MapSize
+
+    size = MapSize()
+    reach_m = 2.0 * size.margin_m
+    least_m = math.sqrt((wide_m + reach_m) * (high_m + reach_m) / _MOST_CELLS)
+    return replace(size, cell_m=max(size.cell_m, float(math.ceil(least_m))))
+
+
+def _record(found: PlanMaps) -> Record:
+    request = found.request
+    return {
+        "tag_id": request.tag.tag_id if request.listed else None,
+        "tag_power_dbm": request.tag_power_dbm,
+        **map_record(found.maps[found.best]),
+        "height_m": request.heights_m[found.best],
+        "heights": [
+            {"height_m": height_m, **figures(one), "best": number == found.best}
+            for number, (height_m, one) in enumerate(
+                zip(request.heights_m, found.maps, strict=True)
+            )
+        ],
+        "speed_m_s": request.speed_m_s,
+        "antenna": request.antenna.pattern,
+    }

@@ -1,0 +1,1 @@
+"""Who commands the vehicle, what was commanded, and what the vehicle does."""

@@ -1,0 +1,267 @@
+"""Decide whether the drone may be commanded: only until any pilot or fault objects. Pure.
+
+Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
+begin within 10 s. *In command*: the first command was sent. Any observed change that no command
+caused ends the order for good: nothing is repeated or queued. Only the confirmation of a new
+order, with an unused nonce, begins again.
+
+Acknowledgements of commands are ignored: PX4 refuses commands that it flies, and accepts some
+that it does not. A command counts as obeyed when the vehicle reports its target. `Authority` is
+the last stage on the drone before the autopilot, and receives the autopilot's reports first. It
+refuses a planner's command that was in transit when a pilot took over.
+"""
+
+from collections import Counter
+from enum import StrEnum
+
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import TakeOff, VehicleSeen, Wish
+from uavrt.guidance.control.observed import HomeSeen, ModeSeen, Observation, PositionSeen
+from uavrt.guidance.control.observed_vehicle import ObservedVehicle, ended_by
+from uavrt.guidance.control.offers import Offer, Offers, resting
+from uavrt.guidance.control.order_watch import OrderWatch
+from uavrt.guidance.control.vehicle_commands import CommandWriter, VehicleCommand
+from uavrt.guidance.safety import SAFETY
+
+
+class Standing(StrEnum):
+    """State of the authority over the vehicle: out, confirmed or in command."""
+
+    OUT = "out"
+    CONFIRMED = "confirmed"
+    IN_COMMAND = "in command"
+
+
+class Authority:
+    """Checks commands to one vehicle last; nothing is sent without it.
+
+    It confirms a take-off only with `may_take_off`. It ignores `unwatched_channels` of the
+    remote control, which carry no switch or stick.
+    """
+
+    def __init__(
+        self,
+        writer: CommandWriter,
+        *,
+        may_take_off: bool = False,
+        unwatched_channels: frozenset[int] = frozenset(),
+    ) -> None:
+        self._writer, self.behaviour = writer, writer.behaviour
+        self._may_take_off, self._unwatched = may_take_off, unwatched_channels
+        self.reason = "nothing was confirmed"
+        """Reason why it is out of command."""
+        self.out_s = 0.0
+        self.nearest_m: float | None = None
+        """Shortest distance to the target reached on the previous leg [m]; None: no leg."""
+        self.counters: Counter[str] = Counter()
+        self.vehicle = ObservedVehicle(self.behaviour)
+        self._offers = Offers()
+        self._order: OrderWatch | None = None
+
+    @property
+    def standing(self) -> Standing:
+        """Present state: out, confirmed or in command."""
+        if self._order is None:
+            return Standing.OUT
+        begun = self._order.motion is not None
+        return Standing.IN_COMMAND if begun else Standing.CONFIRMED
+
+    @property
+    def order_id(self) -> int | None:
+        """Number of the confirmed or commanded order; None if there is none."""
+        return None if self._order is None else self._order.offer.order_id
+
+    def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
+        """Propose an order to the operator for confirmation; it replaces an earlier proposal.
+
+        Raises `CommandRefused`: the vehicle cannot be flown now, or the nonce was used.
+        """
+        mode, place, home = self._check_vehicle(now_s, takeoff=takeoff)
+        vehicle = self.vehicle
+        rests = self._order is None and vehicle.in_own_mode
+        target, heading = (vehicle.target, place) if rests else (None, None)
+        offer = Offer(
+            order_id=order_id,
+            takeoff=takeoff,
+            nonce=nonce,
+            made_s=now_s,
+            mode=mode.mode,
+            rests=rests,
+            target=target,
+            place=place,
+            home=home,
+            rc=vehicle.rc(now_s, self._unwatched),
+            yaw=resting(heading, now_s, vehicle.turning_deg_s, SAFETY.yaw_deg),
+            target_yaw=resting(
+                target, now_s, vehicle.target_turning_deg_s, SAFETY.target_yaw_deg
+            ),
+        )
+        self._offers.add(offer)
+
+    def confirm(
+        self, order_id: int, nonce: int, now_s: float, *, sticks_unseen: bool = False
+    ) -> None:
+        """Accept the operator's confirmation of the proposed order.
+
+        With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
+        Raises `CommandRefused`: it is another order, too late, or the vehicle changed.
+        """
+        offer = self._offers.take(order_id, nonce, now_s)
+        vehicle, before = self.vehicle, self._order
+        _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
+        offer.check(vehicle)
+        if not sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
+            what = "the sticks are not seen, so a takeover by them would go unnoticed"
+            if vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s):
+                what = f"the sticks are reported too seldom: not every {SAFETY.sticks_age_s} s"
+            raise CommandRefused(
+                what, remedy="Switch the remote control on, or confirm to fly without it"
+            )
+        self._end("another order was confirmed", now_s)
+        self._order = OrderWatch(
+            offer=offer,
+            confirmed_s=now_s,
+            planner_s=now_s,
+            place=place,
+            home=home,
+            target=vehicle.target,
+            rc=vehicle.rc(now_s, self._unwatched),
+            sticks_unseen=sticks_unseen,
+            flown=before.leg if before is not None and vehicle.in_own_mode else None,
+        )
+        self.reason = ""
+        self.counters["orders_confirmed"] += 1
+
+    def _check_vehicle(
+        self, now_s: float, *, takeoff: bool
+    ) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
+        """Return the vehicle's state; raises `CommandRefused` if it cannot be flown now."""
+        fault = self.fault(now_s, takeoff=takeoff)
+        if fault is not None:
+            raise CommandRefused(*fault[:1], remedy=fault[1])
+        return self.vehicle.known
+
+    def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
+        """Reason why no order can be confirmed now, with the remedy; None if one can."""
+        if takeoff and not self._may_take_off:
+            remedy = "Take off by hand, or set guidance.may_take_off = true on the drone"
+            return "this drone does not take off by order", remedy
+        return self.vehicle.fault(now_s, takeoff=takeoff)
+
+    def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:
+        """End the order for a given reason, such as the operator's stop."""
+        self._end(reason, now_s)
+
+    def planner_alive(self, now_s: float) -> None:
+        """Record a heartbeat of the planning process."""
+        if self._order is not None:
+            self._order.planner_alive(now_s)
+
+    def command(
+        self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
+    ) -> VehicleCommand:
+        """Convert a requested motion to the command to send now, once.
+
+        One that `stops` the drone in its present mode may be the first command of an order
+        while the previous one is still flown; it never changes the mode. Raises
+        `CommandRefused`: nothing may be sent; the request is dropped.
+        """
+        self.tick(now_s)
+        order = self._order
+        if order is None or order_id != order.offer.order_id:
+            raise CommandRefused(f"not in command: {self.reason or 'another order is'}")
+        first = order.motion is None and not stops
+        order.check(wish, self.vehicle, now_s, first=first, stops=stops)
+        command = self._writer.command(
+            wish, first=first, datum_m=order.datum_m, home=self.vehicle.home
+        )
+        self.nearest_m = order.nearest_m
+        order.sent(wish, self.vehicle, now_s, first=first)
+        self.counters["commands_sent"] += 1
+        return command
+
+    @property
+    def taking_off(self) -> bool:
+        """True while a take-off order is in command; the drone is not stopped during it."""
+        order = self._order
+        return order is not None and order.offer.takeoff and order.motion is not None
+
+    @property
+    def climbs(self) -> bool:
+        """True once the take-off itself was commanded; the drone then climbs to its height."""
+        motion = None if self._order is None else self._order.motion
+        return motion is not None and isinstance(motion.wish, TakeOff)
+
+    @property
+    def flies_ours(self) -> bool:
+        """True while the vehicle flies a command of this order, or still of the last one."""
+        return self._order is not None and self._order.leg is not None
+
+    def vehicle_seen(
+        self,
+        *,
+        battery_percent: float | None = None,
+        wishes_sent: int = 0,
+        wishes_refused: int = 0,
+        ground_silent_s: float = 0.0,
+    ) -> VehicleSeen | None:
+        """Vehicle state for the pilot module; None without a position or a home."""
+        position, home, order = self.vehicle.position, self.vehicle.home, self._order
+        if position is None or home is None:
+            return None
+        above = position.altitude_relative_m
+        if order is not None:
+            above = position.altitude_amsl_m - order.datum_m
+        motion = None if order is None else order.motion
+        return VehicleSeen(
+            latitude_deg=position.latitude_deg,
+            longitude_deg=position.longitude_deg,
+            altitude_amsl_m=position.altitude_amsl_m,
+            altitude_relative_m=above,
+            speed_m_s=position.speed_m_s,
+            yaw_deg=position.yaw_deg,
+            home=(home.latitude_deg, home.longitude_deg),
+            battery_percent=battery_percent,
+            obeyed=self.obeyed,
+            wishes_sent=wishes_sent,
+            wishes_refused=wishes_refused,
+            turned_deg=0.0 if motion is None else motion.turned_deg,
+            ground_silent_s=ground_silent_s,
+            settling=motion is not None and motion.not_settled_yet,
+            heading_rests=self.vehicle.heading_rests,
+        )
+
+    @property
+    def obeyed(self) -> bool:
+        """True if the vehicle reports the target of the last command."""
+        motion = None if self._order is None else self._order.motion
+        return motion is not None and motion.obeyed
+
+    def see(self, seen: Observation) -> None:
+        """Handle a report of the vehicle; a change that no command caused ends the order."""
+        restarted = self.vehicle.restarted(seen)
+        if restarted is not None:
+            self._end(restarted, seen.time_s)
+            self.vehicle = ObservedVehicle(self.behaviour, self.vehicle.failsafe)
+        if not self.vehicle.take(seen):
+            return
+        self._offers.see(seen, self.vehicle)
+        self._end(ended_by(seen), seen.time_s)
+        if self._order is not None:
+            self._end(self._order.see(seen, self.vehicle), seen.time_s)
+
+    def tick(self, now_s: float) -> None:
+        """End an order or proposal that has timed out."""
+        if self._order is not None:
+            self._end(self._order.overdue(self.vehicle, now_s), now_s)
+
+    def _end(self, reason: str | None, time_s: float) -> None:
+        """Leave command for this reason and withdraw any proposal; the first reason is kept."""
+        if reason is None:
+            return
+        self._offers.clear()
+        if self._order is None:
+            return
+        self.nearest_m = self._order.nearest_m
+        self._order, self.reason, self.out_s = None, reason, time_s
+        self.counters["orders_ended"] += 1

@@ -1,0 +1,273 @@
+"""Monitor the last command: the drone must fly it and nothing else. Pure."""
+
+from dataclasses import InitVar, dataclass, field
+from math import cos, hypot, radians, sin
+
+from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.units import wrap_degrees_180
+from uavrt.guidance.autopilot_behaviour import Behaviour
+from uavrt.guidance.control.observed import PositionSeen, TargetSeen, between_m, same_place
+from uavrt.guidance.control.step_progress import Left, Progress
+from uavrt.guidance.control.stopping_distance import stops_within_m
+from uavrt.guidance.control.yaw import YawWatch
+from uavrt.guidance.safety import SAFETY
+
+OTHERS_TARGET, OTHERS_HEIGHT = "another has given a target", "another changes the height"
+
+
+@dataclass(slots=True, kw_only=True)
+class Commanded:
+    """The last command, and how the drone follows it; its methods return deviations."""
+
+    wish: Wish
+    behaviour: Behaviour
+    sent_s: float
+    first: bool
+    """True for the first command of its order, which may change the mode."""
+    before: TargetSeen | None
+    """Target that the autopilot reported before the command."""
+    start: PositionSeen
+    """Position of the drone when the command was sent."""
+    turning_deg_s: InitVar[float]
+    """Rate at which the drone's heading changed when the command was sent [°/s]."""
+    previous: InitVar["Commanded | None"]
+    """Previous command of the same order; None for the first."""
+    left_m: float = field(init=False)
+    """Shortest distance to the target since the command [m]."""
+    slack_m: float = field(init=False)
+    lowest_m: float = field(init=False)
+    highest_m: float = field(init=False)
+    yaw: YawWatch | None = field(init=False, default=None)
+    target_yaw: YawWatch | None = field(init=False, default=None)
+    progress: Progress = field(init=False, default_factory=Progress)
+    top_m: float = field(init=False)
+    """Highest altitude so far during a take-off [m]."""
+    obeyed: bool = field(init=False, default=False)
+    settled: bool = field(init=False, default=False)
+    """True once the drone was at its target."""
+    not_settled_yet: bool = field(init=False, default=False)
+    """True while it is near its target, where it may stop and a pause would not show."""
+
+    def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
+        wish, start = self.wish, self.start
+        turns = wish if isinstance(wish, TurnInPlace) else None
+        self.top_m = start.altitude_amsl_m
+        self.left_m = between_m(start, wish) if isinstance(wish, FlyThere) else 0.0
+        self.slack_m = SAFETY.astray_m + stops_within_m(start.speed_m_s)
+        heights = [start.altitude_amsl_m]
+        if isinstance(wish, FlyThere | TakeOff):
+            heights.append(wish.altitude_amsl_m)
+        elif turns is not None and previous is not None:
+            heights += [previous.lowest_m, previous.highest_m]
+            self.left_m = previous.left_m
+        self.lowest_m, self.highest_m = min(heights), max(heights)
+        if start.yaw_deg is not None and not isinstance(wish, GoHome):
+            self.yaw = YawWatch(
+                start_s=self.sent_s,
+                yaw_deg=start.yaw_deg,
+                tolerance_deg=SAFETY.yaw_deg,
+                wanted_deg=self._wanted_yaw_deg,
+                turn_deg=None if turns is None else turns.turn_deg,
+                rate_deg_s=0.0 if turns is None else turns.rate_deg_s,
+                turning_deg_s=turning_deg_s,
+            )
+
+    @property
+    def _wanted_yaw_deg(self) -> float | None:
+        """Heading of the command, for an autopilot that takes one [°]."""
+        if isinstance(self.wish, FlyThere) and self.behaviour.yaw_in_reposition:
+            return self.wish.yaw_deg
+        return None
+
+    @property
+    def takes_off(self) -> bool:
+        """True for a take-off, during which the autopilot may report no target."""
+        return isinstance(self.wish, TakeMode | TakeOff)
+
+    @property
+    def turned_deg(self) -> float:
+        """Angle turned so far by a turn in place [°]."""
+        return 0.0 if self.yaw is None else self.yaw.turned_deg
+
+    def overdue(self, now_s: float, target_age_s: float) -> str | None:
+        """Return which report or progress is missing by now; None if none is."""
+        rises = isinstance(self.wish, TakeOff)
+        longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
+        if not self.obeyed:
+            late = now_s - self.sent_s > longest_s
+            return "the command was not seen to be obeyed" if late else None
+        if self.progress.stopped(now_s):
+            return "the drone has stopped on its way"
+        lost = not self.takes_off and target_age_s > self.behaviour.target_lost_s
+        return "the target is no longer reported" if lost else None
+
+    def in_own_mode(self) -> None:
+        """Record that the vehicle is in the mode for commands; `TakeMode` requests no more."""
+        self.obeyed |= isinstance(self.wish, TakeMode)
+
+    def see_target(
+        self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
+    ) -> str | None:
+        """Check the reported target; `turning_deg_s`: rate of change of the heading [°/s]."""
+        match self.wish:
+            case GoHome():
+                return None  # the mode shows it
+            case TakeMode() | TakeOff():
+                return self._see_target_of_takeoff(seen)
+            case TurnInPlace():
+                if self.before is not None and not self._same(seen, self.before):
+                    return OTHERS_TARGET
+                self.obeyed |= self.turned_deg >= 10.0
+                return None
+        if self._same(seen, self.wish):
+            fault = self.see_target_yaw(seen, position, turning_deg_s)
+            # A turn keeps the place: there only the heading shows that it was obeyed.
+            watch = self.target_yaw or self.yaw
+            self.obeyed |= watch is None or watch.begun
+            return fault
+        return None if self._may_be_before(seen, position) else OTHERS_TARGET
+
+    def see_target_yaw(
+        self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
+    ) -> str | None:
+        """Check the heading that the autopilot reports with its target."""
+        if seen.yaw_deg is None or not self.behaviour.yaw_in_reposition:
+            return None
+        if not isinstance(self.wish, FlyThere):
+            return None
+        if self.target_yaw is None:
+            self.target_yaw = YawWatch(
+                start_s=self.sent_s,
+                yaw_deg=seen.yaw_deg,
+                tolerance_deg=SAFETY.target_yaw_deg,
+                wanted_deg=self._wanted_yaw_deg,
+                turning_deg_s=turning_deg_s,
+                exact=True,
+            )
+        here = (None, 0.0) if position is None else position.way_to(self.wish)
+        return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
+
+    def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
+        """Check the target during a take-off: none, or above the start at its height."""
+        height = seen.altitude_amsl_m
+        if seen.latitude_deg is None or height is None:
+            return None
+        waits = isinstance(self.wish, TakeMode) or self._waits(seen)
+        before = waits and abs(height - self.start.altitude_amsl_m) < SAFETY.height_error_m
+        rises = isinstance(self.wish, TakeOff)
+        wanted = rises and abs(height - self.highest_m) <= self.behaviour.target_m
+        here = between_m(self.start, seen) < SAFETY.astray_m
+        return None if here and (before or wanted) else OTHERS_TARGET
+
+    def _same(self, one: TargetSeen, other: TargetSeen | FlyThere) -> bool:
+        return same_place(one, other, self.behaviour.target_m)
+
+    def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
+        """Time of a report by its own clock [s]; after a stall it is processed later."""
+        by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
+        return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
+
+    def _waits(self, seen: TargetSeen) -> bool:
+        """True if the report may be older than the autopilot's reaction to the command."""
+        return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
+
+    def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
+        """True if the target may be the previous one, or come from the change of mode."""
+        if not self._waits(seen):
+            return False
+        if self.before is not None and self._same(seen, self.before):
+            return True
+        if not self.first or position is None:
+            return False
+        return between_m(seen, position) < SAFETY.astray_m + stops_within_m(position.speed_m_s)
+
+    def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
+        """Check a position; `turning_deg_s`: rate of change of the heading [°/s]."""
+        wish = self.wish
+        if isinstance(wish, GoHome):
+            return None
+        if isinstance(wish, TakeMode | TakeOff):
+            return self._see_climb(seen)
+        place = wish if isinstance(wish, FlyThere) else self.before
+        left = 0.0 if place is None else between_m(seen, place)
+        self.left_m = min(self.left_m, left)
+        off = SAFETY.height_error_m
+        if left > self.left_m + self.slack_m:
+            return "the drone does not fly to the commanded target"
+        if not self.lowest_m - off <= seen.altitude_amsl_m <= self.highest_m + off:
+            return OTHERS_HEIGHT
+        free = isinstance(wish, FlyThere) and (
+            left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SAFETY.leg_speed_m_s
+        )
+        fault = self._see_yaw(seen)
+        self.progress.see(seen.time_s, *self._left(seen, turning_deg_s), free=free)
+        return fault
+
+    def _see_yaw(self, seen: PositionSeen) -> str | None:
+        if self.yaw is None or seen.yaw_deg is None:
+            return None
+        wish = self.wish
+        made_s = self._made_s(seen)
+        if not isinstance(wish, FlyThere):
+            return self.yaw.fault(made_s, seen.yaw_deg)
+        bearing_deg, away_m = seen.way_to(wish)
+        least_m_s = SAFETY.course_m_s if away_m > SAFETY.frozen_m else SAFETY.near_course_m_s
+        follows = self.behaviour.follows_course and seen.speed_m_s > least_m_s
+        course_deg = seen.course_deg if follows else None
+        return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
+
+    def _see_climb(self, seen: PositionSeen) -> str | None:
+        """Check a climb: straight up without a pause; in `TakeMode` it stays on the ground."""
+        altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
+        done_m = SAFETY.takeoff_done_m
+        self.top_m = max(self.top_m, altitude)
+        self.obeyed |= rises and altitude > self.start.altitude_amsl_m + SAFETY.takeoff_rise_m
+        if self.obeyed and rises:
+            left = abs(self.highest_m - altitude)
+            part = Left(now=left, soon=left, least=SAFETY.higher_m, tolerance=done_m)
+            self.progress.see(seen.time_s, part)
+        off = SAFETY.height_error_m if rises else SAFETY.takeoff_rise_m
+        if between_m(seen, self.start) > SAFETY.astray_m:
+            return "the drone does not climb straight up"
+        if not self.top_m - done_m <= altitude <= self.highest_m + off:
+            return OTHERS_HEIGHT
+        return self._see_yaw(seen)
+
+    def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
+        """Remaining distances and angles of a motion in the air."""
+        wish, yaw = self.wish, self.yaw
+        if not isinstance(wish, FlyThere):
+            return _left_of_turn(yaw)
+        bearing, left = seen.way_to(wish)
+        height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
+        twice = 2.0 * SAFETY.braking_m_s2
+        stops = [one * seen.speed_m_s / twice for one in seen.velocity_m_s[:2]]
+        along = radians(bearing)
+        soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
+        self.settled |= left <= self.behaviour.settles_m
+        self.not_settled_yet = not self.settled and left <= SAFETY.arrived_m
+        near = SAFETY.arrived_m if self.settled else self.behaviour.settles_m
+        place = Left(now=left, soon=soon, least=SAFETY.nearer_m, tolerance=near)
+        up = Left(now=height, soon=height, least=SAFETY.higher_m, tolerance=SAFETY.at_height_m)
+        if seen.yaw_deg is None:
+            return place, up
+        asked = None if yaw is None else yaw.wanted_deg
+        off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
+        stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
+        heading = Left(
+            now=abs(off),
+            soon=abs(off - stops_deg),
+            least=SAFETY.turned_deg,
+            tolerance=SAFETY.gust_heading_deg if asked is None else SAFETY.at_yaw_deg,
+            needed=asked is not None,
+        )
+        return place, up, heading
+
+
+def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:
+    """Remaining angle of a turn in place."""
+    if yaw is None or yaw.turn_deg is None:
+        return ()
+    left = abs(yaw.turn_deg) - yaw.turned_deg
+    least = min(SAFETY.turned_deg, 1.5 * yaw.rate_deg_s)
+    return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)

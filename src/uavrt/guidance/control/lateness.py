@@ -1,0 +1,45 @@
+"""Delay of the vehicle's reports, from the timestamps in them. Pure.
+
+Behind the queue of a slow link, the report of a pilot's return arrives seconds late.
+"""
+
+from uavrt.guidance.control.observed import BootTimeSeen
+from uavrt.guidance.safety import SAFETY
+
+
+class Lateness:
+    """Measures the delay of reports by the autopilot's time since its start.
+
+    Uses TIMESYNC if available, else the smallest offset since the link came up: the message
+    with the smallest delay counts as not delayed.
+    """
+
+    def __init__(self) -> None:
+        self._least: tuple[float, float] | None = None
+        """Arrival [s] and offset [s] of the message with the smallest delay."""
+        self._boot_s = 0.0
+        self.late_s = 0.0
+        """Delay of the last message [s]."""
+
+    def see(self, seen: BootTimeSeen) -> None:
+        """Measure the delay of a message by its time since the autopilot's start."""
+        self._boot_s = max(seen.boot_s, self._boot_s)
+        offset_s = seen.time_s - seen.boot_s
+        expected_s = offset_s
+        if self._least is not None:
+            when_s, least_s = self._least
+            expected_s = least_s + SAFETY.clock_drift * max(0.0, seen.time_s - when_s)
+        if offset_s <= expected_s:
+            self._least = seen.time_s, offset_s
+        self.late_s = max(0.0, offset_s - expected_s if seen.late_s is None else seen.late_s)
+
+    def starts_again(self, seen: BootTimeSeen) -> bool:
+        """True if the autopilot has restarted since the previous messages."""
+        return seen.boot_s + 1.0 < self._boot_s
+
+    @property
+    def fault(self) -> str | None:
+        """Return the reason if reports are too late for any command; else None."""
+        if self.late_s <= SAFETY.latest_telemetry_s:
+            return None
+        return f"the autopilot's messages come {self.late_s:.1f} s late"

@@ -1,0 +1,163 @@
+"""Reports of the vehicle, each with its monotonic time of arrival [s]."""
+
+from dataclasses import dataclass
+from math import atan2, cos, degrees, hypot, radians
+from typing import Literal
+
+from uavrt.core.earth.geodesy import distance_m
+from uavrt.core.messages import FlyThere
+from uavrt.core.units import wrap_degrees_180
+
+
+@dataclass(frozen=True, slots=True)
+class ModeSeen:
+    """Flight mode, from a HEARTBEAT or CURRENT_MODE."""
+
+    time_s: float
+    mode: int
+    """Number of the custom mode."""
+    armed: bool | None = None
+    """True if the motors are armed; None: not in the message."""
+    failsafe: bool = False
+    """True if the autopilot reports a critical or worse state."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionSeen:
+    """Position and velocity, from GLOBAL_POSITION_INT."""
+
+    time_s: float
+    boot_s: float
+    """Autopilot's time since its start [s]."""
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    """Height above home [m]."""
+    velocity_m_s: tuple[float, float, float]
+    """Velocity north, east and up [m/s]."""
+    yaw_deg: float | None
+
+    @property
+    def speed_m_s(self) -> float:
+        """Speed over ground [m/s]."""
+        return hypot(self.velocity_m_s[0], self.velocity_m_s[1])
+
+    @property
+    def course_deg(self) -> float:
+        """Direction of motion over ground, clockwise from north [deg]."""
+        return degrees(atan2(self.velocity_m_s[1], self.velocity_m_s[0]))
+
+    def way_to(self, place: FlyThere) -> tuple[float, float]:
+        """Bearing [deg] and distance [m] to a position."""
+        east = wrap_degrees_180(place.longitude_deg - self.longitude_deg)
+        north = place.latitude_deg - self.latitude_deg
+        bearing = degrees(atan2(east * cos(radians(self.latitude_deg)), north))
+        return bearing, between_m(self, place)
+
+
+@dataclass(frozen=True, slots=True)
+class PositionLost:
+    """The autopilot reports that it has no position."""
+
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetSeen:
+    """Present target of the autopilot, from POSITION_TARGET_GLOBAL_INT."""
+
+    time_s: float
+    boot_s: float
+    """Autopilot's time since its start [s]."""
+    latitude_deg: float | None
+    """Latitude of the target [deg]; None: it has no target position."""
+    longitude_deg: float | None
+    altitude_amsl_m: float | None
+    yaw_deg: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SticksSeen:
+    """Channels of the remote control, from RC_CHANNELS [µs]; empty: no signal."""
+
+    time_s: float
+    channels_us: tuple[int, ...]
+    """Roll, pitch, throttle and yaw stick [µs]."""
+    switches_us: tuple[int, ...] = ()
+    """Channels from 5 on [µs]; 0 if unused."""
+
+
+@dataclass(frozen=True, slots=True)
+class HomeSeen:
+    """Home position, from HOME_POSITION."""
+
+    time_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LandedSeen:
+    """Landed state, from EXTENDED_SYS_STATE."""
+
+    time_s: float
+    on_ground: bool | None
+    """True if the vehicle is on the ground; None: unknown to the autopilot."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailsafeSeen:
+    """The autopilot reports a failsafe."""
+
+    time_s: float
+    what: Literal["fence", "battery", "position estimate", "critical state"]
+
+
+@dataclass(frozen=True, slots=True)
+class BootTimeSeen:
+    """Autopilot's time since its start, from any message that has it."""
+
+    time_s: float
+    boot_s: float
+    late_s: float | None = None
+    """Delay of the message by TIMESYNC [s]; None: unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Boot:
+    """A new or different autopilot was found."""
+
+    time_s: float
+
+
+Observation = (
+    ModeSeen
+    | PositionSeen
+    | PositionLost
+    | TargetSeen
+    | SticksSeen
+    | HomeSeen
+    | LandedSeen
+    | FailsafeSeen
+    | BootTimeSeen
+    | Boot
+)
+Located = PositionSeen | TargetSeen | HomeSeen | FlyThere
+
+
+def between_m(one: Located, other: Located) -> float:
+    """Horizontal distance of two positions [m]; 0 if one is missing."""
+    a, b, c, d = one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg
+    return 0.0 if a is None or b is None or c is None or d is None else distance_m(a, b, c, d)
+
+
+def same_place(one: Located, other: Located, within_m: float) -> bool:
+    """True if two targets have the same position and height, or neither has one."""
+    if one.latitude_deg is None or other.latitude_deg is None:
+        return one.latitude_deg is other.latitude_deg
+    a, b = one.altitude_amsl_m, other.altitude_amsl_m
+    if a is None or b is None:
+        return False
+    return between_m(one, other) <= within_m and abs(a - b) <= within_m

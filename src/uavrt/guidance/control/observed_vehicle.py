@@ -1,0 +1,212 @@
+"""State of the vehicle by its last reports, and reasons against a command. Pure."""
+
+from math import inf
+
+from uavrt.core.units import wrap_degrees_180
+from uavrt.guidance.autopilot_behaviour import Behaviour
+from uavrt.guidance.control.lateness import Lateness
+from uavrt.guidance.control.observed import (
+    Boot,
+    BootTimeSeen,
+    FailsafeSeen,
+    HomeSeen,
+    LandedSeen,
+    ModeSeen,
+    Observation,
+    PositionLost,
+    PositionSeen,
+    SticksSeen,
+    TargetSeen,
+)
+from uavrt.guidance.control.rc_watch import RcWatch
+from uavrt.guidance.safety import SAFETY
+
+
+class ObservedVehicle:
+    """Newest report of each kind from one vehicle."""
+
+    def __init__(self, behaviour: Behaviour, failsafe: FailsafeSeen | None = None) -> None:
+        self.behaviour = behaviour
+        self.mode: ModeSeen | None = None
+        self.heartbeat: ModeSeen | None = None
+        """Newest mode report that includes the arming state."""
+        self.position: PositionSeen | None = None
+        self.target: TargetSeen | None = None
+        self.turning_deg_s = self.target_turning_deg_s = 0.0
+        """Last rates of change of the heading and of the reported target heading [°/s]."""
+        self._rest: PositionSeen | None = None
+        """First of the latest positions with about the present heading."""
+        self.landed: LandedSeen | None = None
+        self.sticks: SticksSeen | None = None
+        self.home: HomeSeen | None = None
+        self.failsafe = failsafe
+        """Last failsafe; kept over a restart of the autopilot until it is too old."""
+        self._lateness = Lateness()
+
+    def take(self, seen: Observation) -> bool:
+        """Store a report; False if a newer one has arrived before."""
+        match seen:
+            case PositionSeen():
+                if self.position is not None and seen.boot_s < self.position.boot_s:
+                    return False
+                self.turning_deg_s = _turning(self.position, seen, self.turning_deg_s)
+                if self._rest is None or _apart_deg(self._rest, seen) > SAFETY.rest_deg:
+                    self._rest = seen
+                self.position = seen
+            case TargetSeen():
+                if self.target is not None and seen.boot_s < self.target.boot_s:
+                    return False
+                self.target_turning_deg_s = _turning(
+                    self.target, seen, self.target_turning_deg_s
+                )
+                self.target = seen
+            case ModeSeen():
+                self.mode = seen
+                self.heartbeat = self.heartbeat if seen.armed is None else seen
+                if seen.failsafe:
+                    self.failsafe = FailsafeSeen(seen.time_s, "critical state")
+            case SticksSeen():
+                self.sticks = seen
+            case HomeSeen():
+                self.home = seen
+            case LandedSeen():
+                self.landed = seen
+            case FailsafeSeen():
+                self.failsafe = seen
+            case PositionLost():
+                self.position = None
+            case BootTimeSeen():
+                self._lateness.see(seen)
+        return True
+
+    def restarted(self, seen: Observation) -> str | None:
+        """Return the reason if a report shows that the autopilot has restarted."""
+        if isinstance(seen, Boot):
+            return "another autopilot"
+        restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
+        return "the autopilot has restarted" if restarted else None
+
+    @property
+    def known(self) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
+        """Mode, position and home of a vehicle without a `fault`."""
+        assert self.mode is not None
+        assert self.position is not None
+        assert self.home is not None
+        return self.mode, self.position, self.home
+
+    @property
+    def heading_rests(self) -> bool:
+        """True if the heading is at rest: a new turn comes from a command or a pilot."""
+        position = self.position
+        if position is None or self._rest is None:
+            return False
+        follows = self.behaviour.follows_course and position.speed_m_s > SAFETY.course_m_s
+        return not follows and position.boot_s - self._rest.boot_s >= SAFETY.rest_s
+
+    @property
+    def mode_name(self) -> str:
+        """Name of the present mode; empty before any report."""
+        return "" if self.mode is None else self.behaviour.mode_name(self.mode.mode)
+
+    @property
+    def in_own_mode(self) -> bool:
+        """True if the vehicle is in the mode in which commands are flown."""
+        return self.mode is not None and self.mode.mode == self.behaviour.own_mode
+
+    @property
+    def late(self) -> str | None:
+        """Return the reason if reports are too old for any command; else None."""
+        return self._lateness.fault
+
+    def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
+        """Reason why no order can be confirmed now, with the remedy; None if one can."""
+        if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_age_s:
+            return "the autopilot's mode is unknown", "Check the link to the autopilot"
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
+            return "no heartbeat of the autopilot", "Check the link to the autopilot"
+        if self.position is None or now_s - self.position.time_s > SAFETY.position_age_s:
+            return "the vehicle has no position", "Wait for its satellites"
+        if self.home is None:
+            return "the vehicle has no home", "Wait for its position, or set home in the GCS"
+        if self.late is not None:
+            return self.late, "Let it stream less, or give it a faster link"
+        if not self.heartbeat.armed:
+            what = "Let the pilot arm, and ask again" if takeoff else "Take off by hand"
+            return "the vehicle is not armed", f"{what}; uavrt never arms"
+        if self.on_ground(now_s) and not takeoff:
+            return "the vehicle is on the ground", "Take off by hand first"
+        if takeoff and not self.on_ground(now_s):
+            return "the vehicle is in the air already", "Ask for another motion"
+        climbs = self.mode.mode == self.behaviour.takeoff_mode and not self.in_own_mode
+        if climbs and not takeoff:
+            return "the vehicle still takes off", "Ask again once it hovers"
+        if self.failsafe is not None and now_s - self.failsafe.time_s <= SAFETY.mode_lost_s:
+            what = self.failsafe.what
+            return f"the autopilot reports a failsafe: {what}", "Land, and find its cause"
+        return None
+
+    def lost(self, now_s: float) -> str | None:
+        """Return which report is missing for so long that an order ends."""
+        if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
+            return "the mode is no longer reported"
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
+            return "no heartbeat of the autopilot"
+        if self.position is None or now_s - self.position.time_s > SAFETY.position_lost_s:
+            return "the position is lost"
+        return None
+
+    def on_ground(self, now_s: float) -> bool:
+        """True if on the ground, as reported or else by the height above home."""
+        landed, position = self.landed, self.position
+        fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
+        if fresh and landed is not None and landed.on_ground is not None:
+            return landed.on_ground
+        return position is not None and position.altitude_relative_m < SAFETY.flying_height_m
+
+    def target_age_s(self, now_s: float) -> float:
+        """Time since the target was reported [s]."""
+        return inf if self.target is None else now_s - self.target.time_s
+
+    def sticks_reported(self, now_s: float, within_s: float) -> bool:
+        """True if the sticks of a remote control were reported recently."""
+        seen = self.sticks
+        return seen is not None and bool(seen.channels_us) and now_s - seen.time_s <= within_s
+
+    def rc(self, now_s: float, unwatched: frozenset[int]) -> RcWatch | None:
+        """New monitor of the remote control; None without one."""
+        if self.sticks is None or not self.sticks_reported(now_s, SAFETY.sticks_lost_s):
+            return None
+        return RcWatch(self.sticks, unwatched)
+
+
+def ended_by(seen: Observation) -> str | None:
+    """Return the reason if a report ends any order and any offer."""
+    match seen:
+        case FailsafeSeen():
+            return f"failsafe: {seen.what}"
+        case PositionLost():
+            return "the position is lost"
+        case ModeSeen(armed=False):
+            return "the vehicle is disarmed"
+        case ModeSeen(failsafe=True):
+            return "the autopilot is in a failsafe"
+    return None
+
+
+def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
+    """Difference of two headings [°]; 0 if one is not reported."""
+    if one.yaw_deg is None or other.yaw_deg is None:
+        return 0.0
+    return abs(wrap_degrees_180(one.yaw_deg - other.yaw_deg))
+
+
+def _turning(
+    before: PositionSeen | TargetSeen | None, seen: PositionSeen | TargetSeen, known: float
+) -> float:
+    """Rate of turn between two reports [°/s]; unchanged if both have the same time."""
+    gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
+    if before is None or gap_s <= 0.0:
+        return known
+    if before.yaw_deg is None or seen.yaw_deg is None or gap_s > SAFETY.position_age_s:
+        return 0.0
+    return wrap_degrees_180(seen.yaw_deg - before.yaw_deg) / gap_s

@@ -1,0 +1,156 @@
+"""Orders proposed to the operator for confirmation, and what withdraws them. Pure."""
+
+from dataclasses import dataclass
+
+from uavrt.core.errors import CommandRefused
+from uavrt.guidance.control.observed import (
+    HomeSeen,
+    ModeSeen,
+    Observation,
+    PositionSeen,
+    SticksSeen,
+    TargetSeen,
+    between_m,
+    same_place,
+)
+from uavrt.guidance.control.observed_vehicle import ObservedVehicle
+from uavrt.guidance.control.rc_watch import RcWatch
+from uavrt.guidance.control.stopping_distance import stops_within_m
+from uavrt.guidance.control.yaw import OTHERS_TURN, RestingYaw
+from uavrt.guidance.safety import SAFETY
+
+WHEN_YOURS = "A pilot flies it; ask again once it is yours"
+
+
+@dataclass(slots=True, kw_only=True)
+class Offer:
+    """A proposed order, and the vehicle's state when it was proposed."""
+
+    order_id: int
+    takeoff: bool
+    nonce: int
+    made_s: float
+    mode: int
+    rests: bool
+    """True if the vehicle was in its command mode without an order."""
+    target: TargetSeen | None
+    """Target of a resting vehicle; another station's command would change it."""
+    place: PositionSeen
+    home: HomeSeen
+    rc: RcWatch | None
+    """Monitor of the remote control since the proposal; None without one."""
+    yaw: RestingYaw | None
+    target_yaw: RestingYaw | None
+    """Monitors of a resting vehicle's headings: measured, and reported as target."""
+
+    def turned(self, seen: PositionSeen | TargetSeen) -> bool:
+        """True if another has turned the vehicle since the proposal, or commanded a turn."""
+        watch = self.yaw if isinstance(seen, PositionSeen) else self.target_yaw
+        if watch is None or seen.yaw_deg is None:
+            return False
+        return watch.turned(seen.boot_s, seen.yaw_deg)
+
+    def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
+        """Reason why a report shows that a pilot has flown the vehicle since the proposal."""
+        match seen:
+            case ModeSeen() if seen.mode != self.mode:  # also if it comes back
+                return f"the mode has changed to {vehicle.behaviour.mode_name(seen.mode)}"
+            case PositionSeen() | TargetSeen() if self.turned(seen):
+                return f"{OTHERS_TURN} since you were asked"
+            case SticksSeen() if self.rc is not None and seen.channels_us:
+                return self.rc.see(seen)
+        return None
+
+    def check(self, vehicle: ObservedVehicle) -> None:
+        """Raise `CommandRefused` if another has taken over the vehicle since the proposal."""
+        then, now, within_m = self.target, vehicle.target, vehicle.behaviour.target_m
+        given = then is not None and now is not None and not same_place(then, now, within_m)
+        if given or (self.rests and then is None and is_elsewhere(now, self.place)):
+            what = "another has given a target since you were asked"
+        elif self.rc is not None and self.rc.unsure:
+            what = "a switch of the remote control was moved just now"
+        else:
+            return
+        raise CommandRefused(what, remedy=WHEN_YOURS)
+
+
+class Offers:
+    """Holds at most one proposed order; each nonce is valid once."""
+
+    def __init__(self) -> None:
+        self._offer: Offer | None = None
+        self._withdrawn: tuple[int, str] | None = None
+        """Nonce of a proposal that a pilot's action ended, and that action."""
+        self._used: set[int] = set()
+
+    def add(self, offer: Offer) -> None:
+        """Replace the proposed order; raises `CommandRefused` for a used nonce."""
+        if offer.nonce in self._used:
+            raise CommandRefused(
+                "this nonce was used before", remedy="Request the motion again"
+            )
+        self._used.add(offer.nonce)
+        self._withdrawn, self._offer = None, offer
+
+    def take(self, order_id: int, nonce: int, now_s: float) -> Offer:
+        """Return the proposed order for confirmation; `CommandRefused` if not allowed."""
+        offer, self._offer = self._offer, None
+        if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
+            raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)
+        if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
+            raise CommandRefused(
+                "this order is not the proposed one",
+                remedy="Request the motion again, then confirm",
+            )
+        if now_s - offer.made_s > SAFETY.offer_holds_s:
+            within = f"{SAFETY.offer_holds_s:.0f} s"
+            raise CommandRefused(
+                f"the order was requested {now_s - offer.made_s:.0f} s ago",
+                remedy=f"Request the motion again, then confirm within {within}",
+            )
+        return offer
+
+    def clear(self) -> None:
+        """Withdraw the proposed order."""
+        self._offer = None
+
+    def see(self, seen: Observation, vehicle: ObservedVehicle) -> None:
+        """Withdraw the proposed order if a report shows that another flies the vehicle."""
+        offer = self._offer
+        if offer is None:
+            return
+        why = offer.objection(seen, vehicle)
+        if why is not None:  # a confirmation of it is refused with the reason
+            self._withdrawn, self._offer = (offer.nonce, why), None
+        elif isinstance(seen, HomeSeen) and between_m(seen, offer.home) > SAFETY.home_moved_m:
+            self._offer = None
+
+
+def resting(
+    seen: PositionSeen | TargetSeen | None, now_s: float, turning: float, tolerance: float
+) -> RestingYaw | None:
+    """New monitor of a resting vehicle's heading; None if the heading is not reported."""
+    if seen is None or seen.yaw_deg is None:
+        return None
+    boot_s = seen.boot_s + now_s - seen.time_s
+    return RestingYaw(
+        start_boot_s=boot_s,
+        yaw_deg=seen.yaw_deg,
+        turning_deg_s=turning,
+        tolerance_deg=tolerance,
+    )
+
+
+def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
+    """True if a first reported target is not where the vehicle holds.
+
+    In Guided, ArduPilot reports no target before it has one. A target where it holds or comes
+    to rest belongs to no order.
+    """
+    if target is None or target.latitude_deg is None or place is None:
+        return False
+    height = target.altitude_amsl_m
+    climbs = height is not None and abs(height - place.altitude_amsl_m) > SAFETY.height_error_m
+    return climbs or between_m(place, target) > SAFETY.astray_m + stops_within_m(
+        place.speed_m_s
+    )

@@ -1,0 +1,268 @@
+"""Monitor a confirmed order for changes that no command caused, and check commands. Pure.
+
+Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
+previous order's target; after it, the vehicle must follow the command (`Commanded`).
+"""
+
+from dataclasses import dataclass, field
+
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.guidance.control.commanded import OTHERS_TARGET, Commanded
+from uavrt.guidance.control.observed import (
+    HomeSeen,
+    LandedSeen,
+    ModeSeen,
+    Observation,
+    PositionSeen,
+    SticksSeen,
+    TargetSeen,
+    between_m,
+    same_place,
+)
+from uavrt.guidance.control.observed_vehicle import ObservedVehicle
+from uavrt.guidance.control.offers import Offer, is_elsewhere
+from uavrt.guidance.control.rc_watch import RcWatch
+from uavrt.guidance.control.yaw import OTHERS_TURN
+from uavrt.guidance.safety import SAFETY
+
+
+@dataclass(slots=True)
+class JumpWatch:
+    """Detects jumps of position or altitude; a correction of home's altitude is allowed."""
+
+    before: PositionSeen
+    jumped_m: float = 0.0
+    """Sum of altitude jumps against the height above home [m]."""
+
+    def see(self, seen: PositionSeen) -> str | None:
+        """Return which value has jumped since the previous report; None if none has."""
+        before, self.before = self.before, seen
+        gap_s = max(0.0, seen.boot_s - before.boot_s)
+        rise = seen.altitude_amsl_m - before.altitude_amsl_m
+        if abs(rise) > SAFETY.height_jump_m * max(1.0, gap_s):
+            return f"the height jumped by {rise:+.0f} m"
+        above = seen.altitude_relative_m - before.altitude_relative_m
+        climb = seen.velocity_m_s[2] * gap_s
+        if abs(rise - climb) > abs(above - climb):
+            self.jumped_m += rise - above
+        if abs(self.jumped_m) > SAFETY.home_moved_m:
+            return f"the altitude jumped by {self.jumped_m:+.0f} m"
+        moved = between_m(seen, before)
+        far = moved > SAFETY.place_jump_m + seen.speed_m_s * gap_s
+        return f"the position jumped by {moved:.0f} m" if far else None
+
+
+@dataclass(slots=True, kw_only=True)
+class OrderWatch:
+    """Monitor of one order, from its confirmation to its end."""
+
+    offer: Offer
+    """The confirmed order, with the vehicle's state when it was proposed."""
+    confirmed_s: float
+    planner_s: float
+    """Time of the planning process's last heartbeat [s]."""
+    place: PositionSeen
+    home: HomeSeen
+    """Home position at the confirmation."""
+    target: TargetSeen | None
+    """Newest target reported before the first command."""
+    rc: RcWatch | None
+    """Monitor of the remote control since the confirmation; None without one."""
+    sticks_unseen: bool
+    """True if the operator accepted that sticks are not monitored."""
+    flown: Commanded | None
+    """Command of the previous order, flown until this order's first command."""
+    motion: Commanded | None = None
+    own_mode_seen: bool = False
+    jumps: JumpWatch = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.jumps = JumpWatch(self.place)
+
+    @property
+    def datum_m(self) -> float:
+        """Reference altitude of the order's heights [m]; kept even if home changes."""
+        return self.place.altitude_amsl_m - self.place.altitude_relative_m
+
+    @property
+    def leg(self) -> Commanded | None:
+        """Flight to a position in progress; None if there is none."""
+        return self.motion or self.flown
+
+    @property
+    def nearest_m(self) -> float | None:
+        """Shortest distance to the target reached on this leg [m]; None: no leg."""
+        leg = self.leg
+        flies = leg is not None and isinstance(leg.wish, FlyThere)
+        return round(leg.left_m, 2) if leg is not None and flies else None
+
+    def planner_alive(self, now_s: float) -> None:
+        """Record a heartbeat of the planning process."""
+        self.planner_s = now_s
+
+    def check(
+        self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool, stops: bool
+    ) -> None:
+        """Raise `CommandRefused` if a request must not become a command now."""
+        self._check_seen(vehicle, now_s)
+        mode, _, _ = vehicle.known
+        if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
+            raise CommandRefused("another order was confirmed")
+        changes_mode = first or isinstance(wish, GoHome)
+        if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
+            raise CommandRefused("the autopilot's mode was not reported just now")
+        if not first and mode.mode != vehicle.behaviour.own_mode:
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the first command"
+            )
+        motion = self.motion
+        if motion is not None and not motion.obeyed:
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the previous command"
+            )
+        if motion is not None and not stops:
+            brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
+            brakes &= not isinstance(wish, GoHome)
+            if brakes or motion.progress.stopped(now_s, SAFETY.slow_progress_s):
+                raise CommandRefused("the drone is not approaching its target")
+        if (
+            not first
+            and not self.offer.takeoff
+            and vehicle.target_age_s(now_s) > SAFETY.target_age_s
+        ):
+            raise CommandRefused(
+                f"the last target report is older than {SAFETY.target_age_s} s"
+            )
+        if self.offer.takeoff and not vehicle.on_ground(now_s):
+            raise CommandRefused("the vehicle is in the air already")
+        if isinstance(wish, TurnInPlace) and not vehicle.heading_rests:
+            raise CommandRefused("the drone is still moving or turning")
+
+    def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
+        """Raise `CommandRefused` if a takeover would not have been noticed."""
+        if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
+            raise CommandRefused("the last mode report is older than 1 s")
+        if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
+            raise CommandRefused("the last position is older than 0.5 s")
+        if vehicle.late is not None:
+            raise CommandRefused(vehicle.late)
+        if self.rc is None:
+            return
+        if not self.sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
+            raise CommandRefused(
+                f"the last report of the sticks is older than {SAFETY.sticks_age_s} s"
+            )
+        if self.rc.unsure:
+            raise CommandRefused("a switch of the remote control was moved just now")
+
+    def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
+        """Record a sent command, which the vehicle must follow from now on."""
+        self.motion = Commanded(
+            wish=wish,
+            behaviour=vehicle.behaviour,
+            sent_s=now_s,
+            first=first,
+            before=vehicle.target,
+            start=vehicle.known[1],
+            turning_deg_s=vehicle.turning_deg_s,
+            previous=self.motion,
+        )
+        self.flown = None
+
+    def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
+        """Return which report or progress is missing by now; None if none is."""
+        if now_s - self.planner_s > SAFETY.planner_lost_s:
+            return "the guide is silent"
+        lost = vehicle.lost(now_s)
+        if lost is None and self.rc is not None:
+            unseen = not vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s)
+            lost = "the sticks are no longer reported" if unseen else self.rc.sure(now_s)
+        if lost is not None:
+            return lost
+        if self.motion is not None:
+            return self.motion.overdue(now_s, vehicle.target_age_s(now_s))
+        if now_s - self.confirmed_s > SAFETY.begins_within_s:
+            late = "" if vehicle.late is None else f": {vehicle.late}"
+            return f"the order was not begun within 10 s{late}"
+        return None
+
+    def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
+        """Return the change in a report that no command caused; None if there is none."""
+        match seen:
+            case PositionSeen():
+                return self._see_position(seen, vehicle)
+            case ModeSeen():
+                return self._see_mode(seen, vehicle)
+            case TargetSeen():
+                return self._see_target(seen, vehicle)
+            case SticksSeen():
+                return self._see_sticks(seen)
+            case LandedSeen():
+                return self._see_landed(seen)
+            case HomeSeen() if between_m(seen, self.home) > SAFETY.home_moved_m:
+                return "home was moved"  # compared so, it cannot creep away either
+        return None
+
+    def _see_mode(self, seen: ModeSeen, vehicle: ObservedVehicle) -> str | None:
+        behaviour, motion = vehicle.behaviour, self.motion
+        others = f"the mode is {behaviour.mode_name(seen.mode)}"
+        if motion is None:
+            return None if seen.mode == self.offer.mode else others
+        if isinstance(motion.wish, GoHome) and seen.mode in behaviour.return_modes:
+            return "returning: the autopilot flies home"
+        if isinstance(motion.wish, TakeOff) and not behaviour.own_mode_first:
+            if seen.mode == behaviour.takeoff_mode:
+                self.own_mode_seen = True
+                return None
+            if vehicle.in_own_mode and motion.top_m >= motion.highest_m - SAFETY.takeoff_done_m:
+                return None  # it has arrived, and hovers
+        elif vehicle.in_own_mode:
+            self.own_mode_seen = True
+            motion.in_own_mode()
+            return None
+        waits = seen.time_s - motion.sent_s < SAFETY.mode_changes_s
+        before = not self.own_mode_seen and seen.mode == self.offer.mode
+        return None if before and waits else others
+
+    def _see_target(self, seen: TargetSeen, vehicle: ObservedVehicle) -> str | None:
+        before, self.target = self.target, seen
+        if self._turned(seen):
+            return OTHERS_TURN
+        watched = seen, vehicle.position, vehicle.target_turning_deg_s
+        if self.motion is not None:
+            return self.motion.see_target(*watched)
+        fault = None if self.flown is None else self.flown.see_target_yaw(*watched)
+        # A vehicle in another mode follows the sticks with its target, or a mission.
+        if fault is not None or self.offer.mode != vehicle.behaviour.own_mode:
+            return fault
+        within_m = vehicle.behaviour.target_m
+        changed = before is not None and not same_place(seen, before, within_m)
+        others = changed or (before is None and is_elsewhere(seen, self.place))
+        return OTHERS_TARGET if others else None
+
+    def _see_position(self, seen: PositionSeen, vehicle: ObservedVehicle) -> str | None:
+        if self._turned(seen):
+            return OTHERS_TURN
+        jump, leg = self.jumps.see(seen), self.leg
+        if jump is not None or leg is None:
+            return jump
+        return leg.see_position(seen, vehicle.turning_deg_s)
+
+    def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
+        """True if another turns a resting vehicle before the order's first command."""
+        return self.motion is None and self.offer.rests and self.offer.turned(seen)
+
+    def _see_landed(self, seen: LandedSeen) -> str | None:
+        motion, takes_off = self.motion, self.offer.takeoff
+        if takes_off and motion is None:
+            return "the vehicle is in the air already" if seen.on_ground is False else None
+        rises = motion is not None and isinstance(motion.wish, TakeOff) and motion.obeyed
+        return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
+
+    def _see_sticks(self, seen: SticksSeen) -> str | None:
+        if self.rc is None:
+            return "a remote control was switched on" if seen.channels_us else None
+        if not seen.channels_us:
+            return "the sticks are no longer reported"
+        return self.rc.see(seen)

@@ -1,0 +1,64 @@
+"""Detect a pilot at the remote control: sticks and all other channels. Pure.
+
+A moved stick means that a pilot flies. So does any switch: setting PX4's mode switch to Hold
+during a command in Hold changes neither mode nor target.
+"""
+
+from uavrt.guidance.control.observed import SticksSeen
+from uavrt.guidance.safety import SAFETY
+
+
+class RcWatch:
+    """Detects a stick or switch that has moved.
+
+    A switch counts after two messages, or 0.1 s without a contrary one, since one message may
+    be a receiver's glitch. `unwatched`: channels without a control, such as one that carries
+    the RSSI.
+    """
+
+    def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
+        self._then, self._unwatched = then, unwatched
+        self._off_since_s: dict[int, float] = {}
+
+    @property
+    def unsure(self) -> bool:
+        """True if a switch has moved in one message only."""
+        return bool(self._off_since_s)
+
+    def see(self, seen: SticksSeen) -> str | None:
+        """Return which stick or switch has certainly moved, given this report."""
+        off = self._elsewhere(seen.switches_us)
+        again = [number for number in off if number in self._off_since_s]
+        self._off_since_s = {
+            number: self._off_since_s.get(number, seen.time_s) for number in off
+        }
+        now_us, then_us = seen.channels_us, self._then.channels_us
+        sticks = zip(now_us, then_us, strict=False)
+        if len(now_us) != len(then_us) or any(abs(a - b) > SAFETY.stick_us for a, b in sticks):
+            return "the sticks were moved"
+        return _switched(again)
+
+    def sure(self, now_s: float) -> str | None:
+        """Return which switch has certainly moved when no further report arrived."""
+        since_s = self._off_since_s.items()
+        return _switched(
+            [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]
+        )
+
+    def _elsewhere(self, now_us: tuple[int, ...]) -> list[int]:
+        then_us = self._then.switches_us
+        most = max(len(now_us), len(then_us))
+        now, then = (one + (0,) * (most - len(one)) for one in (now_us, then_us))
+        return [
+            number
+            for number, (a, b) in enumerate(zip(now, then, strict=True), SAFETY.first_switch)
+            if abs(a - b) >= SAFETY.switch_us and number not in self._unwatched
+        ]
+
+
+def _switched(channels: list[int]) -> str | None:
+    """Text on a moved switch, with the remedy if the channel is no switch."""
+    if not channels:
+        return None
+    unless = "(guidance.unwatched_channels leaves it out)"
+    return f"RC channel {min(channels)} was switched {unless}"

@@ -1,0 +1,124 @@
+"""Convert requested motions to the autopilot's commands. Pure."""
+
+from dataclasses import dataclass
+from math import isfinite, nan, radians
+from typing import Literal
+
+from uavrt.core.errors import CommandRefused
+from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.units import wrap_degrees_360
+from uavrt.guidance.autopilot_behaviour import Behaviour
+from uavrt.guidance.control.observed import HomeSeen, between_m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleCommand:
+    """A COMMAND_INT to the autopilot."""
+
+    name: Literal[
+        "DO_REPOSITION", "CONDITION_YAW", "NAV_RETURN_TO_LAUNCH", "DO_SET_MODE", "NAV_TAKEOFF"
+    ]
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    param5: float = 0.0
+    param6: float = 0.0
+    x: int = 0
+    y: int = 0
+    z_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandWriter:
+    """Converts requested motions for one autopilot, within its limits."""
+
+    behaviour: Behaviour
+    lowest_m: float = 20.0
+    highest_m: float = 120.0
+    """Highest commanded height above home [m]."""
+    farthest_m: float = 1000.0
+    """Largest commanded distance from home [m]."""
+
+    def command(
+        self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
+    ) -> VehicleCommand:
+        """Command of a motion, with heights above `datum_m`; raises `CommandRefused`."""
+        match wish:
+            case FlyThere():
+                return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)
+            case TurnInPlace():
+                if first or self.behaviour.yaw_in_reposition:
+                    raise CommandRefused("this autopilot does not support this kind of turn")
+                if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
+                    raise CommandRefused(
+                        f"the drone cannot turn {wish.turn_deg:g}° at {wish.rate_deg_s:g}°/s"
+                    )
+                return VehicleCommand(
+                    name="CONDITION_YAW",
+                    param1=abs(wish.turn_deg),
+                    param2=wish.rate_deg_s,
+                    param3=1.0 if wish.turn_deg > 0.0 else -1.0,
+                    param4=1.0,
+                )
+            case GoHome():
+                return VehicleCommand(name="NAV_RETURN_TO_LAUNCH")
+            case TakeMode():
+                if not (first and self.behaviour.own_mode_first):
+                    raise CommandRefused(
+                        "this autopilot needs no mode change before a take-off"
+                    )
+                return VehicleCommand(
+                    name="DO_SET_MODE", param1=1.0, param2=float(self.behaviour.own_mode)
+                )
+            case TakeOff():
+                return self._take_off(wish, first, wish.altitude_amsl_m - datum_m)
+
+    def _fly_there(
+        self, wish: FlyThere, first: bool, above_m: float, home: HomeSeen | None
+    ) -> VehicleCommand:
+        values = (wish.latitude_deg, wish.longitude_deg, wish.altitude_amsl_m)
+        on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
+        if not (on_globe and isfinite(wish.altitude_amsl_m)):
+            raise CommandRefused(f"{values} is not a position")
+        self._check_height(above_m)
+        if home is None or self.farthest_m < between_m(wish, home):
+            raise CommandRefused(
+                f"the target is farther than {self.farthest_m:.0f} m from home"
+            )
+        yaw = nan
+        if wish.yaw_deg is not None and self.behaviour.yaw_in_reposition:
+            yaw = radians(wrap_degrees_360(wish.yaw_deg))
+        return VehicleCommand(
+            name="DO_REPOSITION",
+            param1=-1.0,
+            param2=1.0 if first else 0.0,
+            param4=yaw,
+            x=round(wish.latitude_deg * 1e7),
+            y=round(wish.longitude_deg * 1e7),
+            z_m=wish.altitude_amsl_m,
+        )
+
+    def _take_off(self, wish: TakeOff, first: bool, above_m: float) -> VehicleCommand:
+        """Command of a take-off: PX4 takes an altitude, ArduPilot a height above home."""
+        if first == self.behaviour.own_mode_first:
+            raise CommandRefused("the autopilot is not in its take-off mode")
+        self._check_height(above_m)
+        if not abs(above_m - wish.height_m) <= 1.0:
+            raise CommandRefused(
+                f"the take-off has two heights: {above_m:.0f} m and {wish.height_m:.0f} m"
+            )
+        if self.behaviour.own_mode_first:
+            return VehicleCommand(name="NAV_TAKEOFF", z_m=wish.height_m)
+        return VehicleCommand(
+            name="NAV_TAKEOFF",
+            param1=-1.0,
+            param4=nan,
+            param5=nan,
+            param6=nan,
+            z_m=wish.altitude_amsl_m,
+        )
+
+    def _check_height(self, above_m: float) -> None:
+        if not self.lowest_m - 0.5 <= above_m <= self.highest_m + 0.5:
+            raise CommandRefused(f"{above_m:.0f} m above home is too low or too high")

@@ -1,0 +1,239 @@
+"""Check that the heading moves as commanded. Pure."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from math import atan, copysign, degrees
+
+from uavrt.core.units import wrap_degrees_180
+from uavrt.guidance.safety import SAFETY
+
+OTHERS_TURN = "another turns the drone"
+
+
+@dataclass(slots=True, kw_only=True)
+class YawWatch:
+    """Monitors a heading from a command on; `fault` gives a deviation.
+
+    The heading may stay as it was and come nearer to its aim: the requested heading, else the
+    bearing to the target from the drone, as long as it is not near. It may not move away from
+    that, except to the drone's course just before.
+
+    `start_s`: time of the command [s]. `yaw_deg`: heading then. `tolerance_deg`: for gusts and
+    overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle, clockwise, and
+    rate of a turn in place instead. `turning_deg_s`: rate of turn at the command. `exact`: the
+    heading is a setpoint, which near the target stays to the degree.
+    """
+
+    start_s: float
+    yaw_deg: float
+    tolerance_deg: float
+    wanted_deg: float | None = None
+    turn_deg: float | None = None
+    rate_deg_s: float = 0.0
+    turning_deg_s: float = 0.0
+    exact: bool = False
+    turned_deg: float = 0.0
+    """Angle turned in the requested direction [°]."""
+    _aim_deg: float | None = None
+    _first_deg: float = 0.0
+    _best_deg: float = 0.0
+    _near: bool = False
+    _looks_since_s: float | None = None
+    _aligned: bool = False
+    """True once the heading has been aligned for a while: its turn is over."""
+    _moved_s: float = 0.0
+    _turns: bool = False
+    _settles: bool = False
+    _on_deg: float = 0.0
+    """Angle by which the setpoint continued its earlier turn since the command [°]."""
+    _ended: bool = False
+    _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
+    """Times [s], headings and courses over ground [deg] in `SAFETY.course_follow_s`."""
+
+    def __post_init__(self) -> None:
+        if self.wanted_deg is not None:
+            self._first_deg = self._best_deg = abs(
+                wrap_degrees_180(self.wanted_deg - self.yaw_deg)
+            )
+
+    @property
+    def begun(self) -> bool:
+        """True if the requested heading is reached, or has come nearer."""
+        if self.wanted_deg is None:
+            return True
+        return self._best_deg < max(
+            SAFETY.turn_done_deg, self._first_deg - SAFETY.turn_begun_deg
+        )
+
+    def fault(
+        self,
+        time_s: float,
+        yaw_deg: float,
+        bearing_deg: float | None = None,
+        away_m: float = 0.0,
+        course_deg: float | None = None,
+    ) -> str | None:
+        """Add a heading; return its deviation, or None.
+
+        `bearing_deg`, `away_m`: bearing and distance of the target from the drone.
+        `course_deg`: direction of motion, if the heading follows it.
+        """
+        step = wrap_degrees_180(yaw_deg - self.yaw_deg)
+        self.yaw_deg = yaw_deg
+        if self.turn_deg is not None:
+            return self._turning(time_s, step)
+        aim, slack = self._aim(yaw_deg, step, bearing_deg, away_m)
+        moved = 0.0 if self._aim_deg is None else abs(wrap_degrees_180(aim - self._aim_deg))
+        off = abs(wrap_degrees_180(aim - yaw_deg))
+        if self._aim_deg is None and self.wanted_deg is None:
+            self._first_deg = self._best_deg = off
+        self._aim_deg = aim
+        # Also where the aim moves away from the heading that is not another's turn.
+        self._align(time_s, off)
+        most = self._best_deg + moved + slack + self._tolerance_deg
+        if off < self._best_deg + moved - 1.0 or moved > 1.0 or not self._moved_s:
+            self._moved_s = time_s
+        self._best_deg = min(self._best_deg + moved, off)
+        frozen = self.wanted_deg is None and away_m < SAFETY.frozen_m
+        there = off <= slack + self._tolerance_deg or frozen
+        self._turns |= not there and off < self._first_deg - SAFETY.turn_begun_deg
+        if time_s - self.start_s < SAFETY.turn_made_up_s:
+            most += self._turned_on_deg(time_s, step, off)
+        follows = self._follows_course(time_s, yaw_deg, course_deg)
+        stands = time_s - self._moved_s > SAFETY.stopped_s
+        if self.exact and self._turns and not there and stands and not self._turns_on:
+            return OTHERS_TURN  # a setpoint that began to turn continues to its aim
+        return OTHERS_TURN if off > most and not follows else None
+
+    @property
+    def _tolerance_deg(self) -> float:
+        return (
+            min(SAFETY.aligned_deg, self.tolerance_deg) if self._aligned else self.tolerance_deg
+        )
+
+    def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
+        """True if the heading turns from its old direction towards the recent course."""
+        while self._courses and self._courses[0][0] < time_s - SAFETY.course_follow_s:
+            self._courses.popleft()
+        follows = any(
+            _turns_to(course, yaw_deg, before_deg, self._tolerance_deg)
+            for _, before_deg, course in self._courses
+        )
+        if course_deg is not None:
+            self._courses.append((time_s, yaw_deg, course_deg))
+        return follows
+
+    def _align(self, time_s: float, off_deg: float) -> None:
+        """Record the time since which a measured heading is aligned with the target."""
+        if self.exact or self._near or self._aligned:
+            return
+        if off_deg > SAFETY.turn_done_deg:
+            self._looks_since_s = None
+        elif self._looks_since_s is None:
+            self._looks_since_s = time_s
+        else:
+            self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
+
+    @property
+    def _turns_on(self) -> bool:
+        """True while the setpoint completes the turn in progress at the command."""
+        longest = _setpoint_turns_on_deg(self.turning_deg_s)
+        return bool(longest) and not self._ended
+
+    def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
+        """Largest angle by which the turn in progress at the command may still lead away [°].
+
+        The setpoint ends that turn first; then it turns to its aim.
+        """
+        if not self.exact:
+            return _turns_on_deg(self.turning_deg_s)
+        if not self._turns_on:
+            return 0.0
+        longest = _setpoint_turns_on_deg(self.turning_deg_s)
+        self._on_deg += abs(step_deg)
+        on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
+        stands = on_deg < SAFETY.settled_deg and time_s - self.start_s > SAFETY.report_delay_s
+        self._ended = on_deg < 0.0 or stands or self._on_deg > longest
+        if self._ended:
+            self._turns, self._moved_s = True, time_s
+            self._best_deg = max(self._best_deg, min(off_deg, self._best_deg + longest))
+        return longest
+
+    def _aim(
+        self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
+    ) -> tuple[float, float]:
+        """Expected heading and its uncertainty [deg]."""
+        if self.wanted_deg is not None:
+            return self.wanted_deg, 0.0
+        was_near = self._near
+        self._near = bearing_deg is None or away_m < SAFETY.heading_stays_m
+        if not self._near and bearing_deg is not None:
+            return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
+        # A turn that is not over yet comes to its end first.
+        settles = not was_near or (self._settles and abs(step_deg) > SAFETY.settled_deg)
+        self._settles = settles and not self._aligned
+        if not was_near and self._aligned:
+            return yaw_deg, 0.0
+        if self._aim_deg is None or self._settles:
+            return yaw_deg, 0.0
+        return self._aim_deg, 0.0
+
+    def _turning(self, time_s: float, step_deg: float) -> str | None:
+        """Return how a turn in place deviates: backwards, or too fast."""
+        assert self.turn_deg is not None
+        self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
+        self._best_deg = max(self._best_deg, self.turned_deg)
+        passed = self.rate_deg_s * (time_s - self.start_s)
+        soonest = min(abs(self.turn_deg), passed) + self.tolerance_deg
+        least = self._best_deg - self.tolerance_deg
+        return None if least <= self.turned_deg <= soonest else OTHERS_TURN
+
+
+def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
+    """True if a heading has turned towards a goal and not far beyond."""
+    left = wrap_degrees_180(goal_deg - before_deg)
+    turned = wrap_degrees_180(yaw_deg - before_deg)
+    towards = turned if left >= 0.0 else -turned
+    if abs(left) > SAFETY.either_way_deg:
+        towards = abs(turned)
+    return SAFETY.course_follow_deg <= towards <= abs(left) + tolerance_deg
+
+
+def _turns_on_deg(turning_deg_s: float) -> float:
+    """Largest angle by which a turn may continue [°]; 25° and 50° were flown."""
+    return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
+
+
+def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
+    """Largest angle in which PX4's heading setpoint ends a turn [°].
+
+    It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
+    """
+    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
+
+
+@dataclass(slots=True, kw_only=True)
+class RestingYaw:
+    """Monitors the heading of a drone that rests without an order.
+
+    A turn in progress may finish and be reversed as after a command. Times are the autopilot's
+    since its start, because reports are processed late after a stall of this process.
+    """
+
+    start_boot_s: float
+    yaw_deg: float
+    """Present heading, or the end of the turn so far [°]."""
+    turning_deg_s: float
+    tolerance_deg: float
+    _moved_boot_s: float = -1.0
+
+    def turned(self, boot_s: float, yaw_deg: float) -> bool:
+        """Add a heading; True if another has turned the drone."""
+        step = wrap_degrees_180(yaw_deg - self.yaw_deg)
+        if abs(self.turning_deg_s) > SAFETY.turning_deg_s:
+            since_s = max(self._moved_boot_s, self.start_boot_s)
+            if step * self.turning_deg_s > 0.0 and boot_s - since_s < SAFETY.turned_s:
+                self.yaw_deg, self._moved_boot_s, step = yaw_deg, boot_s, 0.0
+        turns_on = boot_s - max(self._moved_boot_s, self.start_boot_s) < SAFETY.turn_made_up_s
+        most = self.tolerance_deg + turns_on * _turns_on_deg(self.turning_deg_s)
+        return abs(step) > most

@@ -1,0 +1,1 @@
+"""Areas, paths and missions of other programs, and plans for them."""

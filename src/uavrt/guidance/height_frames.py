@@ -1,0 +1,36 @@
+"""Convert heights: PX4 reads every z as altitude above mean sea level, in any frame."""
+
+from uavrt.core.errors import PlanError
+from uavrt.guidance.safety import SAFETY
+
+
+def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> float:
+    """Altitude above sea level to send for a wanted height above home [m].
+
+    Barometer drift and an offset of the autopilot's sea level, up to tens of metres, affect
+    altitude and height of one message alike, and cancel in their difference.
+    """
+    return amsl_now_m - relative_now_m + wanted_m
+
+
+def check_height(
+    wanted_m: float,
+    *,
+    lowest_m: float = SAFETY.lowest_height_m,
+    highest_m: float = 120.0,
+    ground_above_home_m: float = 0.0,
+) -> None:
+    """Raise `PlanError` for a height above home that is too low or too high."""
+    above = wanted_m - ground_above_home_m
+    if above != above or above < lowest_m:
+        raise PlanError(
+            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
+            f"the least is {lowest_m:.0f} m",
+            remedy="Choose a greater height",
+        )
+    if above > highest_m:
+        raise PlanError(
+            f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
+            f"the most is {highest_m:.0f} m",
+            remedy="Choose a smaller height",
+        )

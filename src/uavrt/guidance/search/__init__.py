@@ -1,0 +1,1 @@
+"""A search in flight: pulses in, decisions and reports out."""

@@ -1,0 +1,205 @@
+"""One drone's part in a shared search: others' paths, requests, and its own reports. Pure.
+
+While a ground station serves several drones, a path is flown only after the ground has assigned
+it. None is assigned that was chosen without all the other paths. So a missing answer holds a
+drone back: it completes the path assigned to it and stays there.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+from uavrt.core.earth.tangent_plane import TangentPlane
+from uavrt.core.errors import PlanError
+from uavrt.core.messages import Course, Neighbour
+from uavrt.guidance.height_frames import target_amsl_m
+from uavrt.guidance.operator_orders import Place, VehicleNow
+from uavrt.guidance.pilot import stopping_place
+from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.search.neighbour_drones import SEPARATION, nearest_m, paths_of
+from uavrt.planning.drone_model.other_drones import OtherDrones
+
+if TYPE_CHECKING:
+    from uavrt.guidance.search.seeker import Choice
+
+_ROUND = 0x10000
+_Tag = TypeVar("_Tag")
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    number: int
+    way: tuple[Place, Place]
+    given: tuple[tuple[int, int], ...]
+    asked_s: float
+
+
+class SharedSearch:
+    """Other drones of a search, and the paths assigned to this one.
+
+    `sequence`: number of its first report; random, so that a restarted guide differs.
+    """
+
+    def __init__(self, sequence: int = 0) -> None:
+        self._sequence = self._number = sequence % _ROUND
+        self._reported_s: float | None = None
+        self._others: dict[int, tuple[Neighbour, float]] = {}
+        self._asked: _Asked | None = None
+        self._granted: bool | None = None
+        self._given: dict[int, int] = {}
+        """Versions of the others' paths that the decision in progress uses."""
+        self._choice: Choice | None = None
+        """Last choice of this drone; None before any."""
+        self._flown = 0
+        self._goal: Place | None = None
+        """Present goal; None: the drone stays."""
+        self._returning = False
+
+    def take(self, report: Neighbour, now_s: float) -> None:
+        """Handle the ground's report of another drone."""
+        self._reported_s = now_s
+        asked = self._asked
+        if asked is not None and asked.number in (report.granted, report.denied):
+            self._granted = report.granted == asked.number
+        if report.course is not None:
+            self._others[report.vehicle] = (report, now_s)
+
+    def informed(self, now_s: float) -> bool:
+        """True if a ground station reports others at present."""
+        return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
+
+    def must_report(self, now_s: float) -> bool:
+        """True if it must report its course: when requesting a path, also to a new station."""
+        return self.informed(now_s) or self.waits
+
+    def has_others(self, now_s: float) -> bool:
+        """True if other drones search, so that paths must be requested."""
+        return bool(self._others) or self.informed(now_s)
+
+    def others(self, now_s: float) -> tuple[Neighbour, ...]:
+        """All known drones, each with the present age of its report."""
+        return tuple(
+            replace(one, age_s=one.age_s + now_s - reported_s)
+            for one, reported_s in self._others.values()
+        )
+
+    def check(self, now: VehicleNow, height_m: float) -> None:
+        """Raise `PlanError` for a search too close to another drone or at its height."""
+        plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+        here = plane.to_local(now.latitude_deg, now.longitude_deg)
+        amsl = target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height_m)
+        for one in self.others(now.time_s):
+            course = one.course
+            if course is None or not course.searching:
+                continue
+            drones = OtherDrones(separation=SEPARATION, strips=paths_of((one,), plane))
+            place = (float(here[0]), float(here[1]))
+            off = nearest_m(drones, [place, place])
+            if off < SEPARATION.distance_m:
+                raise PlanError(
+                    f"the path of vehicle {one.vehicle} is {off:.0f} m from here",
+                    remedy=f"Start {SEPARATION.distance_m:.0f} m from it or more",
+                )
+            apart = abs(course.altitude_amsl_m - amsl)
+            if apart < SEPARATION.height_m - 0.5:
+                raise PlanError(
+                    f"vehicle {one.vehicle} searches {apart:.0f} m above or below that height",
+                    remedy=f"Give heights {SEPARATION.height_m:.0f} m apart or more",
+                )
+
+    def begin(self, now_s: float) -> None:
+        """Start an order; drones with outdated reports are dropped."""
+        self._others = {
+            vehicle: (one, reported_s)
+            for vehicle, (one, reported_s) in self._others.items()
+            if now_s - reported_s < SAFETY.report_age_s
+        }
+        self._choice = None
+        self.end()
+
+    def end(self) -> None:
+        """End the order, with all paths assigned to this drone."""
+        self._asked = self._granted = self._goal = None
+        self._returning = False
+
+    def begin_decision(self, now_s: float) -> tuple[Neighbour, ...]:
+        """Return all known drones for the next decision, and record their versions."""
+        self._given = {vehicle: one.version for vehicle, (one, _) in self._others.items()}
+        return self.others(now_s)
+
+    @property
+    def waits(self) -> bool:
+        """True while a requested path is unanswered."""
+        return self._asked is not None
+
+    def choose(self, choice: "Choice", now: VehicleNow) -> bool:
+        """Handle a choice; True if it is flown at once, False if it is requested first.
+
+        Paths assigned already need no request, nor does the return, which its height separates.
+        """
+        assert choice.way is not None
+        begin, end = choice.way
+        self._choice = choice
+        if begin == end or choice.returning or not self.has_others(now.time_s):
+            self.go(now.home if choice.returning else end, returning=choice.returning)
+            return True
+        self._number = self._number % (_ROUND - 1) + 1
+        given = tuple(self._given.items())
+        self._asked = _Asked(self._number, (begin, end), given, now.time_s)
+        self._granted = None
+        return False
+
+    def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
+        """Requested choice, and whether it was assigned; None while unanswered."""
+        asked, choice = self._asked, self._choice
+        if asked is None or choice is None:
+            return None
+        if self._granted is None and now.time_s - asked.asked_s < SAFETY.answer_s:
+            return None
+        self._asked = None
+        if not (self._granted and self._clear(now, asked.way[1])):
+            return choice, False
+        self._flown, self._goal, self._returning = asked.number, asked.way[1], False
+        return choice, True
+
+    def _clear(self, now: VehicleNow, end: Place) -> bool:
+        """True if a path keeps its distance also from the drone's present position."""
+        plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+        here = (now.latitude_deg, now.longitude_deg)
+        stand = here if self._goal is None else stopping_place(now, self._goal)
+        places = [plane.to_local(*place) for place in (here, stand, end)]
+        strips = paths_of(self.others(now.time_s), plane)
+        drones = OtherDrones(separation=SEPARATION, strips=strips)
+        off = nearest_m(drones, [(float(x), float(y)) for x, y in places])
+        return off >= SEPARATION.distance_m
+
+    def go(self, goal: Place | None, *, returning: bool = False) -> None:
+        """Fly a choice without a request: alone, on an assigned path, or for safety."""
+        self._asked, self._goal, self._returning = None, goal, returning
+
+    def course(
+        self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
+    ) -> Course:
+        """Report of this drone's own course; the tags in it rotate from report to report."""
+        self._sequence = (self._sequence + 1) % _ROUND
+        here = (now.latitude_deg, now.longitude_deg)
+        height = now.altitude_relative_m if height_m is None else height_m
+        asked, choice = self._asked, self._choice
+        return Course(
+            sequence=self._sequence,
+            place=here,
+            altitude_amsl_m=target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height),
+            goal=here if self._goal is None else self._goal,
+            searching=searching,
+            returning=self._returning,
+            flown=self._flown,
+            asked=0 if asked is None else asked.number,
+            asked_way=() if asked is None else asked.way,
+            given=() if asked is None else asked.given,
+            held=() if choice is None else _turned(choice.held, self._sequence),
+            found=() if choice is None else _turned(choice.found, self._sequence),
+        )
+
+
+def _turned(items: tuple[_Tag, ...], by: int) -> tuple[_Tag, ...]:
+    at = by % len(items) if items else 0
+    return items[at:] + items[:at]

@@ -1,7 +1,0 @@
-"""Find one tag by all pulses of a whole flight, though each group is below the noise; no I/O.
-
-`energy_grid` turns a channel's samples into energies, `folding` sums them for every interval
-and phase, `whole_flight` weights the sums by place and estimates their chance in noise.
-`together` combines several flights. `places` holds the tag's possible places, `heard_train` the
-slots of its pulses, `train_place` its place, `cells` the credible regions.
-"""

@@ -1,0 +1,288 @@
+"""Send missions and fences to an autopilot and read them, by MAVLink's mission protocol. Pure.
+
+Each transfer is given messages and the time, and returns messages to send. The vehicle requests
+the items of an upload, and lost ones again. In a download, items are requested from the vehicle
+(https://mavlink.io/en/services/mission.html). Nothing here starts a mission.
+"""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Sequence
+from math import isfinite, isnan
+
+from uavrt.guidance.files.mission import MissionItem, MissionKind
+from uavrt.link.mavlink import dialect
+from uavrt.link.mavlink.dialect import MavMissionResult, MavMissionType
+from uavrt.link.mavlink.discovery import Peer
+from uavrt.link.mavlink.message import Message
+
+MOST_ITEMS = 1000
+"""Most items of a download: ArduPilot holds some 700, PX4 2000."""
+RETRY_S = 1.0
+"""Time until a request is repeated [s]; longer than the queue of a full 57 600-baud link."""
+TRIES = 12
+"""Most tries of a request; each fails with 36 % at 20 % loss each way, all once in 200 000."""
+SILENCE_S = 6.0
+"""Longest silence in an upload [s]; PX4 repeats its requests for 5 s, ArduPilot for 8 s."""
+LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
+"""Longest duration of a whole transfer, and its addition for each item [s]."""
+LAST_S = 3.0
+"""Longest wait for the answer to a complete upload [s]; else a download shows the result."""
+_TYPES: dict[MissionKind, int] = {
+    "mission": MavMissionType.MISSION,
+    "fence": MavMissionType.FENCE,
+}
+_REFUSALS: dict[int, str] = {
+    MavMissionResult.MISSION_ERROR: "it cannot take a mission now",
+    MavMissionResult.MISSION_UNSUPPORTED_FRAME: "it does not know the frame",
+    MavMissionResult.MISSION_UNSUPPORTED: "it does not know such items",
+    MavMissionResult.MISSION_NO_SPACE: "it has no room for that number of items",
+    MavMissionResult.MISSION_DENIED: "it takes none from us",
+    MavMissionResult.MISSION_OPERATION_CANCELLED: "it was cancelled",
+}
+_OURS = (
+    dialect.MissionCount,
+    dialect.MissionRequestInt,
+    dialect.MissionRequest,
+    dialect.MissionItemInt,
+    dialect.MissionAck,
+)
+
+
+class MissionTransfer(ABC):
+    """Base of mission upload and download.
+
+    `own`: system and component id of this side. `done`: it has succeeded. `fault`: reason of
+    its failure. `silent`: it has failed because no answer came. `counters`: numbers of
+    repetitions and of unused messages.
+    """
+
+    def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
+        self._type = _TYPES[kind]
+        self._vehicle, self._own = vehicle, own
+        self.done = False
+        self.fault: str | None = None
+        self.silent = False
+        self.counters: Counter[str] = Counter()
+        self._tries = 0
+        self._due_s = 0.0
+        self._begun_s: float | None = None
+
+    @property
+    def over(self) -> bool:
+        """True once the transfer has succeeded or failed."""
+        return self.done or self.fault is not None
+
+    def receive(self, message: Message, sender: tuple[int, int], now_s: float) -> list[Message]:
+        """Handle a received message; return the messages to send at once."""
+        if self.over or not isinstance(message, _OURS):
+            return []
+        place = (message.target_system, message.target_component)
+        if sender != (self._vehicle.system_id, self._vehicle.component_id):
+            return self._strange()
+        if place != self._own or message.mission_type != self._type:
+            return self._strange()
+        return self._take(message, now_s)
+
+    def due(self, now_s: float) -> list[Message]:
+        """Messages to send now, for the first time or again."""
+        if self.over:
+            return []
+        if self._begun_s is None:
+            self._begun_s = now_s
+        limit_s = LIMIT_S + LIMIT_PER_ITEM_S * self._size
+        if now_s - self._begun_s > limit_s:
+            return self.cancel(f"it was not done after {limit_s:.0f} s")
+        return self._again(now_s) if now_s >= self._due_s else []
+
+    def cancel(self, reason: str) -> list[Message]:
+        """Cancel the transfer; the vehicle keeps its previous mission."""
+        if self.over:
+            return []
+        self.fault = reason
+        return [self._ack(MavMissionResult.MISSION_OPERATION_CANCELLED)]
+
+    @property
+    @abstractmethod
+    def _size(self) -> int:
+        """Number of mission items; 0 while unknown."""
+
+    @abstractmethod
+    def _take(self, message: Message, now_s: float) -> list[Message]:
+        """Use a message that belongs to this transfer."""
+
+    @abstractmethod
+    def _again(self, now_s: float) -> list[Message]:
+        """Requests that are due, for the first time or again."""
+
+    def _strange(self) -> list[Message]:
+        self.counters["strange"] += 1
+        return []
+
+    def _try(self, message: Message, now_s: float, wait_s: float = RETRY_S) -> list[Message]:
+        """Send a request; fail the transfer after `TRIES` of them."""
+        if self._tries >= TRIES:
+            self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
+            self.silent = True
+            return []
+        if self._tries > 0:
+            self.counters["sent_again"] += 1
+        self._tries += 1
+        self._due_s = now_s + wait_s
+        return [message]
+
+    def _answered(self, now_s: float, wait_s: float) -> None:
+        self._tries, self._due_s = 0, now_s + wait_s
+
+    def _refused(self, message: dialect.MissionAck) -> None:
+        why = _REFUSALS.get(message.type, f"an item is invalid (result {message.type})")
+        self.fault = f"the autopilot refused: {why}"
+
+    def _ack(self, result: int) -> Message:
+        return dialect.MissionAck(**self._to(), type=result)
+
+    def _to(self) -> dict[str, int]:
+        return {
+            "target_system": self._vehicle.system_id,
+            "target_component": self._vehicle.component_id,
+            "mission_type": self._type,
+        }
+
+
+class MissionUpload(MissionTransfer):
+    """Sends items as the vehicle requests them; parameters as in `MissionTransfer`."""
+
+    def __init__(
+        self,
+        items: Sequence[MissionItem],
+        kind: MissionKind,
+        vehicle: Peer,
+        own: tuple[int, int],
+    ) -> None:
+        super().__init__(kind, vehicle, own)
+        self._items = tuple(items)
+        self._asked: set[int] = set()
+        self.acknowledged = False
+        """True once the vehicle acknowledged the upload; else a download shows the result."""
+
+    @property
+    def _size(self) -> int:
+        return len(self._items)
+
+    def _take(self, message: Message, now_s: float) -> list[Message]:
+        match message:
+            case dialect.MissionRequestInt() | dialect.MissionRequest():
+                return self._give(message.seq, now_s)
+            case dialect.MissionAck(type=MavMissionResult.MISSION_ACCEPTED):
+                if len(self._asked) < len(self._items):
+                    return self._strange()
+                self.done = self.acknowledged = True
+            case dialect.MissionAck(type=MavMissionResult.MISSION_INVALID_SEQUENCE):
+                self.counters["out_of_sequence"] += 1  # a copy of what it had: it asks again
+            case dialect.MissionAck():
+                self._refused(message)
+            case _:
+                return self._strange()
+        return []
+
+    def _give(self, number: int, now_s: float) -> list[Message]:
+        if number >= len(self._items):
+            return self._strange()
+        if number in self._asked:
+            self.counters["sent_again"] += 1
+        self._asked.add(number)
+        whole = len(self._asked) == len(self._items)
+        self._answered(now_s, LAST_S if whole else SILENCE_S)
+        item = self._items[number]
+        one, two, three, four = item.params
+        return [
+            dialect.MissionItemInt(
+                **self._to(),
+                seq=number,
+                frame=item.frame,
+                command=item.command,
+                autocontinue=1,
+                x=item.x,
+                y=item.y,
+                z=item.z,
+                param1=one,
+                param2=two,
+                param3=three,
+                param4=four,
+            )
+        ]
+
+    def _again(self, now_s: float) -> list[Message]:
+        if self._items and len(self._asked) == len(self._items):
+            self.done = True  # the answer was lost, or the last item
+            return []
+        self._asked.clear()
+        return self._try(dialect.MissionCount(**self._to(), count=len(self._items)), now_s)
+
+
+class MissionDownload(MissionTransfer):
+    """Download that requests all items; those received are in `items`."""
+
+    def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
+        super().__init__(kind, vehicle, own)
+        self._count: int | None = None
+        self.items: list[MissionItem] = []
+
+    @property
+    def _size(self) -> int:
+        return self._count or 0
+
+    def _take(self, message: Message, now_s: float) -> list[Message]:
+        match message:
+            case dialect.MissionCount() if self._count is None:
+                return self._begin(message.count, now_s)
+            case dialect.MissionItemInt() if self._count is not None:
+                return self._add(message, now_s)
+            case dialect.MissionAck() if message.type != MavMissionResult.MISSION_ACCEPTED:
+                self._refused(message)
+                return []
+        return self._strange()
+
+    def _begin(self, count: int, now_s: float) -> list[Message]:
+        if count > MOST_ITEMS:
+            self.fault = f"the autopilot reports {count} items, more than {MOST_ITEMS}"
+            return [self._ack(MavMissionResult.MISSION_NO_SPACE)]
+        self._count = count
+        return self._next(now_s)
+
+    def _add(self, message: dialect.MissionItemInt, now_s: float) -> list[Message]:
+        if message.seq != len(self.items):
+            return self._strange()  # a copy, or out of turn: asked for again in time
+        params = (message.param1, message.param2, message.param3, message.param4)
+        if not isfinite(message.z) or not all(isnan(one) or isfinite(one) for one in params):
+            self.fault = f"the autopilot's item {message.seq + 1} has an invalid number"
+            return [self._ack(MavMissionResult.MISSION_ERROR)]
+        self.items.append(
+            MissionItem(
+                command=message.command,
+                frame=message.frame,
+                params=params,
+                x=message.x,
+                y=message.y,
+                z=message.z,
+            )
+        )
+        return self._next(now_s)
+
+    def _next(self, now_s: float) -> list[Message]:
+        self._answered(now_s, 0.0)
+        if len(self.items) == self._count:
+            self.done = True
+            return [self._ack(MavMissionResult.MISSION_ACCEPTED)]
+        return self._again(now_s)
+
+    def _again(self, now_s: float) -> list[Message]:
+        if self._count is None:
+            return self._try(dialect.MissionRequestList(**self._to()), now_s)
+        return self._try(dialect.MissionRequestInt(**self._to(), seq=len(self.items)), now_s)
+
+
+def with_home(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
+    """Insert an item for home before a mission; ArduPilot keeps its home there."""
+    first = (MissionItem(command=16),) if home_first else ()
+    return (*first, *items)

@@ -1,0 +1,245 @@
+"""Convert the autopilot's boot time to this computer's time.
+
+TIMESYNC round trips give pairs of boot time and local time. A straight line through the best of
+them gives offset and skew. Without answers, the messages themselves bound the offset from one
+side: none arrives before it was sent. Pure: no clock is read here.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+
+MAX_SKEW = 0.025
+"""Largest rate difference of the clocks; PX4 1.17 in simulation runs 1.1 to 2 % slow."""
+BIN_NS = ns_from_s(2.0)
+LEAST_SPAN_S = 4.0
+"""Time span of round trips that shows the skew even on a slow link [s]."""
+CLEAR_SPAN_S = 0.5
+CLEAR_SKEW = 0.002
+"""Uncertainty of the skew accepted over a shorter span: 2 ms in a second."""
+ONE_WAY_NS = ns_from_s(3.0)
+"""Time for which messages are collected before their smallest delay is used [ns]."""
+ONE_WAY_BIN_NS = ns_from_s(1.0)
+ONE_WAY_BINS = 20
+"""Seconds of messages that bound the offset; over longer times the clocks drift apart."""
+STALE_NS = ns_from_s(10.0)
+"""Age of the last answer above which the line is extrapolated and times are marked [ns]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoundTrip:
+    """One answered TIMESYNC request; all times [ns]."""
+
+    remote_ns: int
+    local_ns: int
+    """Local time half-way between sending and receiving [ns]."""
+    round_trip_ns: int
+
+
+class TimeSync:
+    """Maps boot time to local time by a line through the shortest round trips of a window.
+
+    A message that waited in a queue did so in one direction only, so its midpoint is off by up
+    to half its round trip; the shortest trips waited least. A jump of the boot clock that no
+    delay can explain, or its fall, restarts the window: the autopilot was restarted.
+
+    `window_s`: time for which a round trip counts. `keep`: share of the shortest round trips of
+    each 2 s used for the line; 30 % at one a second. `jump_s`: error that means another clock,
+    beyond the uncertainty of round trips and skew; an error below one second must occur in two
+    consecutive answers.
+    """
+
+    def __init__(
+        self, *, window_s: float = 20.0, keep: float = 0.6, jump_s: float = 0.08
+    ) -> None:
+        self._window_ns = ns_from_s(window_s)
+        self._keep = keep
+        self._jump_ns = ns_from_s(jump_s)
+        self._trips: deque[RoundTrip] = deque()
+        self._line: tuple[int, int, float] | None = None  # remote, local, skew
+        self._skew = 0.0
+        """Last fitted skew; kept over the autopilot's restart, as the crystal is the same."""
+        self._tilted = False
+        """True if the skew of the line was fitted, False if assumed."""
+        self._uncertain_ns = 0
+        """Half the median round trip of the answers used for the line [ns]."""
+        self._suspect: RoundTrip | None = None
+        """Answer that only another clock explains; the next clear answer decides."""
+        self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
+        """Arrival time and offset of the message with the smallest delay in each second."""
+        self._one_way_bin_ns = 0
+        self.round_trips = 0
+        """Number of answered requests since the start."""
+        self.residual_s: float | None = None
+        """Root mean square deviation from the line of the round trips used [s]."""
+        self.resets = 0
+
+    @property
+    def synchronized(self) -> bool:
+        """True once a round trip is known."""
+        return self._line is not None
+
+    @property
+    def skew_ppm(self) -> float:
+        """Rate of the local clock over the autopilot's, minus one [ppm]."""
+        return 0.0 if self._line is None else self._line[2] * 1e6
+
+    @property
+    def round_trip_s(self) -> float | None:
+        """Shortest round trip of the window [s]."""
+        if not self._trips:
+            return None
+        return min(trip.round_trip_ns for trip in self._trips) / NANOSECONDS_PER_SECOND
+
+    def reset(self) -> None:
+        """Reset all but the skew: the boot clock restarted, with the same crystal."""
+        self._trips.clear()
+        self._line = self._suspect = None
+        self._one_way.clear()
+        self.residual_s = None
+        self.resets += 1
+
+    def age_ns(self, now_ns: int) -> int | None:
+        """Time since the last answer [ns]; None without any."""
+        return now_ns - self._trips[-1].local_ns if self._trips else None
+
+    def is_stale(self, now_ns: int) -> bool:
+        """True if the line is extrapolated without answers, or the offset has only a bound."""
+        age_ns = self.age_ns(now_ns)
+        return age_ns is None or age_ns > STALE_NS
+
+    def counters(self, now_ns: int) -> dict[str, float]:
+        """State of the clocks for a health record; unknown values are left out."""
+        age_ns, trip_s, residual_s = self.age_ns(now_ns), self.round_trip_s, self.residual_s
+        known = {
+            "clock_skew_ppm": self.skew_ppm if self.synchronized else None,
+            "clock_residual_ms": None if residual_s is None else 1e3 * residual_s,
+            "clock_round_trip_ms": None if trip_s is None else 1e3 * trip_s,
+            "clock_answer_age_s": None if age_ns is None else age_ns / NANOSECONDS_PER_SECOND,
+        }
+        return {
+            "clock_answers": float(self.round_trips),
+            "clock_resets": float(self.resets),
+            **{name: round(value, 3) for name, value in known.items() if value is not None},
+        }
+
+    def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
+        """Handle an answered request.
+
+        `sent_ns`, `received_ns`: local time when the request left and the answer came [ns].
+        `remote_ns`: boot time in the answer [ns].
+        """
+        if received_ns < sent_ns:
+            return
+        trip = RoundTrip(remote_ns, (sent_ns + received_ns) // 2, received_ns - sent_ns)
+        suspect = self._suspect
+        if self._line is not None and self._is_jump(trip):
+            far = abs(self._error_ns(trip)) > NANOSECONDS_PER_SECOND
+            if suspect is None and not far:
+                self._suspect = trip
+                return
+            self.reset()
+        if self._line is not None:
+            surely_ns = abs(self._error_ns(trip)) + trip.round_trip_ns // 2
+            self._suspect = None if surely_ns < self._jump_ns else self._suspect
+        self._trips.append(trip)
+        self.round_trips += 1
+        while self._trips[0].local_ns < trip.local_ns - self._window_ns:
+            self._trips.popleft()
+        self._line = self._fit()
+
+    def add_one_way(self, remote_ns: int, received_ns: int) -> None:
+        """Handle a message with a boot time, for autopilots that do not answer TIMESYNC.
+
+        The smallest differences of the last seconds are the offset plus the shortest delay.
+        """
+        offset = received_ns - remote_ns
+        if not self._one_way or received_ns - self._one_way_bin_ns >= ONE_WAY_BIN_NS:
+            self._one_way_bin_ns = received_ns
+            self._one_way.append((received_ns, offset))
+        elif offset < self._one_way[-1][1]:
+            self._one_way[-1] = (received_ns, offset)
+
+    def local_ns(self, remote_ns: int) -> int | None:
+        """Local time of a boot time [ns]; one-way after 3 s without round trips; else None."""
+        if self._line is not None:
+            remote, local, skew = self._line
+            delta = remote_ns - remote
+            return local + delta + round(delta * skew)
+        bound = self._one_way
+        if not bound or bound[-1][0] - bound[0][0] < ONE_WAY_NS:
+            return None
+        return remote_ns + self._least_offset(remote_ns + bound[-1][1])
+
+    def _least_offset(self, at_ns: int) -> int:
+        """Offset at a time, by the line below which no message lies.
+
+        Its slope is that between the messages of smallest delay in the first and second half.
+        """
+        points = list(self._one_way)
+        half = len(points) // 2
+        early = min(points[:half], key=lambda point: point[1])
+        late = min(points[half:], key=lambda point: point[1])
+        lean = 0.0
+        if late[0] - early[0] >= ONE_WAY_BIN_NS:
+            lean = max(-MAX_SKEW, min(MAX_SKEW, (late[1] - early[1]) / (late[0] - early[0])))
+        least = min(offset - round(lean * (when - at_ns)) for when, offset in points)
+        return int(least)
+
+    def _error_ns(self, trip: RoundTrip) -> int:
+        """Deviation of an answer from the line [ns]."""
+        expected = self.local_ns(trip.remote_ns)
+        assert expected is not None
+        return trip.local_ns - expected
+
+    def _is_jump(self, trip: RoundTrip) -> bool:
+        assert self._line is not None
+        allowed = trip.round_trip_ns // 2 + self._uncertain_ns + self._jump_ns
+        if not self._tilted:
+            allowed += round(MAX_SKEW * abs(trip.remote_ns - self._line[0]))
+        fell = trip.remote_ns < self._trips[-1].remote_ns - NANOSECONDS_PER_SECOND
+        return abs(self._error_ns(trip)) > allowed or fell
+
+    def _fit(self) -> tuple[int, int, float]:
+        """Fit the line through the shortest round trips; of equal ones the newest counts.
+
+        The shortest trip of every 2 s (at first of shorter pieces) is taken, and of these the
+        shorter part, so that they spread over the window. While the span is too short for a
+        skew, the line goes through the shortest trip, with the previous skew (also from before
+        a restart), at first none.
+        """
+        shortest: dict[int, RoundTrip] = {}
+        span_ns = self._trips[-1].local_ns - self._trips[0].local_ns
+        piece_ns = min(BIN_NS, span_ns // 6 + 1)
+        for trip in self._trips:
+            place = trip.local_ns // piece_ns
+            rival = shortest.get(place)
+            if rival is None or trip.round_trip_ns <= rival.round_trip_ns:
+                shortest[place] = trip
+        ordered = sorted(shortest.values(), key=lambda t: (t.round_trip_ns, -t.local_ns))
+        best = ordered[: max(4, round(self._keep * len(ordered)))]
+        base = best[0]
+        xs = [(trip.remote_ns - base.remote_ns) / NANOSECONDS_PER_SECOND for trip in best]
+        span_s = max(xs) - min(xs)
+        uncertain_s = best[-1].round_trip_ns / NANOSECONDS_PER_SECOND / 2.0
+        clear = span_s > CLEAR_SPAN_S and uncertain_s < CLEAR_SKEW * span_s
+        self._tilted = clear or span_s >= LEAST_SPAN_S
+        self._uncertain_ns = best[len(best) // 2 if self._tilted else 0].round_trip_ns // 2
+        if not self._tilted:
+            return base.remote_ns, base.local_ns, self._skew
+        ys = [
+            (trip.local_ns - base.local_ns - trip.remote_ns + base.remote_ns)
+            / NANOSECONDS_PER_SECOND
+            for trip in best
+        ]
+        mean_x, mean_y = sum(xs) / len(xs), sum(ys) / len(ys)
+        spread = sum((x - mean_x) ** 2 for x in xs)
+        slope = sum((x - mean_x) * (y - mean_y) for x, y in zip(xs, ys, strict=True))
+        skew = self._skew = max(-MAX_SKEW, min(MAX_SKEW, slope / spread))
+        errors = [y - mean_y - skew * (x - mean_x) for x, y in zip(xs, ys, strict=True)]
+        self.residual_s = math.sqrt(sum(error**2 for error in errors) / len(errors))
+        remote = base.remote_ns + ns_from_s(mean_x)
+        offset = base.local_ns - base.remote_ns + ns_from_s(mean_y)
+        return remote, remote + offset, skew

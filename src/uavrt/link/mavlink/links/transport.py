@@ -1,0 +1,67 @@
+"""Open links from their addresses, and keep them open."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from uavrt.core.errors import UavrtError
+from uavrt.link.mavlink.links.address import Address, parse_address
+from uavrt.link.mavlink.links.mavlink_link import Link, Parser
+from uavrt.link.mavlink.links.stream_links import SerialLink, TcpLink
+from uavrt.link.mavlink.links.udp import UdpLink
+
+OPEN_AGAIN_S = 3.0
+
+
+async def open_link(
+    address: str | Address, on_frame: Callable[[Any], None], parser: Parser | None = None
+) -> Link:
+    """Open a link.
+
+    `address`: ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see
+    `uavrt.link.mavlink.links.address`. `on_frame`: called with each received frame, in the
+    loop's thread. `parser`: parser of the protocol; None: MAVLink. Raises `ConfigError` for an
+    invalid address, `LinkError`, with reason and remedy, if it cannot be opened.
+    """
+    where = parse_address(address) if isinstance(address, str) else address
+    link: Link
+    match where.kind:
+        case "serial":
+            link = SerialLink(where, on_frame, parser)
+        case "tcp":
+            link = TcpLink(where, on_frame, parser)
+        case "udpin" | "udpout":
+            link = UdpLink(where, on_frame, parser)
+    await link.open()
+    return link
+
+
+async def keep_open(
+    address: Address,
+    take: Callable[[Any], None],
+    parser: Parser,
+    *,
+    opened: Callable[[Link | None], None],
+    failed: Callable[[UavrtError], None],
+) -> NoReturn:
+    """Read a receiver until cancelled; reopen it when it fails.
+
+    `address`: the receiver's address. `take`: called with what the parser returns. `opened`:
+    called with the link once it is open, and with None when it is closed. `failed`: called with
+    the reason each time that it cannot be opened.
+    """
+    link = None
+    try:
+        while link is None:
+            try:
+                link = await open_link(address, take, parser)
+            except UavrtError as error:
+                failed(error)
+                await asyncio.sleep(OPEN_AGAIN_S)
+        opened(link)
+        await asyncio.get_running_loop().create_future()
+        raise AssertionError
+    finally:
+        opened(None)
+        if link is not None:
+            await link.close()

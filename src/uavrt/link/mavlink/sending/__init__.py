@@ -1,0 +1,1 @@
+"""Messages to the ground: rate, route, signature and texts."""

@@ -1,0 +1,182 @@
+"""Send messages no faster than an autopilot forwards and a radio carries. Pure.
+
+PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main loop;
+what does not fit is dropped silently. Three tunnel messages fit, so those for the ground leave
+one at a time, a gap apart.
+
+Urgent messages are queued here. Pulses and files stay with their sources; the next one is taken
+when there is room for it.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Protocol
+
+from uavrt.core.errors import ConfigError
+from uavrt.core.messages import TunnelPayload
+from uavrt.core.units import ns_from_s
+from uavrt.link.mavlink.message import Message
+from uavrt.link.mavlink.sending.rate import FRAME_OVERHEAD, LinkRate
+
+MIN_GAP_S = 0.012
+"""Shortest gap through an autopilot [s]; PX4's pass on a ``-r 1200`` serial link is 8.33 ms."""
+STRAIGHT_GAP_S = 0.001
+"""Shortest gap on a direct link [s]; bursts of 200 datagrams overran a socket."""
+HEADER_BYTES = 12
+
+
+class Priority(IntEnum):
+    """Order in which messages leave; the lowest number goes first."""
+
+    ACK = 0
+    STATUS = 1
+    PULSE = 2
+    VALUE = 3
+    OTHER = 4
+    """Answers to stations that do not command the drone."""
+    FILE = 5
+
+
+CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
+"""Most messages that may wait in the queue of each priority."""
+URGENT = (Priority.ACK, Priority.STATUS)
+ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
+"""Bytes that a lower priority leaves free for a pulse after it; its longest frame."""
+OTHER_PATIENCE_NS = ns_from_s(2.0)
+"""Longest wait behind pulses of answers to stations that do not command [ns]."""
+
+
+Item = TunnelPayload | Message
+
+
+class Source(Protocol):
+    """Protocol of a source that keeps its own messages and gives them one by one."""
+
+    def wait_ns(self, now_ns: int) -> int | None:
+        """Time until the source has a message to send [ns]; None without any."""
+
+    def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
+        """Return the source's next message; `rate_bytes_s`: present rate of the link."""
+
+
+@dataclass(slots=True)
+class PacingCounters:
+    """Numbers of messages that left a paced queue, and that it dropped."""
+
+    released: int = 0
+    dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(CAPACITY, 0))
+
+
+class PacedQueue:
+    """Bounded queues by priority, and sources, from which one message may leave per gap.
+
+    When a queue is full its oldest message is dropped and counted: an old status is useless,
+    and an acknowledgement is requested again.
+
+    `gap_s`: time between two messages; at least 0.012 s. `rate`: estimate of the link's rate.
+    `straight`: direct link without an autopilot; the gap may be as short as 0.001 s. Raises
+    `ConfigError` for a shorter gap.
+    """
+
+    def __init__(
+        self, gap_s: float = 0.020, rate: LinkRate | None = None, *, straight: bool = False
+    ) -> None:
+        floor_s = STRAIGHT_GAP_S if straight else MIN_GAP_S
+        if not gap_s >= floor_s:
+            raise ConfigError(
+                f"tunnel_gap_s = {gap_s} would lose messages in the autopilot",
+                remedy=f"Set it to {floor_s} or more; 0.020 is the default",
+            )
+        self._gap_ns = ns_from_s(gap_s)
+        self._floor_ns = ns_from_s(floor_s)
+        self._queues: dict[Priority, deque[Item]] = {p: deque() for p in CAPACITY}
+        self._sources: dict[Priority, Source] = {}
+        self._free_ns: int | None = None
+        self._other_since_ns: int | None = None
+        self.rate = rate or LinkRate()
+        self.frame_extra_bytes = 0
+        """Bytes added to each frame, such as the 13 of a signature."""
+        self.counters = PacingCounters()
+
+    def __len__(self) -> int:
+        return sum(map(len, self._queues.values()))
+
+    def add_source(self, source: Source, priority: Priority) -> None:
+        """Send the messages of `source` with the given priority."""
+        self._sources[priority] = source
+        self._sources = dict(sorted(self._sources.items()))
+
+    def put(self, item: Item, priority: Priority) -> None:
+        """Queue an urgent message, or one of `Priority.OTHER`."""
+        queue = self._queues[priority]
+        if len(queue) >= CAPACITY[priority]:
+            queue.popleft()
+            self.counters.dropped[priority] += 1
+        queue.append(item)
+
+    def wait_ns(self, now_ns: int) -> int | None:
+        """Time until a message may leave [ns]; None when none waits."""
+        gap_ns = 0 if self._free_ns is None else max(0, self._free_ns - now_ns)
+        if self._urgent(now_ns) is not None:
+            return gap_ns
+        waits = {p: w for p, s in self._sources.items() if (w := s.wait_ns(now_ns)) is not None}
+        if self._queues[Priority.OTHER]:
+            waits[Priority.OTHER] = 0
+        if not waits:
+            return None
+        ready = [priority for priority, wait in waits.items() if wait == 0]
+        if not ready:
+            return max(gap_ns, min(waits.values()))
+        return max(gap_ns, self.rate.wait_ns(now_ns, ROOM_BYTES.get(min(ready), 0)))
+
+    def _urgent(self, now_ns: int) -> deque[Item] | None:
+        """Queue whose message may leave without regard to the rate; None if there is none."""
+        other = self._queues[Priority.OTHER]
+        if not other:
+            self._other_since_ns = None
+        elif self._other_since_ns is None:
+            self._other_since_ns = now_ns
+        elif now_ns - self._other_since_ns >= OTHER_PATIENCE_NS:
+            return other
+        return next((self._queues[p] for p in URGENT if self._queues[p]), None)
+
+    def take(self, now_ns: int) -> Item | None:
+        """Return the message that may leave now, and start the gap."""
+        if self.wait_ns(now_ns) != 0:
+            return None
+        queue = self._urgent(now_ns)
+        item = self._from_sources(now_ns) if queue is None else queue.popleft()
+        if item is None:
+            return None
+        if queue is self._queues[Priority.OTHER]:
+            self._other_since_ns = None
+        # Catch up after a late wake-up, so that the mean gap holds on a busy computer.
+        due_ns = now_ns if self._free_ns is None else max(self._free_ns, now_ns - self._gap_ns)
+        self._free_ns = max(due_ns + self._gap_ns, now_ns + self._floor_ns)
+        self.counters.released += 1
+        self.rate.spend(_size(item) + self.frame_extra_bytes, now_ns)
+        return item
+
+    def _from_sources(self, now_ns: int) -> Item | None:
+        other = self._queues[Priority.OTHER]
+        for priority in sorted((*self._sources, Priority.OTHER)):
+            if priority is Priority.OTHER:
+                if other:
+                    self._other_since_ns = None
+                    return other.popleft()
+                continue
+            source = self._sources[priority]
+            if source.wait_ns(now_ns) != 0:
+                continue
+            given = source.take(now_ns, self.rate.bytes_s(now_ns))
+            if given is not None:
+                return given
+        return None
+
+
+def _size(item: Item) -> int:
+    """Size of a message's frame, unsigned [bytes]."""
+    if isinstance(item, TunnelPayload):
+        return FRAME_OVERHEAD + len(item.payload)
+    return HEADER_BYTES + len(item.pack().rstrip(b"\0"))

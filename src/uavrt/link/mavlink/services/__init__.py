@@ -1,0 +1,1 @@
+"""Services of a MAVLink component: file transfer, metadata, parameters, answers."""

@@ -1,0 +1,207 @@
+"""The ROS 2 graph as two tables: the nodes, and the topics between them.
+
+It is the original system's graph (thesis Fig. 2.1), so that its tools can be used. Endpoints,
+type hashes and documentation derive from it. `OWN_TOPICS` are additional.
+"""
+
+from dataclasses import KW_ONLY, dataclass
+
+from uavrt.link.ros2.types.ros_messages import (
+    DiagnosticArray,
+    Flag,
+    Log,
+    PoseStamped,
+    RosBurst,
+    RosCodedTag,
+    RosMessage,
+    RosPulse,
+    RosPulsePose,
+    RosTag,
+)
+
+TELEMETRY = "TelemetryComponent"
+COMMAND = "CommandComponent"
+START_STOP = "StartStopComponent"
+AIRSPY = "AirspyCSDRNetcatComponent"
+CHANNELIZER = "ChannelizerComponent"
+DETECTOR = "DetectorComponent"
+
+NODES: dict[str, str] = {
+    TELEMETRY: "the antenna's pose; pulses with their pose",
+    COMMAND: "what the ground station asks",
+    START_STOP: "the supervisor's state",
+    AIRSPY: "the radio",
+    CHANNELIZER: "the receiver",
+    DETECTOR: "the detectors",
+}
+"""Names and meanings of the nodes, in the order of the data flow."""
+
+PARAMETER_NODE = START_STOP
+"""Node with the drone's parameters, if services are enabled."""
+
+
+def detector_node(tag_id: int) -> str:
+    """Name of the node of one tag's detector."""
+    return f"Detector_tag_{tag_id}"
+
+
+@dataclass(frozen=True, slots=True)
+class RosTopic:
+    """A topic of the ROS 2 graph: message, publisher, subscribers and limits."""
+
+    name: str
+    message: type[RosMessage]
+    publisher: str
+    meaning: str
+    _: KW_ONLY
+    subscribers: tuple[str, ...] = ()
+    depth: int = 10
+    """Number of messages kept for a late subscriber."""
+    burst: int = 20
+    """Most messages accepted at once (`uavrt.link.ros2.inbox`); 0: none."""
+    per_s: float = 2.0
+    """Messages accepted per second after a burst."""
+    commands: bool = True
+    """True if its messages are handled before those of topics with data only."""
+
+
+UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
+"""Tag messages accepted at once and per second; for a hundred tags sent three times."""
+SERVICE_BURST, SERVICE_PER_S = 100, 10.0
+"""Parameter requests accepted at once and per second; a client reads all several times."""
+
+TOPICS: dict[str, RosTopic] = {
+    topic.name: topic
+    for topic in (
+        RosTopic(
+            "antenna_pose",
+            PoseStamped,
+            TELEMETRY,
+            "where the antenna is and how it points, twice a second",
+        ),
+        RosTopic(
+            "pulse",
+            RosPulse,
+            DETECTOR,
+            "a pulse as detected; with frequency 0 a detector's sign of life",
+            subscribers=(TELEMETRY,),
+            # A group of K pulses of many tags comes at once; ten would not outlast a lost
+            # datagram.
+            depth=100,
+            # Groups of three pulses of a hundred tags, and their detectors' signs of life.
+            burst=400,
+            per_s=200.0,
+            commands=False,
+        ),
+        RosTopic(
+            "burst",
+            RosBurst,
+            DETECTOR,
+            "the pulses inside a coded tag's burst, itself a pulse elsewhere",
+            depth=100,
+        ),
+        RosTopic(
+            "pulse_pose",
+            RosPulsePose,
+            TELEMETRY,
+            "a pulse with the antenna's pose at its centre",
+            subscribers=(COMMAND,),
+            depth=100,
+            burst=0,
+            per_s=0.0,
+            commands=False,
+        ),
+        RosTopic(
+            "control_start_subprocess",
+            DiagnosticArray,
+            COMMAND,
+            "start detecting",
+            subscribers=(START_STOP,),
+        ),
+        RosTopic(
+            "control_stop_subprocess",
+            DiagnosticArray,
+            COMMAND,
+            "stop detecting",
+            subscribers=(START_STOP,),
+        ),
+        RosTopic(
+            "store_tag_information",
+            RosTag,
+            COMMAND,
+            "a tag to look for",
+            subscribers=(START_STOP,),
+            depth=200,
+            burst=UPLOAD_BURST,
+            per_s=UPLOAD_PER_S,
+        ),
+        RosTopic(
+            "store_coded_tag_information",
+            RosCodedTag,
+            COMMAND,
+            "a coded tag to look for",
+            subscribers=(START_STOP,),
+            depth=200,
+            burst=UPLOAD_BURST,
+            per_s=UPLOAD_PER_S,
+        ),
+        RosTopic(
+            "release_tag_information",
+            Flag,
+            COMMAND,
+            "that was the last tag",
+            subscribers=(START_STOP,),
+        ),
+        RosTopic(
+            "control_airspy_csdr_netcat_subprocess",
+            DiagnosticArray,
+            START_STOP,
+            "the radio is started or stopped",
+            subscribers=(AIRSPY,),
+        ),
+        RosTopic(
+            "control_channelizer_subprocess",
+            DiagnosticArray,
+            START_STOP,
+            "the receiver is started or stopped",
+            subscribers=(CHANNELIZER,),
+        ),
+        RosTopic(
+            "control_detector_subprocess",
+            DiagnosticArray,
+            START_STOP,
+            "a tag's detector is started; all are stopped",
+            subscribers=(DETECTOR,),
+            depth=200,
+        ),
+        RosTopic(
+            "status_airspy_csdr_netcat_subprocess",
+            DiagnosticArray,
+            AIRSPY,
+            "the radio's state, twice a second; an echo after each control message",
+        ),
+        RosTopic(
+            "status_channelizer_subprocess",
+            DiagnosticArray,
+            CHANNELIZER,
+            "the receiver's state, twice a second; an echo after each control message",
+        ),
+        RosTopic(
+            "status_detector_subprocess",
+            DiagnosticArray,
+            DETECTOR,
+            "each tag's detector, twice a second; an echo after each control message",
+        ),
+    )
+}
+
+OWN_TOPICS = ("burst", "store_coded_tag_information")
+"""Topics of coded tags, which the original does not have."""
+
+COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
+"""Node of each component, which has topics ``control_…`` and ``status_<name>_subprocess``."""
+
+LOG_TOPIC = "rosout"
+"""Topic to which every node writes its log; late subscribers get the newest `LOG_DEPTH`."""
+LOG_MESSAGE = Log
+LOG_DEPTH = 1000

@@ -1,0 +1,102 @@
+"""Keep received messages for the gateway, within the limits of each topic. Pure.
+
+One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
+on one topic delays no message of another. Excess messages are dropped and counted.
+"""
+
+from collections import deque
+from collections.abc import Callable, Collection
+from typing import Generic, TypeVar
+
+from uavrt.link.allowance import Allowance
+from uavrt.link.ros2.graph import RosTopic
+from uavrt.link.ros2.ros_senders import Arrival
+
+BYTES_OF_ONE = 256
+"""Bytes of a message that count as one message, because decoding takes as long. A tag has 76
+bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its topic's
+`burst` is never decoded."""
+GATEWAYS_NAMED = 20
+"""Most other gateways that are counted separately."""
+
+
+class Inbox:
+    """Received messages in order of arrival, commands before pulses; none of closed topics."""
+
+    def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
+        self._now_ns = now_ns
+        self.closed = frozenset(closed)
+        self._commands: deque[Arrival] = deque()
+        self._data: deque[Arrival] = deque()
+        self._allowed: dict[str, Allowance] = {}
+        self._dropped: dict[str, int] = {}
+        self.of_gateways = 0
+        """Number of messages of other gateways, which are not for this one."""
+        self.gateways: set[str] = set()
+        """Keys of the participants that sent messages as other gateways."""
+
+    def put(self, arrival: Arrival) -> None:
+        """Queue a message, or drop and count it."""
+        topic = arrival.topic
+        if arrival.sender.gateway:
+            self.of_gateways += 1
+            if len(self.gateways) < GATEWAYS_NAMED:
+                self.gateways.add(arrival.sender.key)
+        elif not self._takes(topic, len(arrival.cdr)):
+            self.drop(topic)
+        else:
+            (self._commands if topic.commands else self._data).append(arrival)
+
+    def _takes(self, topic: RosTopic, size: int) -> bool:
+        if topic.name in self.closed:
+            return False
+        if topic.name not in self._allowed:
+            self._allowed[topic.name] = Allowance(burst=topic.burst, per_s=topic.per_s)
+        cost = max(1, -(-size // BYTES_OF_ONE))
+        return self._allowed[topic.name].take(self._now_ns(), cost)
+
+    def drop(self, topic: RosTopic) -> None:
+        """Count a message that was sent and lost."""
+        self._dropped[topic.name] = self._dropped.get(topic.name, 0) + 1
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Number of dropped messages of each topic that has any."""
+        return self._dropped.copy()
+
+    def take(self) -> list[Arrival]:
+        """Return the waiting messages; the limits of all topics bound their number."""
+        return [
+            waiting.popleft()
+            for waiting in (self._commands, self._data)
+            for _ in range(len(waiting))
+        ]
+
+
+T = TypeVar("T")
+
+
+class SendingOrder(Generic[T]):
+    """Sorts the messages of several readers into the order of their sending.
+
+    Readers are emptied one after the other, pass by pass. A message that was sent earlier also
+    arrived earlier, so it comes in the next pass at the latest; later messages wait for that.
+
+    `sent`: returns the sorting key of a message, such as its sending time.
+    """
+
+    def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:
+        self._sent = sent
+        self._waiting: list[T] = []
+
+    def __bool__(self) -> bool:
+        """True if a message waits for the next pass."""
+        return bool(self._waiting)
+
+    def add_pass(self, found: list[T]) -> list[T]:
+        """Add the messages of one pass; return those that no later message can precede."""
+        last = max(map(self._sent, self._waiting), default=())
+        both = sorted(self._waiting + found, key=self._sent)
+        ready = [one for one in both if self._sent(one) <= last]
+        self._waiting = both[len(ready) :]
+        return ready

@@ -1,0 +1,1 @@
+"""The DDS network of ROS 2."""

@@ -1,0 +1,88 @@
+"""Identifies senders of messages: other gateways, and authorised commanders. Pure.
+
+A gateway publishes its own ground station's commands on the topics that other gateways obey, so
+a command counts only if its participant is known and is no gateway. Gateways are recognised by
+their mark (in the participant's user data, which DDS sends first), or, without one, by their
+topics: earlier releases, the original's `uavrt_connection` and a recording that is played all
+publish ``pulse_pose`` and commands.
+
+The mark separates honest systems. An attacker leaves it out; only the network protects against
+that (docs/how-to/ros2.md).
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from uavrt.link.ros2.graph import RosTopic
+
+GATEWAY_MARK = b"uavrt=gateway;"
+DETECTOR_MARK = b"uavrt=detector;"
+"""Mark in a participant's user data, next to ROS 2's own ``enclave=/;``."""
+SYSTEM_TOPIC = "pulse_pose"
+"""Topic that only the gateway of a drone publishes."""
+REMEMBERED = 4096
+"""Most participants and writers remembered; newer ones replace the oldest."""
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sender:
+    """Participant that sent a message."""
+
+    key: str = ""
+    """Identifier of the participant; empty if unknown."""
+    gateway: bool = False
+    """True if it is the gateway of another drone, or a recording of one."""
+
+
+UNKNOWN = Sender()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arrival:
+    """A received message with its sender and times."""
+
+    topic: RosTopic
+    cdr: bytes
+    sent_ns: int = 0
+    """Time of sending by the sender's clock [ns, UTC]."""
+    sender: Sender = UNKNOWN
+
+
+class Senders:
+    """Publishers that are present or just gone."""
+
+    def __init__(self) -> None:
+        self._marked: _Newest[str, bool] = _Newest()
+        self._systems: _Newest[str, bool] = _Newest()
+        self._writers: _Newest[int, str] = _Newest()
+
+    def add_participant(self, key: str, user_data: bytes) -> None:
+        """Register a participant by its user data."""
+        self._marked[key] = GATEWAY_MARK in user_data
+
+    def add_writer(self, handle: int, participant: str, topic: str) -> None:
+        """Register that a participant publishes a topic, by its DDS name."""
+        self._writers[handle] = participant
+        if topic.rpartition("/")[2] == SYSTEM_TOPIC:
+            self._systems[participant] = True
+
+    def of(self, handle: int) -> Sender:
+        """Participant with the writer of this handle."""
+        key = self._writers.get(handle)
+        if key is None or key not in self._marked:
+            return UNKNOWN
+        return Sender(key=key, gateway=self._marked[key] or key in self._systems)
+
+
+class _Newest(OrderedDict[K, V], Generic[K, V]):
+    """A dictionary that keeps the newest `REMEMBERED` entries."""
+
+    def __setitem__(self, key: K, value: V) -> None:
+        super().__setitem__(key, value)
+        self.move_to_end(key)
+        if len(self) > REMEMBERED:
+            self.popitem(last=False)

@@ -1,0 +1,76 @@
+"""Count the tags of an upload over ROS 2, so that no search starts with fewer. Pure.
+
+The original's messages have no count: a refused or lost tag was silently not searched for.
+"""
+
+from collections.abc import Iterable
+
+from uavrt.link.ros2.ros_senders import Sender
+
+MOST = 10_000
+"""Most tag ids that are counted, so that a flood cannot fill the memory."""
+
+
+class Upload:
+    """Number of tags sent since the first of an upload, accepted or not."""
+
+    def __init__(self) -> None:
+        self.open = False
+        """True until the upload's end, its release, has come."""
+        self._ids: set[int] = set()
+        self._nameless = 0
+        self._lost_before = self._lost = 0
+        self._released: tuple[Sender, int] | None = None
+
+    def add(self, tag_id: int | None, lost: int) -> None:
+        """Count a tag, None if unreadable; `lost`: number of lost tag messages so far."""
+        if not self.open:
+            self.forget()
+            self.open = True
+        if tag_id is None:
+            self._nameless += 1
+        else:
+            self.add_late(tag_id)
+        self._lost = lost
+
+    def add_late(self, tag_id: int) -> None:
+        """Count a tag that was sent before the release and came after it."""
+        if len(self._ids) < MOST:
+            self._ids.add(tag_id)
+
+    def resume(self, tag_ids: Iterable[int], lost: int) -> None:
+        """Continue an earlier gateway's upload; a tag may have been lost as that ended."""
+        for tag_id in tag_ids:
+            self.add(tag_id, lost)
+        self.add(None, lost)
+
+    def quiet(self, lost: int) -> None:
+        """Set the number of tag messages lost before the next upload."""
+        if not self.open:
+            self._lost_before = lost
+
+    def release(self, sender: Sender, sent_ns: int) -> None:
+        """Handle the end of the upload, its release."""
+        self.open = False
+        self._released = (sender, sent_ns)
+
+    def is_late(self, sender: Sender, sent_ns: int) -> bool:
+        """True if a tag that arrives now was sent before its sender's release."""
+        if self.open or self._released is None or not sender.key:
+            return False
+        released_by, released_ns = self._released
+        return sender == released_by and sent_ns < released_ns
+
+    def forget(self) -> None:
+        """Reset the counts: another upload has begun, by ROS 2 or another link."""
+        self.open = False
+        self._ids.clear()
+        self._nameless = 0
+        self._lost = self._lost_before
+        self._released = None
+
+    @property
+    def tag_count(self) -> int | None:
+        """Least number of tags that were sent; None without any."""
+        count = len(self._ids) + self._nameless + max(0, self._lost - self._lost_before)
+        return count or None

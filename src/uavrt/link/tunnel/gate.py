@@ -1,0 +1,269 @@
+"""Check on the drone which ground stations may command; seal commands on the ground."""
+
+import secrets
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import inf
+from typing import NoReturn
+
+from uavrt.core.clock import monotonic_s, wall_ns
+from uavrt.core.errors import LinkError, TunnelError
+from uavrt.core.log import get_logger
+from uavrt.link.tunnel.generations.wire import Ids
+from uavrt.link.tunnel.own_messages.link_messages import UNSEALED
+from uavrt.link.tunnel.own_messages.motion_messages import is_stop, number_of
+from uavrt.link.tunnel.own_messages.private import MOTION_STATE_TYPE, PROVEN_STATE_TYPE
+from uavrt.link.tunnel.own_messages.seal import (
+    ALIVE_INSIDE,
+    PARAMETER_INSIDE,
+    Key,
+    SealKeeper,
+    Session,
+    keepalive_content,
+    parameter_content,
+    proven_answer,
+    read_keepalive,
+    read_key,
+    seal,
+    session_of,
+)
+
+ALIVE_S = 0.45
+"""Time between two keepalives [s], plus up to 0.05 s. Nine fit into the drone's limit of 5 s:
+at 20 % loss all are lost once in 600 flights of half an hour."""
+ECHO_S = 5.0
+"""Largest age of a nonce or an announced session that is accepted [s]."""
+ASKED = 6
+"""Nonces without an echo after which a drone counts as older. At 20 % loss each way this
+happens by chance once in 500 starts, and only repeats the request."""
+MAX_ANNOUNCED = 4096
+"""Most announced sessions remembered; more than a drone has in a year."""
+FILES_S = 3.0
+"""Time for which a sealed keepalive announces file requests [s]."""
+SEALED_ORDERS = 64
+"""Most sealed motion orders remembered to add proofs to their answers, due within seconds."""
+OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
+
+log = get_logger()
+
+
+class Gate:
+    """Decides on the drone which ground stations may command.
+
+    `commanders`: system ids that may command; empty: all. `key_file`: file with a key; then
+    only sealed commands are accepted, if `key_required`. `key_required`: False: unsealed
+    commands are accepted too; a sealed one comes from an owner of the key. Raises `ConfigError`
+    if the key cannot be read.
+    """
+
+    def __init__(
+        self,
+        commanders: tuple[int, ...] = (),
+        key_file: str | None = None,
+        *,
+        key_required: bool = True,
+    ) -> None:
+        self._commanders = frozenset(commanders)
+        self._key_required = key_required
+        self._keeper = None if key_file is None else SealKeeper(read_key(key_file))
+        self.refused = 0
+        """Sealed messages that were forged, repeated or damaged."""
+        self._sealed_s: dict[Ids, float] = {}
+        """Time of each station's last valid seal [s]."""
+        self._files_s: dict[Ids, float] = {}
+        """Time at which each station last announced file requests by a sealed keepalive [s]."""
+        self._proving: set[Ids] = set()
+        """Stations that check proofs: they have sent a sealed keepalive."""
+        self._orders: OrderedDict[tuple[Ids, int], None] = OrderedDict()
+        """Station and request id of recent sealed motion orders."""
+        self._proves = True
+
+    @property
+    def locked(self) -> bool:
+        """True if only sealed commands are accepted."""
+        return self._keeper is not None and self._key_required
+
+    def refusal(self, sender: Ids, *, sealed: bool) -> str | None:
+        """Reason why a sender may not command; None if it may."""
+        if self._commanders and sender[0] not in self._commanders:
+            return f"system {sender[0]} may not command: see mavlink.commanders"
+        if self.locked and not sealed:
+            return "only sealed commands: this drone has a key"
+        return None
+
+    def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
+        """Message that announces the session of valid seals; None without a key."""
+        return None if self._keeper is None else self._keeper.announcement(drone, nonce)
+
+    def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
+        """Open a sealed payload; None (and counted) if its seal is invalid."""
+        try:
+            if self._keeper is None:
+                raise TunnelError("this drone has no key", payload)
+            opened = self._keeper.open(payload, sender, drone)
+        except TunnelError as error:
+            self.refused += 1
+            log.seldom(self.refused, "sealed message refused", reason=error.message)
+            return None
+        self._sealed_s[sender] = monotonic_s()
+        return opened
+
+    def silent_s(self) -> dict[Ids, float]:
+        """Time since the last valid seal of each station that has sent one [s]."""
+        return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
+
+    def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:
+        """Handle a sealed keepalive; return the announcement with its nonce, or None."""
+        self._proving.add(station)
+        nonce, files = read_keepalive(inside)
+        if files:
+            self._files_s[station] = monotonic_s()
+        return self.announcement(drone, nonce) if nonce else None
+
+    def asks_for_files(self, station: Ids) -> bool:
+        """True if a station's last sealed keepalives announce file requests."""
+        return monotonic_s() - self._files_s.get(station, -inf) < FILES_S
+
+    @contextmanager
+    def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
+        """Context in which a motion order is handled; gives the reason of a refusal, or None.
+
+        Answers that are sent within the block belong to this order.
+        """
+        refusal = self.refusal(station, sealed=sealed)
+        if sealed:
+            if station not in self._proving and not is_stop(order):
+                refusal = OLD_STATION
+            self._orders[station, number_of(order)] = None
+            while len(self._orders) > SEALED_ORDERS:
+                self._orders.popitem(last=False)
+        self._proves = sealed
+        try:
+            yield refusal
+        finally:
+            self._proves = True
+
+    def answer(self, state: bytes, station: Ids, drone: Ids) -> tuple[bytes, int, bool]:
+        """Encode the answer to an order: payload, type, and whether it is sent before pulses.
+
+        The answer to a sealed order carries a proof. An unsealed order under the same ids and
+        number is answered without one.
+        """
+        sealed = self._proves and (station, number_of(state)) in self._orders
+        if sealed and station in self._proving and self._keeper is not None:
+            proven = self._keeper.prove_answer(state, station, drone)
+            return proven, PROVEN_STATE_TYPE, True
+        return state, MOTION_STATE_TYPE, sealed or not self.locked
+
+
+class Sealer:
+    """Seals the ground station's messages with the shared key."""
+
+    def __init__(self, key: Key, own: Ids) -> None:
+        self._key = key
+        self._own = own
+        self._session: Session | None = None
+        self._announced: dict[Session, _Announced] = {}
+        self._nonces: dict[int, float] = {}
+        self._last = 0
+        self._alive_s = self._asked_s = -inf
+
+    @property
+    def ready(self) -> bool:
+        """True once the drone's session is known."""
+        return self._session is not None
+
+    def accept_session(self, payload: bytes, drone: Ids) -> None:
+        """Handle an announced session; raises `TunnelError` for another key or an old nonce.
+
+        Only a session that returns a recently sent nonce is used: any other announcement may be
+        a recording.
+        """
+        session, newest, nonce = session_of(payload, self._key, drone)
+        now_s = monotonic_s()
+        self._last = max(self._last, newest)
+        if nonce:
+            if now_s - self._nonces.pop(nonce, -inf) > ECHO_S:
+                raise TunnelError("a session returns an unknown or old nonce", payload)
+            self._session = session
+            self._announced.pop(session, None)
+        elif session != self._session:
+            known = self._announced.setdefault(session, _Announced())
+            known.heard_s = now_s
+            if len(self._announced) > MAX_ANNOUNCED:
+                del self._announced[next(iter(self._announced))]
+
+    def keepalives(self, links: int = 1, *, files: bool = False) -> list[bytes]:
+        """Sealed messages due now: a keepalive, and a nonce for an unconfirmed session.
+
+        Of several announced sessions the one tried least often comes first, so that replayed
+        ones do not delay the drone's.
+
+        `links`: number of links that carry keepalives in turn, each as often as a single one.
+        `files`: True while files are requested.
+        """
+        now_s, due = monotonic_s(), []
+        if self._session is not None and now_s - self._alive_s >= ALIVE_S / links:
+            self._alive_s = now_s
+            due.append(self._seal(keepalive_content(0, files=files), ALIVE_INSIDE))
+        fresh = [s for s, one in self._announced.items() if now_s - one.heard_s < ECHO_S]
+        if fresh and now_s - self._asked_s >= ALIVE_S:
+            self._asked_s = now_s
+            session = min(fresh, key=lambda one: self._announced[one].asked)
+            self._announced[session].asked += 1
+            nonce = secrets.randbits(63) | 1
+            self._nonces = {n: s for n, s in self._nonces.items() if now_s - s <= ECHO_S}
+            self._nonces[nonce] = now_s
+            counter = self._next_counter()
+            inside = keepalive_content(nonce)
+            due.append(seal(inside, ALIVE_INSIDE, self._key, self._own, counter, session))
+        return due
+
+    def __call__(self, payload: bytes, payload_type: int) -> bytes:
+        """Seal a payload of a kind of message to the drone."""
+        return self._seal(payload, UNSEALED[payload_type].inside)
+
+    def parameter(self, name: str, value: float) -> bytes:
+        """Seal a request to change a parameter."""
+        return self._seal(parameter_content(name, value), PARAMETER_INSIDE)
+
+    def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
+        """Check the proof of an answer to a sealed order; raises `TunnelError`."""
+        if self._session is None:
+            raise TunnelError("an answer came before the drone's session was known", payload)
+        return proven_answer(payload, self._key, self._session, self._own, request_ids)
+
+    @staticmethod
+    def refuse_unproven(payload: bytes) -> NoReturn:
+        """Raise `TunnelError` for an answer without proof to a sealed order."""
+        raise TunnelError("an answer to a sealed order has no proof", payload)
+
+    def _next_counter(self) -> int:
+        self._last = max(self._last + 1, wall_ns() // 1000)
+        return self._last
+
+    def _seal(self, inside: bytes, kind: int) -> bytes:
+        if self._session is None and any(
+            one.asked >= ASKED for one in self._announced.values()
+        ):
+            raise LinkError(
+                "the drone does not confirm its session: its uavrt is older than this one",
+                remedy="Update the drone, or wait for a better radio link",
+            )
+        if self._session is None:
+            raise LinkError(
+                "the drone has announced no session for sealed commands",
+                remedy="Check that it has mavlink.key_file with the same key",
+            )
+        return seal(inside, kind, self._key, self._own, self._next_counter(), self._session)
+
+
+@dataclass(slots=True)
+class _Announced:
+    """An announced session, which may be a recording."""
+
+    heard_s: float = -inf
+    asked: int = 0
+    """Number of nonces sealed for this session."""

@@ -1,0 +1,298 @@
+"""G2: the messages of the numbered versions of the protocol.
+
+Version 1 ("G2v1") has the header of G1 and is confirmed field by field. From version 4 on
+("G2") every payload begins with the command and a request id:
+
+======================  ====  ==============================================================
+message                 size  fields behind command u32 0 and request_id u32 4
+======================  ====  ==============================================================
+bare commands           8     none
+START_TAGS, END_TAGS    16    upload_id u32 8, tag_count u32 12
+ACK                     128   acked_command u32 8, request_id u32 12, result u32 16,
+                              message char[108] 20; its own request id is 0
+HEARTBEAT               20    protocol_version u32 8, system_id u16 12, status u16 14,
+                              cpu_temperature_c f32 16
+OPERATION_PROGRESS 21   128   command u32 8, request_id u32 12, state u32 16, step u32 20,
+                              step_count u32 24, message char[100] 28
+TAG *                   96    upload_id 8, tag_index 12, then as G1 from tag_id on, unpadded
+START_DETECTION *       48    as G1 from 4 on, moved by 4 and padded; dump_spectrogram 44
+RAW_CAPTURE *           16    gain 8, frequency_hz 12
+PULSE *                 120   tag_id 8, frequency_hz 12, then as G1
+DETECTOR_HEARTBEAT 23*  16    tag_id 8, detection_mode 12
+SET_LOG_LEVEL 22 *      12    level 8
+======================  ====  ==============================================================
+
+Those with a star were computed from the order of their fields and never seen, and so were the
+numbers of the operation's states: they are used only where
+``mavlink.tunnel_experimental`` says so.
+"""
+
+import struct
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from uavrt.core.commands import CommandId, Generation
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import Command
+from uavrt.link.tunnel.generations.g1 import PulseG1, StartDetection, TagG1
+from uavrt.link.tunnel.generations.wire import (
+    CommandMessage,
+    Decoders,
+    Fixed,
+    check,
+    decoders_by_length,
+    decoders_of,
+    pack,
+)
+
+HEADER = struct.Struct("<II")
+UPLOAD = struct.Struct("<IIII")
+
+RUNNING, COMPLETE, FAILED = 0, 1, 2
+"""States of an operation in OPERATION_PROGRESS; the numbers are inferred."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BareG2(Fixed):
+    """A command that has only its number and a request id."""
+
+    LAYOUT: ClassVar = HEADER
+    command: CommandId
+    request_id: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UploadG2(Fixed):
+    """START_TAGS or END_TAGS: id of an upload, and its number of tags."""
+
+    LAYOUT: ClassVar = UPLOAD
+    command: CommandId
+    request_id: int
+    upload_id: int
+    tag_count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagG2:
+    """A tag of an upload; its layout is inferred."""
+
+    request_id: int
+    upload_id: int
+    tag_index: int
+    tag: TagG1
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.tag.encode()
+        head = pack(UPLOAD, CommandId.TAG, self.request_id, self.upload_id, self.tag_index)
+        return head + old[4:36] + old[40:]
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        check(payload, CommandId.TAG, 96)
+        _, request_id, upload_id, tag_index = UPLOAD.unpack(payload[:16])
+        old = payload[:4] + payload[16:48] + bytes(4) + payload[48:]
+        tag = TagG1.decode(old)
+        return cls(request_id=request_id, upload_id=upload_id, tag_index=tag_index, tag=tag)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartDetectionG2(CommandMessage):
+    """Start of detection with a request id; its layout is inferred."""
+
+    COMMAND: ClassVar = CommandId.START_DETECTION
+    request_id: int
+    start: StartDetection
+    dump_spectrogram: int = 0
+
+    def fill(self, command: Command) -> Command:
+        """Command with this message's frequency and gain."""
+        return self.start.fill(command)
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.start.encode()
+        if len(old) != 40:
+            raise TunnelError("START_DETECTION of G2 has all its fields", b"")
+        dump = self.dump_spectrogram.to_bytes(4, "little")
+        head = pack(HEADER, CommandId.START_DETECTION, self.request_id)
+        return head + old[4:16] + bytes(4) + old[16:36] + dump
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        check(payload, CommandId.START_DETECTION, 48)
+        old = payload[:4] + payload[8:20] + payload[24:44] + bytes(4)
+        return cls(
+            request_id=int.from_bytes(payload[4:8], "little"),
+            start=StartDetection.decode(old),
+            dump_spectrogram=int.from_bytes(payload[44:48], "little"),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawCaptureG2(Fixed, CommandMessage):
+    """Raw capture with a request id; its layout is inferred."""
+
+    COMMAND: ClassVar = CommandId.RAW_CAPTURE
+    LAYOUT: ClassVar = struct.Struct("<IIII")
+    request_id: int
+    gain: int
+    frequency_hz: int
+
+    def fill(self, command: Command) -> Command:
+        """Command with this message's frequency and gain."""
+        return replace(
+            command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetLogLevel(Fixed):
+    """Request to set the log level (from version 6 on); number and layout are inferred."""
+
+    COMMAND: ClassVar = CommandId.SET_LOG_LEVEL
+    LAYOUT: ClassVar = struct.Struct("<III")
+    request_id: int
+    level: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AckG2(Fixed):
+    """Acknowledgement of one request; the message is cut to 107 bytes."""
+
+    COMMAND: ClassVar = CommandId.ACK
+    LAYOUT: ClassVar = struct.Struct("<I4xIII108s")
+    TEXT_SIZE: ClassVar = 108
+    acked_command: int
+    request_id: int
+    result: int
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperationProgress(Fixed):
+    """Progress of a request after its acknowledgement (from version 5 on); text of 99 bytes."""
+
+    COMMAND: ClassVar = CommandId.OPERATION_PROGRESS
+    LAYOUT: ClassVar = struct.Struct("<I4xIIIII100s")
+    TEXT_SIZE: ClassVar = 100
+    operation: int
+    """Number of the command that started the operation."""
+    request_id: int
+    state: int
+    step: int
+    step_count: int
+    """Number of steps; 0: unknown."""
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeartbeatG2v1(Fixed):
+    """Heartbeat of the drone side with the protocol version (version 1)."""
+
+    COMMAND: ClassVar = CommandId.HEARTBEAT
+    LAYOUT: ClassVar = struct.Struct("<IIHHf")
+    protocol_version: int
+    system_id: int
+    status: int
+    cpu_temperature_c: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeartbeatG2(Fixed):
+    """Heartbeat of the drone side with the protocol version (from version 4 on)."""
+
+    COMMAND: ClassVar = CommandId.HEARTBEAT
+    LAYOUT: ClassVar = struct.Struct("<I4xIHHf")
+    protocol_version: int
+    system_id: int
+    status: int
+    cpu_temperature_c: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorHeartbeat(Fixed):
+    """Heartbeat of a tag's detector (from version 6 on); number and layout are inferred."""
+
+    COMMAND: ClassVar = CommandId.DETECTOR_HEARTBEAT
+    LAYOUT: ClassVar = struct.Struct("<I4xII")
+    tag_id: int
+    detection_mode: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseG2v1:
+    """A pulse of version 1, with the ids of its collection and slice, or 0."""
+
+    pulse: PulseG1
+    collection_id: int = 0
+    slice_id: int = 0
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.pulse.encode()
+        ids = struct.pack("<II", self.collection_id, self.slice_id)
+        return old[:4] + ids + old[4:]
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        check(payload, CommandId.PULSE, 128)
+        collection_id, slice_id = struct.unpack("<II", payload[4:12])
+        pulse = PulseG1.decode(payload[:4] + payload[12:])
+        return cls(pulse=pulse, collection_id=collection_id, slice_id=slice_id)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PulseG2:
+    """A pulse from version 4 on; its layout is inferred."""
+
+    pulse: PulseG1
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        old = self.pulse.encode()
+        return old[:4] + bytes(4) + old[4:12] + old[16:]
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        check(payload, CommandId.PULSE, 120)
+        return cls(pulse=PulseG1.decode(payload[:4] + payload[8:16] + bytes(4) + payload[16:]))
+
+
+Messages = (
+    BareG2
+    | UploadG2
+    | TagG2
+    | StartDetectionG2
+    | RawCaptureG2
+    | SetLogLevel
+    | AckG2
+    | OperationProgress
+    | HeartbeatG2v1
+    | HeartbeatG2
+    | DetectorHeartbeat
+    | PulseG2v1
+    | PulseG2
+)
+Requests = BareG2 | UploadG2 | TagG2 | StartDetectionG2 | RawCaptureG2 | SetLogLevel
+"""Messages of a ground station from version 4 on."""
+INFERRED = (TagG2, StartDetectionG2, RawCaptureG2, SetLogLevel)
+"""Messages of a ground station with an inferred layout."""
+DECODERS: Decoders = {
+    **decoders_by_length("G2", 8, BareG2.decode),
+    (CommandId.START_TAGS, 16): UploadG2.decode,
+    (CommandId.END_TAGS, 16): UploadG2.decode,
+    (CommandId.TAG, 96): TagG2.decode,
+    (CommandId.START_DETECTION, 48): StartDetectionG2.decode,
+    **decoders_of(RawCaptureG2, SetLogLevel, OperationProgress),
+    **decoders_of(HeartbeatG2v1, HeartbeatG2, DetectorHeartbeat),
+}
+SAME_LENGTH: dict[Generation, Decoders] = {
+    "G2v1": {(CommandId.PULSE, 128): PulseG2v1.decode},
+    "G2": {(CommandId.PULSE, 120): PulseG2.decode, **decoders_of(AckG2)},
+}
+"""Drone messages with the length of an older one; only the generation distinguishes them."""

@@ -1,0 +1,152 @@
+"""Common parts of all tunnel messages: numbers, strict packing and unpacking.
+
+A payload is a C struct with natural alignment, little-endian, whose first member is the command
+as u32; ``payload_type`` of the MAVLink message is 0 in every version. Pads are written as zeros
+and ignored, because the original senders never cleared theirs. Formats are explicit (``<`` and
+``x``), so they are the same on every machine.
+"""
+
+import struct
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol, Self
+
+from uavrt.core.commands import COMMANDS
+from uavrt.core.commands import CommandId as CommandId
+from uavrt.core.commands import Generation as Generation
+from uavrt.core.errors import TunnelError
+from uavrt.core.messages import Command
+
+MAX_PAYLOAD = 128
+"""Payload bytes of one MAVLink TUNNEL message."""
+
+PAYLOAD_TYPE = 0
+"""MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN, as every version of the original sends it."""
+
+Ids = tuple[int, int]
+"""System and component id of a MAVLink component, such as a ground station."""
+
+
+class Fixed:
+    """Base of messages with a fixed length; the fields are in the order of the layout.
+
+    A text is the last field: NUL-terminated, cut to its size. Where several commands have the
+    same layout, the command is the first field.
+    """
+
+    __slots__: tuple[str, ...] = ()
+    COMMAND: ClassVar[CommandId | None] = None
+    LAYOUT: ClassVar[struct.Struct]
+    TEXT_SIZE: ClassVar[int] = 0
+    """Bytes of the text field with its NUL; 0: no text."""
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+        values: list[Any] = [getattr(self, name) for name in self.__slots__]
+        if self.TEXT_SIZE:
+            values[-1] = bytes_from_text(values[-1], self.TEXT_SIZE)
+        head = () if self.COMMAND is None else (self.COMMAND,)
+        return pack(self.LAYOUT, *head, *values)
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Read the payload; raises `TunnelError` for another length or command."""
+        if cls.COMMAND is None:
+            number = command_of(int.from_bytes(payload[:4], "little"), payload)
+            values = (number, *unpack(cls.LAYOUT, payload, number))
+        else:
+            values = unpack(cls.LAYOUT, payload, cls.COMMAND)
+        if cls.TEXT_SIZE:
+            values = (*values[:-1], text_from_bytes(values[-1]))
+        return cls(**dict(zip(cls.__slots__, values, strict=True)))
+
+
+class CommandMessage:
+    """A command message with fields in addition to its number."""
+
+    __slots__: tuple[str, ...] = ()
+    COMMAND: ClassVar[CommandId]
+
+    def fill(self, command: Command) -> Command:
+        """Command with the values of this message."""
+        raise NotImplementedError
+
+
+class Message(Protocol):
+    """Protocol of every tunnel message."""
+
+    def encode(self) -> bytes:
+        """Bytes of the payload."""
+
+
+Decoder = Callable[[bytes], Message]
+Decoders = dict[tuple[int, int], Decoder]
+"""Decoders of messages by command and length."""
+
+
+def decoders_of(*kinds: type[Fixed]) -> Decoders:
+    """Make the decoders of messages that have one command and one length."""
+    return {(kind.COMMAND or 0, kind.LAYOUT.size): kind.decode for kind in kinds}
+
+
+def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:
+    """Make one decoder for all commands without fields of a generation."""
+    return {
+        (row.number, length): decode
+        for row in COMMANDS.values()
+        if row.number is not None and length in row.lengths.get(generation, ())
+    }
+
+
+def command_name(number: int) -> str:
+    """Name of a command for people: ``"stop detection"``; an unknown number stays a number."""
+    try:
+        return CommandId(number).name.lower().replace("_", " ")
+    except ValueError:
+        return f"command {number}"
+
+
+def command_of(number: int, payload: bytes) -> CommandId:
+    """Command with a number on the wire; raises `TunnelError` if it is unknown."""
+    try:
+        return CommandId(number)
+    except ValueError:
+        raise TunnelError(f"unknown command {number}", payload) from None
+
+
+def pack(layout: struct.Struct, *values: object) -> bytes:
+    """Pack values, zeros in the pads; raises `TunnelError` for a value that does not fit."""
+    try:
+        return layout.pack(*values)
+    except (struct.error, OverflowError) as error:
+        raise TunnelError(f"a value does not fit the tunnel's field: {error}", b"") from error
+
+
+def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[Any, ...]:
+    """Unpack a payload; raises `TunnelError` for another length or another command."""
+    if len(payload) != layout.size:
+        check(payload, command, layout.size)
+    number, *values = layout.unpack(payload)
+    if number != command:
+        check(payload, command, layout.size)
+    return tuple(values)
+
+
+def check(payload: bytes, command: CommandId, size: int) -> None:
+    """Raise `TunnelError` unless a payload has this length and command."""
+    if len(payload) != size:
+        raise TunnelError(
+            f"{command.name} has {len(payload)} bytes in place of {size}", payload
+        )
+    number = int.from_bytes(payload[:4], "little")
+    if number != command:
+        raise TunnelError(f"command {number} in place of {command.name}", payload)
+
+
+def text_from_bytes(field: bytes) -> str:
+    """Read a NUL-terminated text; invalid UTF-8 becomes replacement marks."""
+    return field.split(b"\0", 1)[0].decode("utf-8", errors="replace")
+
+
+def bytes_from_text(text: str, size: int) -> bytes:
+    """Encode a text as UTF-8, cut at a whole character, in at most `size` - 1 bytes."""
+    return text.encode("utf-8", errors="replace")[: size - 1].decode(errors="ignore").encode()

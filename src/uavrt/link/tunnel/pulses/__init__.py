@@ -1,0 +1,1 @@
+"""Delivery of pulses over a link that loses messages."""

@@ -1,0 +1,62 @@
+"""Track which pulses were sent, so that each is sent once, before it is recorded.
+
+The report that a pulse is recorded comes later. After a restart of the connection process, the
+flight's database shows which pulses have a pose and were received on the ground.
+"""
+
+from collections import OrderedDict, deque
+
+from uavrt.core.messages import PulseKey
+
+REMEMBERED = 500
+"""Recorded pulses kept to ignore repeated reports; 20 s at 25 per second, 50 kB."""
+MOST_UNRECORDED = 20_000
+"""Most sent pulses kept until the recorder confirms them, while it is not running."""
+
+
+class PulseDelivery:
+    """Decides whether a pulse is sent, so that each is sent once."""
+
+    def __init__(self) -> None:
+        self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()
+        self._recent: deque[PulseKey] = deque()
+        self._recorded = set[PulseKey]()
+        """Keys of the pulses in `_recent`, for quick look-up."""
+        self._news = set[PulseKey]()
+        """Pulses that were not recorded yet when a new ground station appeared."""
+
+    @property
+    def unrecorded(self) -> int:
+        """Number of pulses sent that the recorder has not confirmed yet."""
+        return len(self._unrecorded)
+
+    def may_send(self, key: PulseKey) -> bool:
+        """True if a pulse was not sent before; it then counts as sent."""
+        if key in self._unrecorded or key in self._recorded:
+            return False
+        self._unrecorded[key] = None
+        if len(self._unrecorded) > MOST_UNRECORDED:
+            self._unrecorded.popitem(last=False)
+        return True
+
+    def station_came(self) -> None:
+        """Handle a new ground station, for which pulses are read from the database.
+
+        Pulses not recorded yet are missing there; `recorded` handles them.
+        """
+        self._news = set(self._unrecorded)
+
+    def recorded(self, key: PulseKey) -> bool:
+        """Handle a recorded pulse; False if some station must get it from the database."""
+        if key in self._recorded:
+            return True
+        known = self._unrecorded.pop(key, key) is None
+        if known:
+            self._recorded.add(key)
+            self._recent.append(key)
+            while len(self._recent) > REMEMBERED:
+                self._recorded.discard(self._recent.popleft())
+        if key in self._news:
+            self._news.discard(key)
+            return False
+        return known

@@ -1,0 +1,166 @@
+"""Ground stations that acknowledge pulses, each with a store number.
+
+Anyone can make up such a number. A store that has acknowledged a pulse is confirmed. Others are
+limited in number, and ignored for a while when they acknowledge none of many messages.
+"""
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from uavrt.core.units import ns_from_s
+from uavrt.link.allowance import Allowance
+from uavrt.link.tunnel.generations.wire import Ids
+
+PLAIN = 0
+"""Store number that stands for all ground stations without acknowledgements."""
+MOST_STORES = 8
+"""Most ground stations that are sent all pulses; anyone can make up store numbers."""
+NEW_STORES, NEW_STORES_PER_S = 4, 0.1
+"""New stores accepted: most at once, and per second."""
+STORE_SILENCE_NS = ns_from_s(10.0)
+"""Silence after which a ground station is removed [ns]; its pulses are on disk."""
+UNRESPONSIVE_SENDS = 64
+UNRESPONSIVE_NS = ns_from_s(10.0)
+"""Messages, and time [ns], without any acknowledgement after which a store is ignored: it is
+made up, or does not receive."""
+IGNORED_NS = ns_from_s(60.0)
+MOST_IGNORED = 64
+PATIENCE, SENDS_OF_PATIENCE = 8, 32
+"""Sendings of a burst's content to a store that has acknowledged none; one only, after this
+many in all. At 40 % loss each way, none of 32 is answered in one case of a million."""
+
+
+@dataclass(slots=True)
+class Store:
+    """A ground station that acknowledges pulses."""
+
+    place: Ids
+    received_ns: int
+    since_ns: int
+    """Time at which the station appeared [ns]."""
+    on_disk: bool = True
+    """True if pulses that the store lacks may be on disk and not in memory."""
+    acknowledges: bool = False
+    """True once the store has acknowledged a pulse, and so exists."""
+    sends: int = 0
+    """Number of messages sent to the store."""
+    reads_contents: bool = False
+    """True once the store has acknowledged the content of a burst."""
+    insides: int = 0
+    """Number of sent messages with the content of bursts."""
+
+    @property
+    def patience(self) -> float:
+        """Most sendings of one burst's content to this store."""
+        if self.reads_contents:
+            return math.inf
+        return PATIENCE if self.insides < SENDS_OF_PATIENCE else 1
+
+    def unresponsive(self, now_ns: int) -> bool:
+        """True if many messages over a long time brought no acknowledgement."""
+        tried = self.sends >= UNRESPONSIVE_SENDS and now_ns - self.since_ns >= UNRESPONSIVE_NS
+        return tried and not self.acknowledges
+
+
+class Stores:
+    """The stores that are present, and those for which pulses may be on disk."""
+
+    def __init__(self) -> None:
+        self._stores: dict[int, Store] = {}
+        self._new = Allowance(burst=NEW_STORES, per_s=NEW_STORES_PER_S)
+        self._ignored: dict[int, int] = {}
+        """Time since which a store that acknowledged nothing is ignored [ns], by number."""
+        self._plain_on_disk = False
+        self.refused = 0
+        """Number of receipts refused from new stores."""
+
+    def __len__(self) -> int:
+        return len(self._stores)
+
+    def __contains__(self, number: int) -> bool:
+        return number in self._stores
+
+    def __getitem__(self, number: int) -> Store:
+        return self._stores[number]
+
+    @property
+    def present(self) -> frozenset[int]:
+        """Numbers of the stores that are present."""
+        return frozenset(self._stores)
+
+    @property
+    def confirmed(self) -> frozenset[int]:
+        """Numbers of the stores that have acknowledged a pulse, and so exist."""
+        return frozenset(n for n, store in self._stores.items() if store.acknowledges)
+
+    def any_confirmed(self, numbers: Collection[int]) -> bool:
+        """True if one of the given stores has acknowledged a pulse."""
+        return any(self._stores[number].acknowledges for number in numbers)
+
+    def must_repeat(self, numbers: Collection[int]) -> bool:
+        """True if a pulse must be sent again for the stores that lack it.
+
+        Stores without any acknowledgement may be made up and must not fill the window; if they
+        exist, they get the pulse from disk.
+        """
+        if self.any_confirmed(numbers):
+            return True
+        for number in numbers:
+            self._stores[number].on_disk = True
+        return False
+
+    def admits(self, number: int, now_ns: int) -> bool:
+        """True if a new store is accepted; otherwise its receipt counts as refused."""
+        since_ns = self._ignored.get(number)
+        ignored = since_ns is not None and now_ns - since_ns < IGNORED_NS
+        if not ignored and self._new.take(now_ns) and len(self.confirmed) < MOST_STORES:
+            return True
+        self.refused += 1
+        return False
+
+    def to_replace(self) -> int | None:
+        """Store that must be removed before another is added; None if there is room."""
+        if len(self._stores) < MOST_STORES:
+            return None
+        unconfirmed = [n for n, store in self._stores.items() if not store.acknowledges]
+        return min(unconfirmed, key=lambda number: self._stores[number].received_ns)
+
+    def add(self, number: int, place: Ids, now_ns: int) -> None:
+        """Add a new store."""
+        self._stores[number] = Store(place, now_ns, since_ns=now_ns)
+
+    def silent(self, now_ns: int) -> list[int]:
+        """Stores to remove: silent, or without any acknowledgement."""
+        return [
+            number
+            for number, store in self._stores.items()
+            if now_ns - store.received_ns > STORE_SILENCE_NS or store.unresponsive(now_ns)
+        ]
+
+    def remove(self, number: int, now_ns: int | None = None) -> Store:
+        """Remove a store; with `now_ns` ignore it for a while if it was unresponsive."""
+        if now_ns is not None and self._stores[number].unresponsive(now_ns):
+            self._ignored[number] = now_ns
+            while len(self._ignored) > MOST_IGNORED:
+                del self._ignored[next(iter(self._ignored))]
+        return self._stores.pop(number)
+
+    def on_disk(self, *, unconfirmed: bool) -> int | None:
+        """A store, or None, for which pulses may be on disk; an unconfirmed one if allowed."""
+        for number, store in self._stores.items():
+            if store.on_disk and (store.acknowledges or unconfirmed):
+                return number
+        return PLAIN if self._plain_on_disk and not self._stores else None
+
+    def note_on_disk(self, number: int, *, on_disk: bool = True) -> None:
+        """Set whether pulses that a store lacks, or `PLAIN`, may be on disk."""
+        if number == PLAIN:
+            self._plain_on_disk = on_disk
+        elif number in self._stores:
+            self._stores[number].on_disk = on_disk
+
+    def disk_has_news(self) -> None:
+        """Record that every store may lack pulses on disk, as a flight was opened."""
+        for number in (PLAIN, *self._stores):
+            self.note_on_disk(number)

@@ -1,0 +1,162 @@
+"""Track pulse messages that were sent and are not yet acknowledged."""
+
+import math
+from bisect import bisect_left
+from collections import OrderedDict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Generic, Literal, TypeVar
+
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.link.tunnel.pulses.round_trips import FIRST_RTO_S, RoundTrips
+
+T = TypeVar("T")
+
+UNANSWERED_NS = ns_from_s(1.2)
+"""Time without any acknowledgement after which another link is tried [ns]."""
+REORDERING = 3
+BACKOFF = 1.5
+MAX_BACKOFF = 4.0
+DONE = 256
+"""Most acknowledged pulses kept, since another store may acknowledge them a little later."""
+
+ItemKey = tuple[int, int]
+"""Tag id and start time of a pulse."""
+EntryKey = ItemKey | tuple[int, int, int]
+"""Key of a pulse in memory; a third number marks a burst's content."""
+
+
+@dataclass(slots=True, eq=False)
+class Entry(Generic[T]):
+    """A pulse in memory, or the content of a burst."""
+
+    key: EntryKey
+    time_ns: int
+    item: T
+    inside: bytes | None = None
+    """Payload of a burst's content; None for a pulse."""
+    live: bool = True
+    """True for a new pulse, which goes to all; False for one read from disk for one store."""
+    state: Literal["waiting", "sent"] = "waiting"
+    sent_ns: int = 0
+    order: int = 0
+    overtaken: int = 0
+    sends: int = 0
+    tries: int = 0
+    """Number of sendings; two copies sent together count once."""
+    twin: bool = False
+    """True while the second of two copies waits."""
+    missing_at: set[int] = field(default_factory=set)
+    """Present stores that have not acknowledged this entry."""
+    stored_at: set[int] = field(default_factory=set)
+    """Stores that have acknowledged this entry."""
+    hashes: list[int] = field(default_factory=list)
+
+    @property
+    def pulse(self) -> ItemKey:
+        """Key of the pulse, also for a burst's content."""
+        return self.key[0], self.key[1]
+
+
+class Underway(Generic[T]):
+    """Sent messages without an acknowledgement, in the order of sending."""
+
+    def __init__(self) -> None:
+        self._sent: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
+        self._by_hash: dict[int, Entry[T]] = {}
+        self._done: OrderedDict[int, Entry[T]] = OrderedDict()
+        """Finished pulses by the hashes of their payloads."""
+        self._order = 0
+        self._trips = RoundTrips()
+        self._unanswered_since_ns: int | None = None
+        self.fresh_trip_s: float | None = None
+        """Round trip that the last receipt showed [s]; None if it showed none."""
+
+    def __len__(self) -> int:
+        return len(self._sent)
+
+    def add(self, entry: Entry[T], number: int, now_ns: int, *, awaited: bool) -> None:
+        """Add a message that is sent now.
+
+        `number`: hash of its payload. `awaited`: True if an acknowledgement is expected.
+        """
+        self._order += 1
+        if self._unanswered_since_ns is None and awaited:
+            self._unanswered_since_ns = now_ns
+        entry.state, entry.sent_ns, entry.order = "sent", now_ns, self._order
+        entry.overtaken = 0
+        self._sent[entry.key] = entry
+        if number not in entry.hashes:
+            entry.hashes.append(number)
+            self._by_hash[number] = entry
+
+    def by_hash(self, number: int) -> Entry[T] | None:
+        """Unfinished pulse with a given payload hash; None if there is none."""
+        return self._by_hash.get(number)
+
+    def finished(self, number: int) -> Entry[T] | None:
+        """Recently finished pulse with a given payload hash; None if there is none."""
+        return self._done.get(number)
+
+    def remove(self, entry: Entry[T]) -> None:
+        """Remove a message, if it is present."""
+        self._sent.pop(entry.key, None)
+
+    def finish(self, entry: Entry[T]) -> None:
+        """Remove a pulse for which no more acknowledgements are expected."""
+        self.remove(entry)
+        for number in entry.hashes:
+            self._by_hash.pop(number, None)
+            self._done[number] = entry
+        while len(self._done) > DONE:
+            self._done.popitem(last=False)
+
+    def restart(self) -> list[Entry[T]]:
+        """Remove and return all messages, since the link changed."""
+        self._unanswered_since_ns = None
+        self._trips = RoundTrips()
+        sent = list(self._sent.values())
+        self._sent.clear()
+        return sent
+
+    def _deadline_ns(self, entry: Entry[T]) -> int:
+        """Time at which a message counts as lost [ns]; later with each try."""
+        backoff = min(MAX_BACKOFF, BACKOFF ** (entry.tries - 1))
+        return entry.sent_ns + ns_from_s(self._trips.timeout_s * backoff)
+
+    def next_deadline_ns(self) -> float:
+        """Time at which the next message counts as lost [ns]; infinite without any."""
+        return min(map(self._deadline_ns, self._sent.values()), default=math.inf)
+
+    def late(self, now_ns: int) -> list[Entry[T]]:
+        """Messages that were not acknowledged in time."""
+        return [e for e in self._sent.values() if self._deadline_ns(e) <= now_ns]
+
+    def acknowledged(self, entries: Iterable[Entry[T]], now_ns: int) -> list[Entry[T]]:
+        """Handle the pulses of a receipt: measure round trips; return lost messages."""
+        arrived = [entry for entry in entries if entry.state == "sent"]
+        self.fresh_trip_s = None
+        for entry in arrived:
+            if entry.sends == 1:
+                self.fresh_trip_s = (now_ns - entry.sent_ns) / NANOSECONDS_PER_SECOND
+                self._trips.add(self.fresh_trip_s)
+        if not arrived:
+            return []
+        self._unanswered_since_ns = now_ns if self._sent else None
+        orders = sorted(entry.order for entry in arrived)
+        trip_ns = ns_from_s(self._trips.smoothed_s or FIRST_RTO_S)
+        lost = []
+        for entry in self._sent.values():
+            entry.overtaken += len(orders) - bisect_left(orders, entry.order)
+            if entry.overtaken >= REORDERING and now_ns - entry.sent_ns > trip_ns:
+                lost.append(entry)
+        return lost
+
+    def unanswered(self, now_ns: int) -> bool:
+        """True if sent messages have brought no answer for too long."""
+        since_ns = self._unanswered_since_ns
+        return since_ns is not None and now_ns - since_ns > UNANSWERED_NS
+
+    def expect_no_answer(self) -> None:
+        """Stop waiting for answers to sent messages, since a station is gone."""
+        self._unanswered_since_ns = None

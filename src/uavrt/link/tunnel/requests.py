@@ -1,0 +1,108 @@
+"""Repeatable requests and uploads as sets, as the numbered versions have them.
+
+From version 4 on a ground station repeats the same bytes until they are acknowledged. The drone
+keeps its last 16 acknowledgements for 120 s, and sends them again to repetitions.
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+from uavrt.core.commands import CommandId
+from uavrt.core.errors import TunnelError
+from uavrt.link.tunnel.generations.g2 import TagG2, UploadG2
+from uavrt.link.tunnel.own_messages.coded_tag import CodedTag
+
+KEPT = 16
+KEPT_S = 120.0
+
+Asker = tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Request:
+    payload: bytes
+    asked_s: float
+    answer: bytes | None = None
+
+
+class RequestCache:
+    """Recent requests of all ground stations, with their acknowledgements."""
+
+    def __init__(self) -> None:
+        self._requests: OrderedDict[tuple[Asker, int], _Request] = OrderedDict()
+
+    def repeated(
+        self, asker: Asker, request_id: int, payload: bytes, now_s: float
+    ) -> bytes | bool:
+        """Check whether a request is a repetition, and remember it if it is new.
+
+        Returns the acknowledgement to send again, True for a repetition in progress, False for
+        a new request. Raises `TunnelError` if another request had the same id.
+        """
+        if request_id == 0:
+            return False  # never kept
+        key = (asker, request_id)
+        known = self._requests.get(key)
+        if known is not None and now_s - known.asked_s <= KEPT_S:
+            if known.payload != payload:
+                raise TunnelError("request_id reuse: another command had this id", payload)
+            return True if known.answer is None else known.answer
+        self._requests[key] = _Request(payload, now_s)
+        self._requests.move_to_end(key)
+        while len(self._requests) > KEPT:
+            self._requests.popitem(last=False)
+        return False
+
+    def answered(self, asker: Asker, request_id: int, answer: bytes) -> None:
+        """Remember the acknowledgement of a request."""
+        known = self._requests.get((asker, request_id))
+        if known is not None:
+            known.answer = answer
+
+
+@dataclass(slots=True)
+class TagUpload:
+    """An upload of tags as a set, complete once every index has come."""
+
+    upload_id: int
+    tag_count: int
+    asker: Asker
+    indices: set[int] = field(default_factory=set)
+
+    def check_tag(self, message: TagG2 | CodedTag, asker: Asker) -> None:
+        """Raise `TunnelError` if a tag belongs to another upload or has a wrong index."""
+        if (message.upload_id, asker) != (self.upload_id, self.asker):
+            raise TunnelError(
+                f"stale upload_id {message.upload_id}: {self.upload_id} is open",
+                message.encode(),
+            )
+        if message.tag_index >= self.tag_count:
+            raise TunnelError(
+                f"tag_index {message.tag_index} is beyond tag_count {self.tag_count}",
+                message.encode(),
+            )
+
+    def check_end(self, message: UploadG2, asker: Asker) -> None:
+        """Raise `TunnelError` unless the upload is complete."""
+        payload = message.encode()
+        if (message.upload_id, asker) != (self.upload_id, self.asker):
+            raise TunnelError(
+                f"stale upload_id {message.upload_id}: {self.upload_id} is open", payload
+            )
+        if message.tag_count != self.tag_count:
+            raise TunnelError(
+                f"tag_count mismatch: {message.tag_count}, but {self.tag_count} at the start",
+                payload,
+            )
+        missing = sorted(set(range(self.tag_count)) - self.indices)
+        if missing:
+            some = ",".join(map(str, missing[:20]))
+            raise TunnelError(f"incomplete: missing {some}", payload)
+
+
+def open_upload(message: UploadG2, asker: Asker) -> TagUpload:
+    """Begin an upload; raises `TunnelError` if its number of tags is 0."""
+    assert message.command is CommandId.START_TAGS
+    if message.tag_count == 0:
+        raise TunnelError("tag_count is 0", message.encode())
+    return TagUpload(message.upload_id, message.tag_count, asker)

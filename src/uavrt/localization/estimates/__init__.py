@@ -1,0 +1,1 @@
+"""Estimates from a whole flight or log: turns, bearings, strengths and positions."""

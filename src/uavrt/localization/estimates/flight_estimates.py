@@ -1,0 +1,739 @@
+"""Estimate turns, bearings, strengths and positions of a flight, from its pulses and poses.
+
+Drone, page, report, batch and command line all call this module, so that they agree on a
+flight.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.earth.tangent_plane import plane_around
+from uavrt.core.errors import UsageError
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.localization.angles import widest_gap_deg
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
+from uavrt.localization.bearing.estimate_bearing import estimate_bearing
+from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
+from uavrt.localization.bearing.turns import Turn, find_turns
+from uavrt.localization.estimates.estimate_cache import Cache
+from uavrt.localization.estimates.heard import (
+    FlightGround,
+    Heard,
+    PoseColumns,
+    PulseColumns,
+    Rhythm,
+)
+from uavrt.localization.estimates.standing_receivers import strengths_of
+from uavrt.localization.headings import Headings, yaws_deg
+from uavrt.localization.position.bearings.stations import Stations
+from uavrt.localization.position.estimate_position import estimate_position
+from uavrt.localization.position.levels.power_evidence import PowerTrack
+from uavrt.localization.position.levels.strengths import Strengths
+from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
+from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
+from uavrt.localization.terrain.elevation import Elevation
+from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.tuning import FLIGHT
+
+NO_TIME = -1
+"""Time of a bearing that was noted without one [ns]; its tag is assumed to rest."""
+EDGE_NS = NANOSECONDS_PER_SECOND
+"""Time before and after a turn within which pulses belong to it [ns]: same place and
+heading."""
+NEVER_TURNED = (
+    "it was detected, but in no turn in place; receivers that do not turn add their strengths "
+    "to a position only with bearings of others"
+)
+_SURVEY_ALONE = "a survey by strength has a position of its own"
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadAs:
+    """Settings for reading a flight or log."""
+
+    antenna: AntennaPattern | str | None = None
+    """Antenna pattern, or its name; None is that of the flight."""
+    offset_deg: float = 0.0
+    """Direction of the boresight, clockwise from the heading stored with the pulses [deg]."""
+    height_m: float | None = None
+    """Height over the tags where the poses have none, for a monopole [m]."""
+    heading_sigma_deg: float = COMMON.heading_sigma_deg
+    """Standard deviation of the error that all headings of a flight share [deg]."""
+    height_sigma_m: float = SURVEY.height_sigma_m
+    """Standard deviation of the error that all heights over a tag share, for a monopole [m]."""
+    elevation: Elevation | None = None
+    """Elevation files for losses behind hills; None assumes level ground."""
+    bearing_method: BearingMethod | str = "pattern_ml"
+    method: PositionMethod | str = "bayes"
+    learn: bool = True
+    """True to correct the antenna's pattern by whole turns (``pattern_ml``)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagBearing:
+    """Bearing to a tag, with place and time."""
+
+    tag_id: int
+    bearing: Bearing
+    latitude_deg: float
+    """Median over the pulses; longitude and altitude are medians, too."""
+    longitude_deg: float
+    altitude_amsl_m: float
+    start_time_ns: int
+    """Time at or before the start of the first pulse [ns]."""
+    middle_time_ns: int
+    """Middle between the first and the last pulse [ns]; the bearing's time for a moving tag."""
+    end_time_ns: int
+    """Time at or after the start of the last pulse [ns]."""
+    heard: int = 0
+    turn: Turn | None = None
+    """Turn that the bearing was estimated from; None is unknown."""
+    number: int = 0
+    """Number of the turn in the flight, from 0."""
+    from_drone: bool = False
+    flight: int = 0
+    """Number of the flight or log, from 0; in a position, the receiver's number."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagPosition:
+    """Estimated position of a tag, or the reason why there is none."""
+
+    tag_id: int
+    position: Position | None
+    reason: str | None = None
+    frequency_hz: float | None = None
+    """Median frequency of the tag's pulses [Hz], where logs with pulses were read."""
+    name: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """Bearings and strengths by one receiver, for its own positions and those of others."""
+
+    bearings: Sequence[TagBearing] = ()
+    """Bearings in order of time and tag."""
+    strengths: Mapping[int, Strengths] = field(default_factory=dict)
+    """Strengths of received tags without a bearing, by tag."""
+    heard: frozenset[int] = frozenset()
+    """Numbers of tags with at least one pulse."""
+    frequencies_hz: Mapping[int, float] = field(default_factory=dict)
+    """Frequencies of received or listed tags [Hz], by tag."""
+    pattern: AntennaPattern | None = None
+    """Antenna's pattern as corrected by the turns; None without a turn."""
+
+    def bearings_of(self, tag_id: int) -> list[TagBearing]:
+        """Bearings of one tag."""
+        return [one for one in self.bearings if one.tag_id == tag_id]
+
+    def has_tag(self, tag_id: int) -> bool:
+        """True if there is a bearing or a strength of a tag."""
+        return tag_id in self.strengths or bool(self.bearings_of(tag_id))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimated:
+    """All bearings and positions of a flight."""
+
+    found: Found
+    positions: tuple[TagPosition, ...]
+    tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
+    """Pulse powers along the flight that positions by strength were estimated from, by tag."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeardInTurn:
+    """Pulses of one tag during one turn."""
+
+    tag_id: int
+    turn: Turn
+    number: int
+    """Number of the turn in the flight, from 0."""
+    pulses: PulseColumns
+    missed_yaw_deg: _Floats
+    """(m,) headings of the antenna at expected pulses that were not received [deg]."""
+
+    @property
+    def whole(self) -> bool:
+        """True if the turn is complete, or nearly."""
+        return abs(self.turn.turned_deg) >= FLIGHT.whole_turn_deg
+
+    @property
+    def snr_db(self) -> _Floats:
+        """(n,) SNR of the pulses."""
+        return self.pulses.snr_db
+
+    @property
+    def subject(self) -> tuple[int, int]:
+        """Key of tag and turn in the cache; it stays the same while the turn grows."""
+        return self.tag_id, int(self.pulses.time_ns[0])
+
+
+def turns_in(
+    poses: PoseColumns, *, least_turn_deg: float = FLIGHT.whole_turn_deg
+) -> list[Turn]:
+    """Find the turns of a flight, including one in progress."""
+    if len(poses.time_ns) < 4 or poses.on_ground.all():
+        return []  # what flew before is not among these poses any more
+    every = find_turns(
+        poses.time_ns,
+        poses.yaw_deg,
+        poses.latitude_deg,
+        poses.longitude_deg,
+        height_m=poses.flown_m,
+        on_ground=poses.on_ground,
+        least_turn_deg=FLIGHT.least_turn_deg,
+    )
+    last_ns = int(poses.time_ns[-1])
+    return [
+        turn
+        for turn in every
+        if abs(turn.turned_deg) >= least_turn_deg
+        or last_ns - turn.end_time_ns <= FLIGHT.in_progress_ns
+    ]
+
+
+def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
+    """Pulses, three or more, of each tag in each turn in place, in order of time and tag."""
+    pulses = {tag_id: own.turned(offset_deg) for tag_id, own in sorted(heard.pulses.items())}
+    rhythms = {tag.tag_id: Rhythm.of(tag) for tag in heard.tags}
+    yaw_deg = np.unwrap(heard.poses.yaw_deg, period=360.0)
+    if heard.one_turn:
+        return [_whole_log(tag_id, own, heard.poses) for tag_id, own in pulses.items()]
+    found = []
+    for number, turn in enumerate(turns_in(heard.poses)):
+        edges = [turn.start_time_ns - EDGE_NS, turn.end_time_ns + EDGE_NS + 1]
+        for tag_id, own in pulses.items():
+            first, last = map(int, np.searchsorted(own.time_ns, edges))
+            if last - first >= FLIGHT.least_pulses:
+                near = own.chosen(slice(max(0, first - 1), last + 1))
+                missed = _missed_yaws_deg(
+                    near, heard.poses.time_ns, yaw_deg, turn, rhythms.get(tag_id)
+                )
+                found.append(
+                    HeardInTurn(
+                        tag_id=tag_id,
+                        turn=turn,
+                        number=number,
+                        pulses=own.chosen(slice(first, last)),
+                        missed_yaw_deg=missed,
+                    )
+                )
+    return found
+
+
+def _whole_log(tag_id: int, pulses: PulseColumns, poses: PoseColumns) -> HeardInTurn:
+    yaw = np.unwrap(poses.yaw_deg, period=360.0)
+    turn = Turn(
+        start_time_ns=int(poses.time_ns[0]),
+        end_time_ns=int(poses.time_ns[-1]),
+        turned_deg=float(yaw[-1] - yaw[0]),
+        stops=0,
+        widest_gap_deg=widest_gap_deg(yaw),
+        latitude_deg=float(np.median(pulses.latitude_deg)),
+        longitude_deg=float(np.median(pulses.longitude_deg)),
+    )
+    return HeardInTurn(
+        tag_id=tag_id, turn=turn, number=0, pulses=pulses, missed_yaw_deg=np.zeros(0)
+    )
+
+
+def _missed_yaws_deg(
+    pulses: PulseColumns,
+    pose_ns: NDArray[np.int64],
+    yaw_deg: _Floats,
+    turn: Turn,
+    rhythm: Rhythm | None,
+) -> _Floats:
+    """Headings of the antenna at expected pulses of a turn that were not received [deg]."""
+    times = pulses.missed_ns(rhythm)
+    inside = times[(times >= turn.start_time_ns) & (times <= turn.end_time_ns)]
+    if not len(inside):
+        return inside
+    off_deg = yaws_deg(pulses.quaternion_wxyz) - np.interp(pulses.time_ns, pose_ns, yaw_deg)
+    offset = np.angle(np.mean(np.exp(1j * np.radians(off_deg))), deg=True)
+    return np.asarray(np.remainder(np.interp(inside, pose_ns, yaw_deg) + offset, 360.0))
+
+
+def _bearing_of(
+    tag_id: int,
+    pulses: PulseColumns,
+    missed_yaw_deg: _Floats,
+    pattern: AntennaPattern,
+    method: BearingMethod | str,
+) -> TagBearing:
+    half = np.radians(missed_yaw_deg) / 2.0
+    nothing = np.zeros(len(half))
+    missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
+    noise = pulses.noise_psd
+    known = bool(np.all(np.isfinite(noise) & (noise > 0.0)))
+    fill = np.full(len(half), np.median(noise) if known else 1.0)
+    bearing = estimate_bearing(
+        None,
+        np.concatenate([pulses.snr_db, np.full(len(half), np.nan)]),
+        method=method,
+        antenna=pattern,
+        quaternion_wxyz=np.concatenate([pulses.quaternion_wxyz, missed]),
+        noise_psd=np.concatenate([noise, fill]) if known else None,
+        threshold_db=FLIGHT.miss_threshold_db,
+        heading_sigma_deg=FLIGHT.own_heading_sigma_deg,
+    )
+    first_ns, last_ns = int(pulses.time_ns[0]), int(pulses.time_ns[-1])
+    return TagBearing(
+        tag_id=tag_id,
+        bearing=bearing,
+        latitude_deg=float(np.median(pulses.latitude_deg)),
+        longitude_deg=float(np.median(pulses.longitude_deg)),
+        altitude_amsl_m=float(np.median(pulses.altitude_amsl_m)),
+        start_time_ns=first_ns - FLIGHT.tick_ns // 2,
+        middle_time_ns=(first_ns + last_ns) // 2,
+        end_time_ns=last_ns + FLIGHT.tick_ns // 2,
+        heard=len(pulses.snr_db),
+    )
+
+
+def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
+    return replace(one, turn=turn, number=number)
+
+
+def learning_turns(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
+    """Turns from which the antenna's pattern is learned: complete ones with many pulses."""
+    whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
+    return whole[: FLIGHT.most_turns]
+
+
+def corrected_antenna(
+    heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
+) -> AntennaPattern:
+    """Pattern of the antenna corrected by whole turns; unchanged where they are too few."""
+    whole = learning_turns(heard)
+    pattern = pattern_named(antenna)
+    if len(whole) < FLIGHT.least_turns:
+        return pattern
+    turns = [
+        TurnPulses(
+            yaw_deg=np.concatenate(
+                [
+                    Headings.from_quaternions(one.pulses.quaternion_wxyz).yaw_deg,
+                    one.missed_yaw_deg,
+                ]
+            ),
+            matched_power=np.concatenate(
+                [1.0 + 10.0 ** (one.snr_db / 10.0), np.full(len(one.missed_yaw_deg), np.nan)]
+            ),
+        )
+        for one in whole
+    ]
+    return learn_pattern(turns, pattern, threshold_db=FLIGHT.miss_threshold_db)
+
+
+def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
+    """Pattern of the requested antenna, else of the one that received the pulses."""
+    return heard.antenna if how.antenna is None else how.antenna
+
+
+def learnt_pattern(
+    heard: Heard,
+    how: ReadAs,
+    turns: Sequence[HeardInTurn],
+    past: Sequence[HeardInTurn] = (),
+    cache: Cache | None = None,
+) -> AntennaPattern:
+    """Antenna's pattern learned from complete turns of this flight and of `past` ones."""
+    antenna = antenna_of(heard, how)
+    if not (how.learn and how.bearing_method == "pattern_ml" and turns):
+        return pattern_named(antenna)
+    over_ns = math.inf
+    if heard.goes_on and len(heard.poses.time_ns):
+        over_ns = int(heard.poses.time_ns[-1]) - 2 * EDGE_NS
+    shown = [*(one for one in turns if one.turn.end_time_ns < over_ns), *past]
+    return (cache or Cache()).get(corrected_antenna, learning_turns(shown), antenna)
+
+
+def bearings_of(
+    heard: Heard,
+    how: ReadAs | None = None,
+    past: Sequence[HeardInTurn] = (),
+    cache: Cache | None = None,
+) -> list[TagBearing]:
+    """One bearing for each tag and each turn in place, in order of time and tag.
+
+    Pulses that a known interval predicts and that were not received count as misses. `past`:
+    turns of other flights, for learning the pattern.
+    Raises `UsageError`: method or antenna is unknown, or the method cannot use the pulses.
+    """
+    return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
+
+
+def _bearings(
+    heard: Heard, how: ReadAs, past: Sequence[HeardInTurn], cache: Cache
+) -> tuple[list[TagBearing], AntennaPattern | None]:
+    turns = heard_in_turns(heard, how.offset_deg)
+    if not turns:
+        return [], None
+    pattern = learnt_pattern(heard, how, turns, past, cache)
+    found: dict[int, TagBearing | None] = {}
+    for number in cache.waiting("bearing", [one.subject for one in turns]):
+        found[number] = _tag_bearing(turns[number], pattern, how.bearing_method, cache)
+    ordered = [found[number] for number in range(len(turns))]
+    return [one for one in ordered if one is not None], pattern
+
+
+def _tag_bearing(
+    one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
+) -> TagBearing | None:
+    """Bearing of a tag in a turn, or the previous one while the cache defers its update."""
+    made_of = one.tag_id, one.pulses, one.missed_yaw_deg, pattern, method
+    known = cache.latest("bearing", one.subject, _bearing_of, *made_of)
+    return None if known is None else cache.get(_in_turn, known, one.turn, one.number)
+
+
+def find(
+    heard: Heard,
+    how: ReadAs | None = None,
+    past: Sequence[HeardInTurn] = (),
+    theirs: Sequence[TagBearing] = (),
+    cache: Cache | None = None,
+) -> Found:
+    """Bearings of a receiver, and strengths of tags without one.
+
+    A bearing of `theirs`, from the drone, replaces ours when it used more pulses of its turn.
+    The other parameters are those of `bearings_of`.
+    """
+    how, cache = how or ReadAs(), cache or Cache()
+    if antenna_of(heard, how) == MONOPOLE:
+        return with_strengths(heard, how, [], cache)
+    own, pattern = _bearings(heard, how, past, cache)
+    found = with_strengths(heard, how, _with_theirs(own, theirs), cache)
+    return replace(found, pattern=pattern)
+
+
+def with_strengths(
+    heard: Heard, how: ReadAs, bearings: Sequence[TagBearing], cache: Cache | None = None
+) -> Found:
+    """Add the strengths of tags without bearings to a receiver's bearings."""
+    cache = cache or Cache()
+    turned = {
+        one.tag_id
+        for one in bearings
+        if one.bearing.accepted
+        or (one.tag_id in heard.pulses and _is_of_turn(heard.pulses[one.tag_id]))
+    }
+    return Found(
+        bearings=bearings,
+        strengths={
+            tag_id: _strengths(heard, how, tag_id, cache)
+            for tag_id in sorted(heard.pulses.keys() - turned)
+        },
+        heard=frozenset(heard.pulses),
+        frequencies_hz=heard.frequencies_hz,
+    )
+
+
+def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strengths:
+    antenna = antenna_of(heard, how)
+    own = heard.pulses[tag_id].turned(0.0 if antenna == MONOPOLE else how.offset_deg)
+    return cache.get(
+        strengths_of,
+        heard.name,
+        own,
+        heard.poses.heights_m(own.time_ns),
+        heard.poses.on_ground_ns,
+        antenna,
+        heard.rhythm(tag_id),
+    )
+
+
+def _is_of_turn(pulses: PulseColumns) -> bool:
+    """True if a bearing without a clear direction is from a turn, not from one heading."""
+    yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
+    return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
+
+
+def _with_theirs(own: Sequence[TagBearing], theirs: Sequence[TagBearing]) -> list[TagBearing]:
+    found = list(own)
+    turns = 1 + max((one.number for one in own), default=-1)
+    for one in theirs:
+        ours = [each for each in found if each.tag_id == one.tag_id and _overlap(each, one)]
+        if any(each.heard >= one.heard for each in ours):
+            continue
+        found = [each for each in found if each not in ours]
+        found.append(replace(one, number=ours[0].number if ours else turns))
+    return sorted(found, key=lambda one: (_begins(one), one.tag_id)) if theirs else found
+
+
+def _overlap(one: TagBearing, other: TagBearing) -> bool:
+    if one.turn is None or other.turn is None:
+        return False
+    begin_ns = max(one.turn.start_time_ns, other.turn.start_time_ns)
+    return begin_ns <= min(one.turn.end_time_ns, other.turn.end_time_ns)
+
+
+def _begins(one: TagBearing) -> int:
+    return one.start_time_ns if one.turn is None else one.turn.start_time_ns
+
+
+def estimate(
+    heard: Heard,
+    how: ReadAs | None = None,
+    *,
+    past: Sequence[HeardInTurn] = (),
+    theirs: Sequence[TagBearing] = (),
+    others: Sequence[Found] = (),
+    cache: Cache | None = None,
+    at_once: Mapping[str, int] = MappingProxyType({}),
+) -> Estimated:
+    """Estimate all bearings and positions of a flight or log.
+
+    `past`: turns of earlier flights, for learning the antenna's pattern.
+    `theirs`: bearings estimated on the drone.
+    `others`: results of other receivers, used in positions where a number means a tag of the
+        same frequency.
+    `cache`: for repeated calls: unchanged results are kept.
+    `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
+        `Cache.begin`.
+    Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the
+        pulses.
+    """
+    how, cache = how or ReadAs(), cache or Cache()
+    cache.begin(at_once)
+    over = _over(heard, how, cache)
+    found = find(heard, how, past, theirs, cache)
+    alone: dict[int, TagPosition] = {}
+    tracks: dict[int, PowerTrack] = {}
+    if antenna_of(heard, how) == MONOPOLE:
+        alone, tracks = survey(heard, how, over, cache)
+        strengths = {
+            tag_id: replace(own, unused=_SURVEY_ALONE)
+            if tag_id in alone and alone[tag_id].position
+            else own
+            for tag_id, own in found.strengths.items()
+        }
+        found = replace(found, strengths=strengths)
+    positions = {one.tag_id: one for one in place([found, *others], how, over, cache)}
+    for tag_id, one in alone.items():
+        if (
+            one.position is not None
+            or tag_id not in positions
+            or not positions[tag_id].position
+        ):
+            positions[tag_id] = one
+    return Estimated(
+        found=found,
+        positions=tuple(positions[tag_id] for tag_id in sorted(positions)),
+        tracks=tracks,
+    )
+
+
+def _over(heard: Heard, how: ReadAs, cache: Cache) -> FlightGround | None:
+    return heard.over(how.elevation, partial(cache.get, HillLosses))
+
+
+def place(
+    found: Sequence[Found],
+    how: ReadAs | None = None,
+    over: FlightGround | None = None,
+    cache: Cache | None = None,
+) -> list[TagPosition]:
+    """Estimate one position for each tag with bearings, or received by the first receiver."""
+    how, cache = how or ReadAs(), cache or Cache()
+    tags = {one.tag_id for each in found for one in each.bearings}
+    every = sorted(tags.union(*(each.heard for each in found[:1])))
+    placed: dict[int, TagPosition | None] = {}
+    for number in cache.waiting("position", every):
+        tag_id = every[number]
+        placed[tag_id] = _placed(tag_id, _of_tag(tag_id, found), how, over, cache)
+    return [one for tag_id in every if (one := placed[tag_id]) is not None]
+
+
+def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
+    """Receivers for which a tag number means the same animal, by its frequency."""
+    known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
+    hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
+    if not hz:
+        return list(found)
+    return [
+        each
+        for each in found
+        if abs(each.frequencies_hz.get(tag_id, hz[0]) - hz[0]) <= FLIGHT.other_tag_hz
+    ]
+
+
+def _placed(
+    tag_id: int, found: Sequence[Found], how: ReadAs, over: FlightGround | None, cache: Cache
+) -> TagPosition | None:
+    # Each has its own gain: two flights may be of two drones under one number, and a shared
+    # gain narrows no circle by more than 4 %.
+    bearings = [
+        replace(one, flight=number)
+        for number, each in enumerate(found)
+        for one in each.bearings_of(tag_id)
+    ]
+    if not bearings:
+        return TagPosition(tag_id=tag_id, position=None, reason=NEVER_TURNED)
+    bearings.sort(key=_begins)
+    listeners = [each.strengths[tag_id] for each in found if tag_id in each.strengths]
+    try:
+        stations = _stations(bearings, over, listeners)
+    except UsageError as error:
+        return TagPosition(tag_id=tag_id, position=None, reason=str(error))
+    hills = None if over is None else over.hills
+    made_of = tag_id, stations, how.method, how.heading_sigma_deg, hills
+    return cache.latest("position", tag_id, _position_of, *made_of)
+
+
+def _stations(
+    bearings: Sequence[TagBearing], over: FlightGround | None, listeners: Sequence[Strengths]
+) -> Stations:
+    used = [one for one in bearings if one.bearing.accepted]
+    if not used:
+        raise UsageError(
+            "none of its bearings points in a clear direction", remedy="Fly nearer"
+        )
+    origin_ns = min(one.middle_time_ns for one in used)
+    times_s = [(one.middle_time_ns - origin_ns) / NANOSECONDS_PER_SECOND for one in used]
+    stations = Stations.of(
+        [one.latitude_deg for one in used],
+        [one.longitude_deg for one in used],
+        [one.bearing for one in used],
+        times_s if origin_ns != NO_TIME and max(times_s) <= FLIGHT.one_flight_s else None,
+        origin_ns,
+    )
+    height_m = None if over is None else over.heights_m([one.middle_time_ns for one in used])
+    receiver = np.array([one.flight for one in used], np.int64)
+    return replace(stations, receiver=receiver, height_m=height_m, listeners=tuple(listeners))
+
+
+def _position_of(
+    tag_id: int,
+    stations: Stations,
+    method: PositionMethod | str,
+    heading_sigma_deg: float,
+    hills: HillLosses | None,
+) -> TagPosition:
+    """Estimate a tag's position, and its path if its bearings contradict a fixed place."""
+    try:
+        found = estimate_position(
+            stations,
+            method=method,
+            heading_sigma_deg=heading_sigma_deg,
+            follow=True,
+            hills=hills,
+        )
+    except UsageError as error:
+        # One tag with a single bearing must not keep the others from the list.
+        return TagPosition(tag_id=tag_id, position=None, reason=str(error))
+    if method not in ("bayes", "track") and stations.listeners:
+        left_out = f"the method {method} takes bearings alone"
+        listeners = tuple(one.because(left_out) for one in stations.listeners)
+        found = replace(found, listeners=listeners)
+    return TagPosition(tag_id=tag_id, position=found)
+
+
+def survey(
+    heard: Heard, how: ReadAs, over: FlightGround | None = None, cache: Cache | None = None
+) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
+    """Positions and tracks from strength alone; raises `UsageError` if bearings are needed."""
+    cache = cache or Cache()
+    if how.method not in ("bayes", "track"):
+        raise UsageError(
+            f"{how.method} needs bearings, but a monopole gives none",
+            remedy="Use the method bayes, or track",
+        )
+    positions: dict[int, TagPosition] = {}
+    tracks: dict[int, PowerTrack] = {}
+    every = sorted(heard.pulses)
+    hills = None if over is None else over.hills
+    for number in cache.waiting("survey", every):
+        tag_id = every[number]
+        try:
+            track = power_track(heard, tag_id, how.height_m)
+        except UsageError as error:
+            positions[tag_id] = TagPosition(tag_id=tag_id, position=None, reason=str(error))
+            continue
+        made_of = tag_id, track, how.method, how.height_sigma_m, hills
+        found = cache.latest("survey", tag_id, _surveyed, *made_of)
+        if found is not None:
+            positions[tag_id] = found[0]
+            if found[0].position is not None:
+                tracks[tag_id] = found[1]
+    return positions, tracks
+
+
+def _surveyed(
+    tag_id: int,
+    track: PowerTrack,
+    method: PositionMethod | str,
+    height_sigma_m: float,
+    hills: HillLosses | None,
+) -> tuple[TagPosition, PowerTrack]:
+    try:
+        position = estimate_position(
+            None, track, method=method, height_sigma_m=height_sigma_m, follow=True, hills=hills
+        )
+    except UsageError as error:
+        return TagPosition(tag_id=tag_id, position=None, reason=str(error)), track
+    return TagPosition(tag_id=tag_id, position=position), track
+
+
+def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
+    """Collect a tag's pulses along the flight, missed ones of a listed tag included.
+
+    `height_m`: height over the tag, where the poses have no height above the start.
+    Raises `UsageError`: fewer than three pulses were received at a known place, or no height is
+        known.
+    """
+    own, poses = heard.pulses[tag_id], heard.poses
+    if len(own.time_ns) < 3:
+        raise UsageError(
+            f"detected {len(own.time_ns)} times at a known place",
+            remedy="At least three pulses are needed",
+        )
+    columns = [own.latitude_deg, own.longitude_deg, own.height_m, own.snr_db]
+    missed = np.rint(own.missed_ns(heard.rhythm(tag_id))).astype(np.int64)
+    times_ns = own.time_ns
+    if len(missed) and len(poses.time_ns) > 1:
+        known = poses.latitude_deg, np.unwrap(poses.longitude_deg, period=360.0), poses.height_m
+        there = [np.interp(missed, poses.time_ns, values) for values in known]
+        added = [*there, np.full(len(missed), np.nan)]
+        columns = [np.append(one, more) for one, more in zip(columns, added, strict=True)]
+        times_ns = np.append(times_ns, missed)
+    order = np.argsort(times_ns, kind="stable")
+    latitude, longitude, height, snr = (column[order] for column in columns)
+    times_ns = times_ns[order]
+    times_s = (times_ns - times_ns[0]) / NANOSECONDS_PER_SECOND
+    if height_m is not None:
+        height = np.where(np.isfinite(height), height, height_m)
+    if not np.isfinite(height).all():
+        raise UsageError(
+            "the log contains no heights above the ground",
+            remedy="Give the drone's height above the tags: --height 40",
+        )
+    return PowerTrack(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=np.maximum(height, FLIGHT.least_height_m),
+        snr_db=snr,
+        threshold_db=FLIGHT.miss_threshold_db,
+        time_s=times_s if times_s[-1] <= FLIGHT.one_flight_s else None,
+        origin_ns=int(times_ns[0]),
+    )
+
+
+def at_one_place(heard: Heard) -> bool:
+    """True if all pulses were received at one place, which gives no survey by strength."""
+    own = heard.pulses.values()
+    if not own:
+        return False
+    latitude = np.concatenate([one.latitude_deg for one in own])
+    longitude = np.concatenate([one.longitude_deg for one in own])
+    away_m = np.hypot(*plane_around(latitude, longitude).to_local(latitude, longitude))
+    return float(np.quantile(away_m, 0.95)) < POWER.least_extent_m

@@ -1,0 +1,1 @@
+"""Likelihood of a place from bearings, and whether they agree."""

@@ -1,0 +1,104 @@
+"""Bearings of one tag and their places: the input of position estimates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uavrt.localization.position.bearings.bearing_evidence import density_of
+from uavrt.localization.position.levels.strengths import Strengths
+from uavrt.localization.results import Bearing
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stations:
+    """Bearings of one tag and the places where they were taken."""
+
+    latitude_deg: _Floats
+    longitude_deg: _Floats
+    bearing_deg: _Floats
+    """(n,) bearings, clockwise from true north [deg]."""
+    sigma_deg: _Floats | None = None
+    """(n,) standard deviations [deg]; None estimates one for all bearings."""
+    posterior: _Floats | None = None
+    """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
+    level_db: _Floats | None = None
+    """(n,) SNR on boresight [dB], NaN where unknown. Differences show the distance."""
+    level_sigma_db: _Floats | None = None
+    """(n,) standard deviations of the levels [dB]; None is 0."""
+    height_m: _Floats | None = None
+    """(n,) height above the tag [m]; None is 0."""
+    receiver: NDArray[np.int64] | None = None
+    """(n,) number of the receiver of each bearing; None if one receiver took all."""
+    time_s: _Floats | None = None
+    """(n,) time of each bearing from any origin [s]; None assumes that the tag rests."""
+    origin_ns: int = 0
+    """UTC of `time_s` 0 [ns]; 0 where unknown."""
+    listeners: tuple[Strengths, ...] = ()
+    """Strengths of receivers that never turned, for the method ``bayes``."""
+
+    @property
+    def receivers(self) -> NDArray[np.int64]:
+        """(n,) number of the receiver of each bearing; 0 if one receiver took all."""
+        if self.receiver is None:
+            return np.zeros(len(self.bearing_deg), np.int64)
+        return self.receiver
+
+    @classmethod
+    def of(
+        cls,
+        latitude_deg: ArrayLike,
+        longitude_deg: ArrayLike,
+        bearings: list[Bearing],
+        time_s: ArrayLike | None = None,
+        origin_ns: int = 0,
+    ) -> "Stations":
+        """Convert estimated bearings to stations."""
+        densities = None
+        if any(one.posterior is not None for one in bearings):
+            densities = np.array(
+                [
+                    density_of(one.bearing_deg, one.sigma_deg)
+                    if one.posterior is None
+                    else one.posterior
+                    for one in bearings
+                ]
+            )
+        sigmas = [one.sigma_deg for one in bearings if one.sigma_deg is not None]
+        whole = len(bearings)
+        return cls(
+            latitude_deg=np.atleast_1d(np.asarray(latitude_deg, np.float64)),
+            longitude_deg=np.atleast_1d(np.asarray(longitude_deg, np.float64)),
+            bearing_deg=np.array([one.bearing_deg for one in bearings]),
+            sigma_deg=np.array(sigmas) if len(sigmas) == whole else None,
+            posterior=densities,
+            level_db=_known([one.level_db for one in bearings], np.nan),
+            level_sigma_db=_known([one.level_sigma_db for one in bearings], 0.0),
+            time_s=None if time_s is None else np.atleast_1d(np.asarray(time_s, np.float64)),
+            origin_ns=origin_ns,
+        )
+
+    @property
+    def with_levels(self) -> "Stations | None":
+        """Stations with a level, and the parameters of the levels; None where there is none."""
+        if self.level_db is None:
+            return None
+        known = np.isfinite(self.level_db)
+        sigma_db, height_m = self.level_sigma_db, self.height_m
+        return Stations(
+            latitude_deg=self.latitude_deg[known],
+            longitude_deg=self.longitude_deg[known],
+            bearing_deg=self.bearing_deg[known],
+            level_db=self.level_db[known],
+            level_sigma_db=None if sigma_db is None else sigma_db[known],
+            height_m=None if height_m is None else height_m[known],
+            receiver=self.receivers[known],
+        )
+
+
+def _known(values: list[float | None], unknown: float) -> _Floats | None:
+    if all(one is None for one in values):
+        return None
+    return np.array([unknown if one is None else one for one in values])

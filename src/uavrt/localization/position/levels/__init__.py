@@ -1,0 +1,1 @@
+"""Likelihood of a place from received power: levels, missed pulses, hills."""

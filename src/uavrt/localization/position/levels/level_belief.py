@@ -1,0 +1,250 @@
+"""Estimate of a tag's strength for each possible place, and its update by a pulse or a miss.
+
+Published trackers assume a known strength. Here every place (cell or particle) has a normal
+distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
+its first two moments. The strength is so estimated during the search.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import exp
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.runtime.lean_scipy import special
+from uavrt.localization.antenna import NULL_DB, AntennaPattern
+from uavrt.localization.position.levels.loss_error import LossError, doubtful_db
+from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
+from uavrt.localization.terrain.hill_losses import HillLosses
+
+_Floats = NDArray[np.floating[Any]]
+"""Array in single or double precision, as in the input."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listening:
+    """One expected pulse, received or missed."""
+
+    east_m: float
+    """East coordinate of the drone in the tracker's plane [m]."""
+    north_m: float
+    height_m: float
+    """Height of the drone above the tag [m]."""
+    snr_db: float | None
+    """SNR of the pulse [dB]; None is a miss, which shows where the tag is not."""
+    threshold_db: float = 10.0
+    """SNR above which the pulse would have been detected [dB]."""
+    yaw_deg: float | None = None
+    """Direction of the boresight, clockwise from true north; None for an upright monopole."""
+
+
+def false_pulse_density(heard: Listening) -> float:
+    """Density of the power of pulses that are not the tag's [1/dB].
+
+    Half of them are noise just above the threshold, and half have any strength. With any
+    strength for all, each weak false pulse would be evidence of a weak tag.
+    """
+    assert heard.snr_db is not None
+    over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
+    return 0.5 * LEVEL.any_strength_per_db + 0.5 / LEVEL.false_pulse_db * exp(
+        -over / LEVEL.false_pulse_db
+    )
+
+
+@lru_cache(maxsize=64)
+def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Gain in and across the plane of the elements, by the cosine off boresight (-1 to 1)."""
+    forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
+    aside = np.sqrt(1.0 - forward**2)
+    none = np.zeros_like(forward)
+    return (
+        pattern.gain_towards_db(forward, aside, none).astype(np.float32),
+        pattern.gain_towards_db(forward, none, aside).astype(np.float32),
+    )
+
+
+@lru_cache(maxsize=1)
+def _tails() -> NDArray[np.float32]:
+    """(n,) table of the logarithm of the normal distribution function, symmetric about 0."""
+    return special.log_ndtr(
+        np.arange(-LEVEL.tail_sigmas, LEVEL.tail_sigmas + LEVEL.tail_step, LEVEL.tail_step)
+    ).astype(np.float32)
+
+
+def log_normal_tail(u: _Floats) -> _Floats:
+    """Logarithm of the normal distribution function, from a table; constant beyond its ends."""
+    place = (np.clip(u, -LEVEL.tail_sigmas, LEVEL.tail_sigmas) + LEVEL.tail_sigmas) * (
+        1.0 / LEVEL.tail_step
+    ) + 0.5
+    return np.asarray(_tails()[place.astype(np.int32)])
+
+
+def antenna_gain_db(
+    pattern: AntennaPattern | None,
+    yaw_deg: _Floats | float | None,
+    dx: _Floats,
+    dy: _Floats,
+    height_m: _Floats | float,
+    slant_m: _Floats,
+) -> _Floats:
+    """Antenna gain of a level drone towards places at (dx, dy, height_m below) [dB]."""
+    if pattern is None or yaw_deg is None:
+        # cos² of the elevation, not below that of the null
+        flat = 1.0 - (height_m / slant_m) ** 2
+        return np.asarray(10.0 * np.log10(np.maximum(flat, 10.0 ** (NULL_DB / 10.0))))
+    yaw = np.radians(yaw_deg)
+    if isinstance(yaw_deg, float | int):
+        # As Python's floats they leave single precision as it is.
+        sine, cosine = float(np.sin(yaw)), float(np.cos(yaw))
+        ahead, right = dx * sine + dy * cosine, dx * cosine - dy * sine
+    else:
+        ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
+        right = dx * np.cos(yaw) - dy * np.sin(yaw)
+    forward = np.clip(ahead / slant_m, -1.0, 1.0)
+    place = ((forward + 1.0) * (0.5 * LEVEL.pattern_steps) + 0.5).astype(np.int32)
+    in_plane, across = _by_cosine(pattern)
+    gain = in_plane[place]
+    if pattern.h_plane_db is None:
+        return np.asarray(gain)
+    aside = right**2
+    share = aside / np.maximum(aside + height_m * height_m, 1e-6)
+    return np.asarray(share * gain + (1.0 - share) * across[place])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GroundEffect:
+    """Effect of the ground on a pulse, for a tag at each place."""
+
+    rise_m: _Floats
+    """Height of the ground above that at the take-off [m]."""
+    lost_db: _Floats
+    doubtful_db: _Floats
+    """Additional loss if the relative error of the losses is 1 [dB]."""
+
+    @classmethod
+    def hills(
+        cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
+    ) -> "GroundEffect | None":
+        """Ground effect between the drone and each place; None over level ground."""
+        if hills is None:
+            return None
+        up_m = float(heard.height_m) + hills.tag_m
+        drone = (float(heard.east_m), float(heard.north_m), up_m)
+        lost = hills.loss_db(drone, east_m, north_m).astype(east_m.dtype)
+        return cls(
+            rise_m=hills.rise_m(east_m, north_m).astype(east_m.dtype),
+            lost_db=lost,
+            doubtful_db=doubtful_db(lost),
+        )
+
+    def scatter_db(self, fading_db: float) -> _Floats:
+        """Standard deviation of fading and losses that differ from pulse to pulse [dB]."""
+        return np.asarray(np.hypot(fading_db, LOSS.pulse_share * self.lost_db))
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class LevelBelief:
+    """Mean and variance of the tag's SNR at 100 m, for each possible place."""
+
+    mean_db: _Floats
+    variance_db2: _Floats
+    known: bool = False
+    """True if the strength is known and not estimated."""
+    error: LossError | None = None
+    """Relative error of the losses behind hills; None over level ground."""
+
+    def expected_db(
+        self,
+        heard: Listening,
+        east_m: _Floats,
+        north_m: _Floats,
+        exponent: _Floats,
+        pattern: AntennaPattern | None,
+        behind: GroundEffect | None = None,
+    ) -> _Floats:
+        """Expected SNR at the drone if the tag is at each place [dB]."""
+        # As Python's floats they leave single precision as it is.
+        dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
+        height: _Floats | float = float(heard.height_m)
+        if behind is not None:
+            height = height - behind.rise_m
+        yaw = None if heard.yaw_deg is None else float(heard.yaw_deg)
+        slant2 = np.maximum(dx * dx + dy * dy + height**2, 1.0)
+        gain = antenna_gain_db(pattern, yaw, dx, dy, height, np.sqrt(slant2))
+        loss = exponent * (5.0 * np.log10(slant2) - 10.0 * np.log10(POWER.reference_m))
+        expected = self.mean_db - loss + gain
+        if behind is None:
+            return np.asarray(expected)
+        error = 0.0 if self.error is None else self.error.mean * behind.doubtful_db
+        return np.asarray(expected - behind.lost_db - error)
+
+    def spread_db2(self, behind: GroundEffect | None) -> _Floats:
+        """Variance of the expected SNR at the drone, without fading [dB²]."""
+        error = self.error
+        if error is None or behind is None:
+            return self.variance_db2
+        doubtful = behind.doubtful_db
+        both = doubtful * (doubtful * error.variance - 2.0 * error.with_level_db)
+        return np.asarray(np.maximum(self.variance_db2 + both, 0.0))
+
+    def update(
+        self,
+        heard: Listening,
+        expected_db: _Floats,
+        fading_db: _Floats | float,
+        *,
+        missed_share: float = LEVEL.by_chance,
+        chance_share: float = LEVEL.by_chance,
+        elsewhere: float = 0.0,
+        behind: GroundEffect | None = None,
+    ) -> _Floats:
+        """Update with one pulse or miss; returns its log-likelihood at each place.
+
+        `fading_db`: standard deviation of fading and of other unknown parts of the level.
+        `missed_share`: share of pulses missed at any strength.
+        `chance_share`: share of pulses that are not the tag's.
+        `elsewhere`: density [1/dB] of a pulse of this level from another source.
+        """
+        learns = not self.known or self.error is not None
+        variance: Any = fading_db**2
+        if learns:
+            variance = self.spread_db2(behind) + variance
+        if heard.snr_db is not None:
+            innovation = float(heard.snr_db) - expected_db
+            scale = (1.0 - missed_share) / LEVEL.root_two_pi / np.sqrt(variance)
+            density = np.exp(-0.5 * innovation * innovation / variance) * scale
+            others = chance_share * false_pulse_density(heard) + elsewhere
+            mixed = density + max(others, LEVEL.least_share)
+            if learns:
+                # What came by chance says nothing of the strength.
+                part = density / mixed / variance
+                self._learn(behind, part * innovation, part)
+            return np.asarray(np.log(mixed))
+        u = (float(heard.threshold_db) - expected_db) / np.sqrt(variance)
+        log_below = log_normal_tail(u)
+        below = np.exp(log_below) * (1.0 - missed_share)
+        mixed = below + max(missed_share, LEVEL.least_share)
+        if learns:
+            hazard = np.exp(-0.5 * u * u - log_below) / LEVEL.root_two_pi
+            ratio = below / mixed * hazard
+            part = np.clip(ratio * (ratio + u), 0.0, 1.0) / variance
+            self._learn(behind, -ratio / np.sqrt(variance), part)
+        return np.asarray(np.log(mixed))
+
+    def _learn(self, behind: GroundEffect | None, moved: _Floats, shrunk: _Floats) -> None:
+        """Update the level's mean and variance with a received level.
+
+        `moved`: deviation from the expected level over its variance [1/dB].
+        `shrunk`: reduction of the variance, over its square [1/dB²].
+        """
+        error, with_pulse = self.error, self.variance_db2
+        if error is not None and behind is not None:
+            with_pulse = with_pulse - behind.doubtful_db * error.with_level_db
+            crossed = error.with_level_db - behind.doubtful_db * error.variance
+            covariance = error.with_level_db - with_pulse * crossed * shrunk
+            learnt = error.learnt(behind.doubtful_db, moved, shrunk)
+            self.error = replace(learnt, with_level_db=covariance)
+        self.mean_db = self.mean_db + with_pulse * moved
+        self.variance_db2 = np.maximum(self.variance_db2 - with_pulse**2 * shrunk, 0.0)

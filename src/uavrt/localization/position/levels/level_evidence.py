@@ -1,0 +1,123 @@
+"""Likelihood of a place from the levels of rotations, and of receivers that never turned.
+
+A mast, a person, or a passing drone gives no bearing. Its pulses still contain the antenna's
+gain towards the tag, and the tag's level, which all receivers share. A receiver's gain, cable,
+noise and height over the ground are unknown; together they are one error of all its levels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.position.levels.level_belief import antenna_gain_db
+from uavrt.localization.position.levels.over_hills import TrackHillLosses
+from uavrt.localization.position.levels.strengths import Strengths
+from uavrt.localization.position.tuning import LEVEL, POWER
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Propagation:
+    """Knowledge of the path loss before the flight."""
+
+    exponent: float = 2.5
+    """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
+    exponent_sigma: float = 0.7
+    shadowing_db: float = 3.0
+    """Standard deviation of the loss by ground and plants at a place [dB]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Levels:
+    """Received levels in the local plane: rows of bearings, then rows of receivers."""
+
+    east_m: _Floats
+    north_m: _Floats
+    height_m: _Floats
+    level_db: _Floats
+    sigma_db: _Floats
+    group: NDArray[np.int64]
+    """(n,) number of the receiver whose error a level shares; -1 where only one turns.
+    Receivers that never turned have the first numbers."""
+
+
+class LevelEvidence:
+    """Log-likelihood of places, given two or more levels of bearings and other receivers.
+
+    Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
+    normal error. P has a flat prior and n a normal one. The error of a receiver that never
+    turned is normal, of one of two widths; that of each of several receivers that turn is
+    unknown. All integrate out in closed form.
+
+    `listeners`: receivers that never turned, in the order of their numbers.
+    """
+
+    def __init__(
+        self,
+        levels: Levels,
+        listeners: tuple[Strengths, ...],
+        propagation: Propagation,
+        over_hills: TrackHillLosses | None = None,
+    ) -> None:
+        self._levels, self._listeners, self._known = levels, listeners, propagation
+        self._over_hills = over_hills
+        self._variance_db2 = levels.sigma_db**2 + propagation.shadowing_db**2
+        groups = np.arange(levels.group.max() + 1)
+        errors = levels.group[:, None] == groups
+        # The unknown gains of receivers that turn contain P.
+        several = len(groups) > 0 and not listeners
+        self._errors = errors * 1.0 if several else np.insert(errors * 1.0, len(groups), 1.0, 1)
+        """(n, errors) 1 where a level contains a receiver's error or, in the last column, P."""
+        self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
+
+    def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """(places,) log-likelihood up to a constant."""
+        levels, over = self._levels, self._over_hills
+        dx, dy = east_m[:, None] - levels.east_m, north_m[:, None] - levels.north_m
+        height, variance = levels.height_m[np.newaxis], self._variance_db2[np.newaxis]
+        lost: _Floats | float = 0.0
+        if over is not None:
+            lost = over.lost_db(east_m, north_m).astype(np.float64)
+            height = height - over.hills.rise_m(east_m, north_m)[:, np.newaxis]
+            variance = variance + (POWER.hill_error * lost) ** 2
+        slant2 = dx * dx + dy * dy + np.maximum(np.abs(height), 1.0) ** 2
+        x = -5.0 * np.log10(slant2 / 100.0**2)
+        heard = levels.level_db + lost - self._gain_db(dx, dy, np.sqrt(slant2))
+        residual = heard - self._known.exponent * x
+        scores = [
+            np.log(share) + self._score(x, residual, 1.0 / variance, gain_db)
+            for share, gain_db in self._own_gains
+        ]
+        return np.asarray(np.logaddexp.reduce(scores))
+
+    def _gain_db(self, dx: _Floats, dy: _Floats, slant_m: _Floats) -> _Floats:
+        """(places, n) antenna gain towards places [dB]; 0 for bearings, taken on boresight."""
+        gain = np.zeros(dx.shape)
+        for number, one in enumerate(self._listeners):
+            rows = np.flatnonzero(self._levels.group == number)
+            for row, yaw_deg in zip(rows, one.yaw_deg, strict=True):
+                gain[:, row] = antenna_gain_db(
+                    *(one.antenna, float(yaw_deg), dx[:, row], dy[:, row]),
+                    *(max(abs(float(self._levels.height_m[row])), 1.0), slant_m[:, row]),
+                )
+        return gain
+
+    def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
+        """(places,) log-likelihood with P, the receivers' errors and n integrated out."""
+        errors, listeners = self._errors, len(self._listeners)
+        normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)
+        normal[:, range(listeners), range(listeners)] += gain_db**-2.0
+        both = np.stack([x, residual])
+        weighed = both * weight
+        explained = weighed @ errors
+        fitted = np.einsum("apj,pjk->apk", explained, np.linalg.inv(normal))
+        (xx, xr), (_, rr) = np.einsum("apn,bpn->abp", weighed, both) - np.einsum(
+            "apj,bpj->abp", fitted, explained
+        )
+        # What is left of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
+        prior = 1.0 / max(self._known.exponent_sigma, 1e-6) ** 2
+        score = np.log(weight).sum(axis=1) - np.linalg.slogdet(normal)[1]
+        score = score - 2.0 * listeners * np.log(gain_db) - np.log((xx + prior) / prior)
+        return np.asarray(0.5 * (score - rr + xr * xr / (xx + prior)))

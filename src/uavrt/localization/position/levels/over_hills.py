@@ -1,0 +1,49 @@
+"""Losses behind hills for a flight's pulses, from each possible place of the tag."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.position.tuning import POWER
+from uavrt.localization.terrain.hill_losses import HillLosses, LossesFrom
+
+_Floats = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrackHillLosses:
+    """Losses behind hills for the pulses of a track, by a ground model."""
+
+    hills: HillLosses
+    losses: LossesFrom
+    factor: float = 1.0
+    """Factor on the computed losses."""
+
+    @classmethod
+    def of(
+        cls, hills: HillLosses | None, east_m: _Floats, north_m: _Floats, up_m: _Floats
+    ) -> "TrackHillLosses | None":
+        """Losses for pulses received at positions; heights count from the take-off's ground.
+
+        `hills`: ground model in the plane of the places; None is level ground.
+        `east_m`, `north_m`, `up_m`: shape (n,).
+        """
+        if hills is None:
+            return None
+        return cls(hills=hills, losses=hills.seen_from(east_m, north_m, up_m))
+
+    def lost_db(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
+        """(places, n) loss of each pulse for a tag at each of the places (places,) [dB]."""
+        return self.losses(east_m, north_m) * np.float32(self.factor)
+
+    def chosen(self, pulses: NDArray[np.bool_] | NDArray[np.intp]) -> "TrackHillLosses":
+        """Losses for the pulses selected by an index array or a mask."""
+        return replace(self, losses=replace(self.losses, which=self.losses.which[pulses]))
+
+
+def track_error_db(lost_db: _Floats) -> float:
+    """Standard deviation of the error of losses (n,) [dB], without the common error."""
+    hidden = float(np.mean(lost_db > POWER.hidden_db))
+    return float(np.hypot(POWER.hill_error * np.std(lost_db), POWER.map_error_db * hidden**0.5))

@@ -1,0 +1,184 @@
+"""Place of the strongest signal of a survey, which is not the tag's place.
+
+A monopole receives nothing straight below it, so a tag is strongest on a ring around it: the
+largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n), 36 m for 40 m above the tag and an
+exponent of 2.5. Users of surveys walk to the peak, so maps label it.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.earth.tangent_plane import TangentPlane, plane_around
+from uavrt.core.errors import UsageError
+from uavrt.localization.position.levels.power_evidence import PowerTrack
+from uavrt.localization.position.tuning import POWER
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StrongestSignal:
+    """Place of the strongest signal on a track, some distance from the tag."""
+
+    latitude_deg: float
+    longitude_deg: float
+    snr_db: float
+    """Mean SNR of the pulses at the place [dB]."""
+    ring_radius_m: float
+    """Distance of the tag from the place [m], for a monopole and a loss exponent of 2.5."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SignalSurface:
+    """SNR over the ground, interpolated between the pulses: the colours of a signal map."""
+
+    latitude_deg: float
+    """Latitude of the local plane's origin."""
+    longitude_deg: float
+    east_m: _Floats
+    """(x,) grid coordinates east of the origin [m]."""
+    north_m: _Floats
+    """(y,) grid coordinates north of the origin [m]."""
+    snr_db: _Floats
+    """(y, x) SNR [dB]; NaN outside the track's convex hull."""
+
+
+def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:
+    """Strongest place of a track, six pulses averaged; raises `UsageError` without pulses."""
+    heard = np.flatnonzero(~np.isnan(track.snr_db))
+    if not len(heard):
+        raise UsageError(
+            "no pulse was received", remedy="Fly nearer, or check the tag's frequency"
+        )
+    mean = smoothed(track.snr_db[heard])
+    top = int(np.argmax(mean))
+    place = int(heard[top])
+    return StrongestSignal(
+        latitude_deg=float(track.latitude_deg[place]),
+        longitude_deg=float(track.longitude_deg[place]),
+        snr_db=float(mean[top]),
+        ring_radius_m=float(abs(track.height_m[place]) * np.sqrt(2.0 / exponent)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SignalSection:
+    """Side view of a survey: SNR by height and by distance along the ground from a place."""
+
+    distance_m: _Floats
+    """(x + 1,) edges of the cells over distance [m]."""
+    height_m: _Floats
+    """(y + 1,) edges of the cells over height above the tag [m]."""
+    snr_db: _Floats
+    """(y, x) median SNR of the pulses in each cell [dB]; NaN in empty cells."""
+
+
+def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
+    """Divide heights (n,) into the layers in which a survey was flown, lowest first.
+
+    A drone holds its height to a few metres: fixed layers of 10 m would split one level flight
+    at 40 m in two. So heights are divided where 5 m are empty, and ranges above 15 m, such as a
+    climb, into equal layers of 10 m at most.
+
+    Returns: low and high of each layer, low ≤ height < high; the last one includes its high.
+    """
+    ordered = np.sort(height_m)
+    bands: list[tuple[float, float]] = []
+    for level in np.split(ordered, np.flatnonzero(np.diff(ordered) > POWER.layer_m / 2.0) + 1):
+        low, high = float(level[0]), float(level[-1])
+        layers = (
+            1
+            if high - low <= 1.5 * POWER.layer_m
+            else int(np.ceil((high - low) / POWER.layer_m))
+        )
+        edges = np.linspace(low, high, layers + 1)
+        # Up to, not with, the upper edge, but for the highest pulse of each level.
+        edges[-1] = np.nextafter(high, np.inf)
+        bands += [(float(a), float(b)) for a, b in pairwise(edges)]
+    return bands
+
+
+def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
+    """Pulses of a track within a range of heights."""
+    low, high = band
+    inside = (track.height_m >= low) & (track.height_m < high)
+    return track.chosen(inside)
+
+
+def signal_section(
+    track: PowerTrack, latitude_deg: float, longitude_deg: float
+) -> SignalSection:
+    """Side view of a survey: SNR by height and by the distance from a place.
+
+    Around the tag a monopole's field is the same in all directions. The side view shows the
+    null above the tag, and the effect of height.
+
+    `latitude_deg`, `longitude_deg`: origin of distances: the tag's estimated position.
+    Raises `UsageError`: the survey was flown at one height.
+    """
+    heard = ~np.isnan(track.snr_db)
+    if len(height_bands(track.height_m[heard])) < 2:
+        raise UsageError("the survey was flown at one height", remedy="Fly at two")
+    plane = TangentPlane(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+    east, north = plane.to_local(track.latitude_deg[heard], track.longitude_deg[heard])
+    distance, height = np.hypot(east, north), track.height_m[heard]
+    across = _edges(0.0, float(distance.max()), 24, 5.0)
+    up = _edges(float(height.min()), float(height.max()), 12, 2.0)
+    column = np.clip(np.searchsorted(across, distance, "right") - 1, 0, len(across) - 2)
+    row = np.clip(np.searchsorted(up, height, "right") - 1, 0, len(up) - 2)
+    snr = np.full((len(up) - 1, len(across) - 1), np.nan)
+    for y, x in np.unique(np.stack([row, column]), axis=1).T:
+        snr[y, x] = np.median(track.snr_db[heard][(row == y) & (column == x)])
+    return SignalSection(distance_m=across, height_m=up, snr_db=snr)
+
+
+def _edges(low: float, high: float, cells: int, least: float) -> _Floats:
+    count = max(1, min(cells, int((high - low) / least)))
+    return np.linspace(low, max(high, low + least), count + 1)
+
+
+def smoothed(snr_db: _Floats) -> _Floats:
+    """(n,) SNR averaged over six consecutive pulses, fewer at the ends."""
+    window = np.ones(min(POWER.in_a_row, len(snr_db)))
+    total = np.convolve(snr_db, window, mode="same")
+    return np.asarray(total / np.convolve(np.ones(len(snr_db)), window, mode="same"))
+
+
+def signal_surface(track: PowerTrack) -> SignalSurface:
+    """Interpolate the smoothed SNR linearly between the places where pulses were received.
+
+    The grid's spacing is half of the pulses' spacing, at least 1 m, and between a 300th and a
+    60th of the track's extent.
+    Raises `UsageError`: the places do not span an area.
+    """
+    # The interpolator takes long to import, and only maps want it.
+    from scipy.interpolate import LinearNDInterpolator
+
+    heard = ~np.isnan(track.snr_db)
+    if np.count_nonzero(heard) < 4:
+        raise UsageError("fewer than four pulses make no map", remedy="Fly nearer to the tag")
+    plane = plane_around(track.latitude_deg[heard], track.longitude_deg[heard])
+    east, north = plane.to_local(track.latitude_deg[heard], track.longitude_deg[heard])
+    extent = float(max(np.ptp(east), np.ptp(north)))
+    apart = float(np.median(np.hypot(np.diff(east), np.diff(north)))) / 2.0
+    step = max(1.0, float(np.clip(apart, extent / 300.0, extent / 60.0)))
+    places = np.stack([east, north], axis=1)
+    across = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1]
+    if across / np.sqrt(len(places)) < 1.0:
+        raise UsageError(
+            "the pulses were received along one line, which makes no map",
+            remedy="Fly several lines",
+        )
+    surface = LinearNDInterpolator(places, smoothed(track.snr_db[heard]))
+    x = np.arange(east.min(), east.max() + step, step)
+    y = np.arange(north.min(), north.max() + step, step)
+    return SignalSurface(
+        latitude_deg=plane.latitude_deg,
+        longitude_deg=plane.longitude_deg,
+        east_m=x,
+        north_m=y,
+        snr_db=np.asarray(surface(*np.meshgrid(x, y)), np.float64),
+    )

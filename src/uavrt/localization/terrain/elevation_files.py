@@ -1,0 +1,61 @@
+"""Open elevation files: one file, or a folder of tiles."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from uavrt.core.errors import FormatError
+from uavrt.localization.terrain import geotiff_elevation as geotiff
+from uavrt.localization.terrain import srtm
+from uavrt.localization.terrain.elevation import ELLIPSOID, Elevation, Raster
+
+_REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder of these"
+
+
+def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
+    """Open an elevation file, or all of a folder.
+
+    `path`: ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
+    `sea`: treat places outside all files as water at height 0, as there are no tiles of the
+        open sea.
+    Raises `FormatError`: there are none, one of them is cut off, damaged or unsupported, or
+        only some are heights above the ellipsoid.
+    """
+    if not path.exists():
+        raise FormatError(f"there is no {path}", remedy=_REMEDY)
+    rasters = tuple(_rasters(path))
+    _check_datums(path, rasters)
+    return Elevation(rasters=rasters, sea=sea)
+
+
+def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
+    """Reject a mix of ellipsoid and other heights: a step of up to 100 m between them."""
+    above = next((one for one in rasters if one.datum == ELLIPSOID), None)
+    other = next((one for one in rasters if one.datum != ELLIPSOID), None)
+    if above is not None and other is not None:
+        says = "does not say what its heights count from"
+        if other.datum is not None:
+            says = f"from {other.datum}"
+        raise FormatError(
+            f"{path} mixes datums: {Path(above.name).name} counts from the ellipsoid, "
+            f"{Path(other.name).name} {says}: up to 100 m apart",
+            remedy="Keep files of one datum in a folder, or turn one into the other's: "
+            "gdalwarp -s_srs EPSG:4979 -t_srs EPSG:4326+5773",
+        )
+
+
+def _rasters(path: Path) -> Iterator[Raster]:
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    found = 0
+    for file in files:
+        name = file.name.lower()
+        if name.startswith(".") or not file.is_file():
+            continue
+        if name.endswith(srtm.SUFFIXES):
+            yield srtm.srtm_raster(file)
+        elif name.endswith(geotiff.SUFFIXES):
+            yield geotiff.geotiff_raster(file)
+        else:
+            continue
+        found += 1
+    if not found:
+        raise FormatError(f"{path} holds no heights of the ground", remedy=_REMEDY)

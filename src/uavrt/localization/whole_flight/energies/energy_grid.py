@@ -1,0 +1,457 @@
+"""A channel's samples as energies on a grid of slots and frequencies.
+
+A slot is a quarter or a half of a pulse. Its energy is the largest matched-filter power of the
+windows that begin in it or within the tag's jitter of it. Energies are standardised: mean 0 and
+variance 1 in noise, 0 without samples. Signals loud enough to be detected alone are left out
+with their surroundings, so that no single event makes a train. Those that look like a pulse and
+not like an impulse are marked, and trains of marks are searched as well.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.messages import Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+from uavrt.detection.search.grid import Grid, Spectrogram, make_grid, sliding_maximum
+from uavrt.dsp.zero_runs import zero_runs
+from uavrt.localization.whole_flight.energies.coded_bursts_over_flight import (
+    SinglePulses,
+    burst_columns,
+    pulse_starts_s,
+)
+from uavrt.localization.whole_flight.tuning import ENERGY
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlotEnergies:
+    """Standardised energy of each slot at each frequency."""
+
+    energy: NDArray[np.float32]
+    """(frequencies, slots) energies with mean 0 and variance 1 in noise; 0 without samples."""
+    heard: NDArray[np.bool_]
+    """(slots,) True for slots with an energy."""
+    offsets_hz: NDArray[np.float64]
+    """(frequencies,) offset from the tag's nominal frequency [Hz]."""
+    start_ns: int
+    """Time at which the first slot begins [ns, UTC]."""
+    slot_s: float
+    mean: NDArray[np.float64]
+    """(frequencies,) mean energy before standardisation, in units of the noise."""
+    sigma: NDArray[np.float64]
+    left_out: int
+    """Number of columns left out because they were too loud."""
+    level: NDArray[np.float32]
+    """(frequencies, slots) largest power over noise, loud pulses included, or 0."""
+    loud: NDArray[np.bool_]
+    """(frequencies, slots) True for a pulse loud enough to be detected alone."""
+    listened: NDArray[np.bool_]
+    """(slots,) True where there were samples."""
+    pulses: int = 1
+    """Number of pulses in a burst of a coded tag, whose energy is their mean; else 1."""
+    single: SinglePulses | None = None
+    """Energies of single pulses of a coded tag; None for other tags."""
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(slots,) middles of the slots, from `start_ns` [s]."""
+        return np.asarray((np.arange(len(self.heard)) + 0.5) * self.slot_s)
+
+    @property
+    def end_ns(self) -> int:
+        """Time at which the last slot ends [ns, UTC]."""
+        length_s = len(self.heard) * self.slot_s
+        return self.start_ns + round(length_s * NANOSECONDS_PER_SECOND)
+
+    def between(self, first: int, end: int) -> "SlotEnergies":
+        """Slots from one number to another, without a new standardisation."""
+        start_s = first * self.slot_s
+        return replace(
+            self,
+            energy=self.energy[:, first:end],
+            heard=self.heard[first:end],
+            start_ns=self.start_ns + round(start_s * NANOSECONDS_PER_SECOND),
+            level=self.level[:, first:end],
+            loud=self.loud[:, first:end],
+            listened=self.listened[first:end],
+            single=_joined_singles([self], first, end),
+        )
+
+    def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(slots,) True for slots with an energy not near times (n,) from `start_ns`."""
+        return self.heard & self._beyond(time_s)
+
+    def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        gone = np.zeros(len(self.heard), bool)
+        at = np.floor(time_s / self.slot_s).astype(np.intp)
+        for shift in range(-ENERGY.slots_beside, ENERGY.slots_beside + 1):
+            inside = at + shift
+            gone[inside[(inside >= 0) & (inside < len(gone))]] = True
+        return ~gone
+
+    def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
+        """Copy without energies near given times (n,) from `start_ns`."""
+        return self.where(self._beyond(time_s))
+
+    def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
+        """Copy with the energies of the chosen slots (slots,) only."""
+        return replace(
+            self,
+            energy=np.where(kept, self.energy, np.float32(0.0)),
+            heard=self.heard & kept,
+            level=np.where(kept, self.level, np.float32(0.0)),
+            loud=self.loud & kept,
+            listened=self.listened & kept,
+        )
+
+
+def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
+    """Join energies of consecutive parts of a flight, and standardise them as a whole.
+
+    `parts`: of one tag, each beginning where the previous one ends. Columns left out around a
+        part's slots are counted with it. Raises `ValueError` without parts.
+    """
+    first = parts[0] if parts else None
+    if first is None:
+        raise ValueError("there are no energies to join")
+    level = np.concatenate([one.level for one in parts], axis=1)
+    heard = np.concatenate([one.heard for one in parts])
+    energy, mean, sigma = _centred(
+        np.where(heard, level, np.float32(0.0)), heard, round(ENERGY.level_s / first.slot_s)
+    )
+    return replace(
+        first,
+        energy=energy,
+        heard=heard,
+        mean=mean,
+        sigma=sigma,
+        left_out=sum(one.left_out for one in parts),
+        level=level,
+        loud=np.concatenate([one.loud for one in parts], axis=1),
+        listened=np.concatenate([one.listened for one in parts]),
+        single=_joined_singles(parts),
+    )
+
+
+def _joined_singles(
+    parts: Sequence[SlotEnergies], first: int = 0, end: int | None = None
+) -> SinglePulses | None:
+    known = [one.single for one in parts if one.single is not None]
+    if not known:
+        return None
+    return SinglePulses(
+        level=np.concatenate([one.level[:, first:end] for one in known], axis=1),
+        starts_s=known[0].starts_s,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotLayout:
+    """Numbers of samples, columns and slots into which a tag's channel is divided."""
+
+    grid: Grid
+    columns_per_slot: int
+    reach: int
+    """Number of columns on each side of a slot's middle that are searched for its pulse."""
+    beyond: int = 0
+    """Number of columns from the first to the last pulse of a burst."""
+
+    @property
+    def samples_per_slot(self) -> int:
+        """Number of samples from one slot to the next."""
+        return self.columns_per_slot * self.grid.hop
+
+    @property
+    def slots_beside(self) -> int:
+        """Number of slots on each side of a stretch whose samples affect its energies."""
+        columns = (
+            2 * self.reach + 2 * ENERGY.hops_beside + -(-self.grid.window // self.grid.hop)
+        )
+        columns += self.beyond
+        return math.ceil(columns / self.columns_per_slot) + 2
+
+
+def slot_layout(
+    tag: Tag,
+    *,
+    sample_rate_hz: float,
+    center_frequency_hz: float,
+    frequency_window_hz: float,
+    slots_per_pulse: int = 2,
+) -> SlotLayout:
+    """Divide a tag's channel into slots; parameters as those of `slot_energies`."""
+    grid = make_grid(
+        sample_rate_hz=sample_rate_hz,
+        pulse_width_s=tag.pulse_width_s,
+        offset_hz=tag.frequency_hz - center_frequency_hz,
+        half_width_hz=frequency_window_hz,
+    )
+    per_slot = max(1, round(tag.pulse_width_s / slots_per_pulse / grid.hop_s))
+    half_s = 0.5 * per_slot * grid.hop_s
+    reach = math.ceil((tag.interval_jitter_s + half_s) / grid.hop_s - 0.5)
+    beyond = math.ceil(1.05 * sum(tag.gaps_s) / grid.hop_s)
+    return SlotLayout(grid=grid, columns_per_slot=per_slot, reach=reach, beyond=beyond)
+
+
+def gather(
+    blocks: Iterable[tuple[NDArray[np.complex64], int]], sample_rate_hz: float
+) -> tuple[NDArray[np.complex64], NDArray[np.bool_], int]:
+    """Put a channel's blocks at their times, with zeros where samples are missing.
+
+    Overlaps, as from a fast crystal, are left out. A clock that was set back, or changed by
+    hours, is treated as if it had not been set.
+
+    `blocks`: samples, and the time of the first [ns, UTC], in order.
+    Returns: samples (n,); False where samples are missing (n,); time of the first, 0 without
+        blocks.
+    """
+    parts: list[NDArray[np.complex64]] = []
+    gaps: list[tuple[int, int]] = []
+    start_ns = end = set_by = 0
+    least = max(2.0, ENERGY.least_step_s * sample_rate_hz)
+    for samples, time_ns in blocks:
+        if not len(samples):
+            continue
+        if not parts:
+            start_ns = time_ns
+        due = round((time_ns - start_ns) / NANOSECONDS_PER_SECOND * sample_rate_hz)
+        gap = due - end - set_by
+        if (
+            not -ENERGY.most_overlap_s * sample_rate_hz
+            <= gap
+            < ENERGY.most_gap_s * sample_rate_hz
+        ):
+            set_by += gap  # a clock that was set
+            gap = 0
+        if gap >= least:
+            gaps.append((end, end + gap))
+            parts.append(np.zeros(gap, np.complex64))
+            end += gap
+        elif gap <= -least:
+            samples = samples[-gap:]
+        parts.append(np.asarray(samples, np.complex64))
+        end += len(samples)
+    whole = np.concatenate(parts) if parts else np.zeros(0, np.complex64)
+    there = np.ones(len(whole), bool)
+    for low, high in gaps:
+        there[low:high] = False
+    return whole, there, start_ns
+
+
+def slot_energies(
+    samples: NDArray[np.complex64],
+    there: NDArray[np.bool_],
+    *,
+    tag: Tag,
+    start_ns: int,
+    sample_rate_hz: float,
+    center_frequency_hz: float,
+    frequency_window_hz: float,
+    slots_per_pulse: int = 2,
+) -> SlotEnergies:
+    """Measure the energy of each slot.
+
+    `samples`, `there`, `start_ns`: from `gather`. `tag`: its pulse width sets the window, its
+    jitter the margin around a slot. `frequency_window_hz`: half-width of the search around the
+    tag's nominal frequency. `slots_per_pulse`: 2, or 4 for a tag without jitter; 1 for a quick
+    search.
+    """
+    layout = slot_layout(
+        tag,
+        sample_rate_hz=sample_rate_hz,
+        center_frequency_hz=center_frequency_hz,
+        frequency_window_hz=frequency_window_hz,
+        slots_per_pulse=slots_per_pulse,
+    )
+    grid, per_slot, reach = layout.grid, layout.columns_per_slot, layout.reach
+    there = there & ~_dead(samples, round(ENERGY.dead_s * sample_rate_hz))
+    spectrogram = Spectrogram(grid)
+    hop = grid.hop
+    middle = grid.rows // 2
+    # Rows a quarter of a bin apart; every second loses 0.1 dB in the mean (sinc² at 1/8 bin).
+    rows = np.arange(middle % 2, grid.rows, 2)
+    chunk = max(round(ENERGY.chunk_s * sample_rate_hz), 4 * grid.window)
+    columns = len(samples) // hop
+    power = np.zeros((len(rows), columns), np.float32)
+    done = 0
+    while done < columns:
+        first = spectrogram.needed()
+        if first >= len(samples) + chunk:
+            break
+        new = spectrogram.push(_zeros_around(samples, first, first + chunk))
+        count = min(len(new), columns - done)
+        if not count and first >= len(samples):
+            break
+        power[:, done : done + count] = new[:count, rows].T
+        done += count
+    whole = _whole_windows(there, hop, grid.window, columns)
+    loud = _standardise(power, whole, round(ENERGY.level_s / grid.hop_s))
+    crest, wide = _channel_columns(samples, hop, grid.window, columns, sample_rate_hz)
+    top = power.max(axis=0) if columns else np.zeros(0, np.float32)
+    pulse = loud & (crest <= ENERGY.crest * np.maximum(top, ENERGY.loud_power))
+    loud |= wide & whole
+    power[:, ~whole] = 0.0
+    seen = (power > ENERGY.loud_power) & pulse
+    quiet = ~(~whole | _spread(loud, ENERGY.hops_beside))
+    single = power
+    if tag.coded:
+        bursts = burst_columns(power, seen, quiet, whole, tag, grid.hop_s)
+        power, seen = bursts.power, bursts.seen
+        quiet, whole = bursts.heard, bursts.listened
+    heard = ~_spread(~quiet, reach)
+    count = max(0, (columns - 2 * reach - per_slot) // per_slot)
+    # Slot s begins at column s × per_slot + reach; its value is looked at from its middle.
+    at = np.arange(count) * per_slot + per_slot // 2
+    level = _tops(power, reach, at)
+    marked = _tops(seen.astype(np.float32), reach, at) > 0.0
+    good = heard[at + reach]
+    energy = np.where(good, level, np.float32(0.0))
+    energy, mean, sigma = _centred(
+        energy, good, round(ENERGY.level_s / (per_slot * grid.hop_s))
+    )
+    return SlotEnergies(
+        energy=energy,
+        heard=good,
+        offsets_hz=grid.offsets_hz[rows] - (tag.frequency_hz - center_frequency_hz),
+        start_ns=start_ns + round(reach * grid.hop_s * NANOSECONDS_PER_SECOND),
+        slot_s=per_slot * grid.hop_s,
+        mean=mean,
+        sigma=sigma,
+        left_out=int(np.count_nonzero(loud)),
+        level=level,
+        loud=marked,
+        listened=~_spread(~whole, reach)[at + reach],
+        pulses=1 + len(tag.gaps_s),
+        single=None
+        if not tag.coded
+        else SinglePulses(level=_tops(single, reach, at), starts_s=pulse_starts_s(tag)),
+    )
+
+
+def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
+    """True for samples in runs of at least `length` exact zeros."""
+    dead = np.zeros(len(samples), bool)
+    for first, end in zero_runs(samples, least):
+        dead[first:end] = True
+    return dead
+
+
+def _zeros_around(
+    samples: NDArray[np.complex64], first: int, end: int
+) -> NDArray[np.complex64]:
+    before, after = max(0, -first), max(0, end - max(first, len(samples)))
+    part = samples[max(first, 0) : max(end, 0)]
+    return np.pad(part, (before, after)) if before or after else part
+
+
+def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArray[np.float32]:
+    tops = sliding_maximum(np.ascontiguousarray(power.T), reach).T if reach else power
+    return np.ascontiguousarray(tops[:, at])
+
+
+def _channel_columns(
+    samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Largest sample over noise in each column, and True where the whole channel is loud."""
+    crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
+    length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
+    beyond = -(-window // hop)
+    for low in range(0, columns, length):
+        high = min(low + length, columns)
+        more = min(high + beyond, columns)
+        end = len(samples) if more == columns else more * hop
+        part = samples[low * hop : max(end, min(high * hop + window, len(samples)))]
+        power = part.real**2 + part.imag**2
+        first = np.arange(more - low) * hop
+        total = np.zeros(len(power) + 1)
+        np.cumsum(power, out=total[1:])
+        at = first[: high - low]
+        some = total[np.minimum(at + window, len(power))] - total[at]
+        there = some[some > 0.0]
+        peaks = np.maximum.reduceat(power, first)
+        largest = peaks.copy()
+        for later in range(1, min(beyond, len(peaks))):
+            largest[:-later] = np.maximum(largest[:-later], peaks[later:])
+        crest[low:high] = largest[: high - low]
+        if not len(there):
+            continue
+        middle = float(np.median(there))
+        sigma = 1.4826 * float(np.median(np.abs(there - middle)))
+        wide[low:high] = some > middle + ENERGY.wide_sigmas * sigma
+        crest[low:high] /= max(middle / window, 1e-30)
+    return crest, wide
+
+
+def _whole_windows(
+    there: NDArray[np.bool_], hop: int, window: int, columns: int
+) -> NDArray[np.bool_]:
+    whole = np.ones(columns, bool)
+    whole[max(0, (len(there) - window) // hop + 1) :] = False
+    missing = np.flatnonzero(~there)
+    breaks = np.flatnonzero(np.diff(missing) > 1)
+    firsts = missing[np.concatenate(([0], breaks + 1))] if len(missing) else missing
+    ends = missing[np.concatenate((breaks, [-1]))] + 1 if len(missing) else missing
+    for low, high in zip(firsts.tolist(), ends.tolist(), strict=True):
+        whole[max(0, -(-(low - window + 1) // hop)) : -(-high // hop)] = False
+    return whole
+
+
+def _standardise(
+    power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
+) -> NDArray[np.bool_]:
+    """Divide by the noise of each row and time, in place; returns True for loud columns."""
+    columns = power.shape[1]
+    loud = np.zeros(columns, bool)
+    side = ENERGY.level_rows // 2
+    for part in _stretches(columns, length):
+        some, good = power[:, part], whole[part]
+        if np.count_nonzero(good) < length // 8:
+            loud[part] = True  # too little to know the noise
+            some[:] = 0.0
+            continue
+        medians = np.median(some[:, good], axis=1)
+        levels = np.array(
+            [
+                np.median(medians[max(0, row - side) : row + side + 1])
+                for row in range(len(medians))
+            ]
+        )
+        some /= np.maximum(levels / math.log(2.0), 1e-30)[:, np.newaxis].astype(np.float32)
+        loud[part] = some.max(axis=0) > ENERGY.loud_power
+    return loud & whole
+
+
+def _stretches(count: int, length: int) -> list[slice]:
+    first = range(0, max(count - length // 2, 1), length)
+    return [slice(low, min(low + length, count)) for low in first[:-1]] + [
+        slice(first[-1], count)
+    ]
+
+
+def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    counts = np.concatenate(([0], np.cumsum(flags)))
+    at = np.arange(len(flags))
+    low, high = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(flags))
+    return np.asarray(counts[high] > counts[low])
+
+
+def _centred(
+    energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
+) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
+    """Shift each stretch of a row to mean 0, and scale each row to variance 1."""
+    result = np.zeros_like(energy)
+    rows = len(energy)
+    if not good.any():
+        return result, np.zeros(rows), np.ones(rows)
+    mean = energy[:, good].mean(axis=1, dtype=np.float64)
+    for part in _stretches(energy.shape[1], length):
+        heard = good[part]
+        if heard.any():
+            some = energy[:, part][:, heard]
+            result[:, part][:, heard] = some - some.mean(axis=1, keepdims=True)
+    sigma = np.maximum(result[:, good].std(axis=1, dtype=np.float64), 1e-6)
+    result /= sigma[:, np.newaxis].astype(np.float32)
+    return result, mean, sigma

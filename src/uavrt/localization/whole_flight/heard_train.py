@@ -1,0 +1,240 @@
+"""Slots of a folded train's pulses, and the likelihood ratio of their energies.
+
+A slot's energy in noise is the largest of m unit exponentials; their mean gives m, which
+depends on jitter and slot. With a pulse of energy S two of them, the windows that hold most of
+it, are noncentral chi-squares of 2 degrees of freedom (a constant amplitude of unknown phase).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, ndimage, special, stats
+
+from uavrt.localization.whole_flight.drifting import train_times_s
+from uavrt.localization.whole_flight.energies.coded_bursts_over_flight import (
+    exponentials,
+    log_ratio_parts,
+)
+from uavrt.localization.whole_flight.energies.energy_grid import SlotEnergies
+from uavrt.localization.whole_flight.flight_judgement import FoldedTrain
+from uavrt.localization.whole_flight.tag_places import Places
+from uavrt.localization.whole_flight.tuning import PLACE
+
+_Floats = NDArray[np.float64]
+AMPLITUDES = np.arange(0.0, 22.05, 0.1)
+"""Amplitudes in the tables, in units of the noise, up to 27 dB. Stronger pulses are reduced
+with their expected strength, since noise moves them by less than 0.3 dB."""
+STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
+"""Expected strengths of pulses in the tables, energy over noise [dB]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrainPulses:
+    """Times and energies of the slots that contain a train's pulses."""
+
+    time_s: _Floats
+    """(n,) times from the first slot's beginning [s]."""
+    energy: _Floats
+    """(n,) energies in units of the noise."""
+    interval_s: float
+    offset_hz: float
+    pulses: int = 1
+    """Number of pulses in a burst, of which each energy is the mean."""
+
+
+def train_pulses(
+    energies: SlotEnergies, train: FoldedTrain, gain: _Floats, gain_time_s: _Floats
+) -> TrainPulses:
+    """Refine a train between the cells of the search, and return its slots' energies."""
+    slot_s, slots = energies.slot_s, energies.energy.shape[1]
+    span_s = slots * slot_s
+    count = int((span_s - train.phase_s) / train.interval_s) + 1
+    weight = np.ones(slots)
+    if not train.loud:  # its marks do not depend on place
+        weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
+    step_s = slot_s / max(count - 1, 1)
+    row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
+    rows = range(max(0, row - 1), min(len(energies.energy), row + 2))
+    row_energies = {near: limited_energies(energies, near) for near in rows}
+    best, kept = -np.inf, (row, train.phase_s, train.interval_s)
+    for interval_s in train.interval_s + step_s * np.linspace(-1.5, 1.5, 13):
+        for phase_s in train.phase_s + slot_s * np.linspace(-1.5, 1.5, 13):
+            time_s = train_times_s(phase_s, interval_s, train.drift, span_s)
+            at = np.floor(time_s / slot_s).astype(np.intp)
+            at = at[(at >= 0) & (at < slots)]
+            for near in rows:
+                score = float(weight[at] @ row_energies[near][at])
+                if score > best:
+                    best, kept = score, (near, float(phase_s), float(interval_s))
+    row, phase_s, interval_s = kept
+    time_s = train_times_s(phase_s, interval_s, train.drift, span_s)
+    at = np.floor(time_s / slot_s).astype(np.intp)
+    good = (at >= 0) & (at < slots)
+    good[good] = (energies.heard | energies.loud[row])[at[good]]
+    return TrainPulses(
+        time_s=time_s[good],
+        energy=energies.level[row, at[good]].astype(np.float64),
+        interval_s=interval_s,
+        offset_hz=float(energies.offsets_hz[row]),
+        pulses=energies.pulses,
+    )
+
+
+def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
+    """Energies at one frequency; loud pulses are limited to just below the loud level."""
+    energy = energies.energy[row].copy()
+    loud = energies.loud[row] & ~energies.heard
+    energy[loud] = (
+        np.log(energies.level[row, loud]) * PLACE.loud_factor - energies.mean[row]
+    ) / (energies.sigma[row])
+    return np.asarray(energy)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeardTrain:
+    """Train of pulses in one flight, and the places examined for its tag."""
+
+    pulses: TrainPulses
+    mean_noise_energy: float
+    """Mean energy of a slot in noise, from which the number of exponentials follows."""
+    places: Places
+    log_trains: float | None = None
+    """Logarithm of the number of trains of which this is the best; None assumes that it is the
+    tag's. A weak one may be another train; the flight then has no information."""
+    rates: int = 1
+    """Number of the tag's rates, of which some slots may have had another."""
+
+    @classmethod
+    def among(
+        cls,
+        energies: SlotEnergies,
+        pulses: TrainPulses,
+        places: Places,
+        *,
+        rates: int,
+        log_trains: float | None = None,
+    ) -> "HeardTrain":
+        """Train found in noise, with the statistics of the noise at its frequency."""
+        row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
+        quiet = energies.away_from(pulses.time_s)
+        mean = energies.mean[row]
+        if pulses.pulses == 1 and np.count_nonzero(quiet) >= PLACE.least_quiet:
+            mean = energies.level[row, quiet].mean()
+        return cls(
+            pulses=pulses,
+            mean_noise_energy=float(mean),
+            places=places,
+            log_trains=log_trains,
+            rates=rates,
+        )
+
+
+def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
+    """(levels, slots) log likelihood ratio of a pulse in each slot.
+
+    `gain` (slots,): energy of a pulse relative to the strongest.
+    `levels_db` (levels,): energy over noise of the strongest.
+    """
+    table = likelihood_table(one)
+    column, beyond_db = table_columns(one.pulses.energy)
+    gain_db = 10.0 * np.log10(gain + 1e-9) - beyond_db
+    strength = np.rint(
+        (gain_db + levels_db[:, np.newaxis] - STRENGTHS_DB[0]) / PLACE.strength_step_db
+    )
+    strength = np.clip(strength, 0, len(table) - 1).astype(np.intp)
+    return np.asarray(table[strength, column])
+
+
+def table_columns(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
+    """Columns of `likelihood_table` for energies, and how far these exceed it [dB]."""
+    amplitude = np.sqrt(np.maximum(energy, 0.0))
+    beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))
+    column = np.rint(np.minimum(amplitude, AMPLITUDES[-1]) / AMPLITUDES[1])
+    return column.astype(np.intp), beyond_db
+
+
+def noise_reaches(one: HeardTrain, share: float) -> float:
+    """Energy of a slot that noise alone exceeds in a given share of slots."""
+    pulses, mean = one.pulses.pulses, one.mean_noise_energy
+    many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
+    return float(special.gammaincinv(pulses, (1.0 - share) ** (1.0 / many)) / pulses)
+
+
+def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) -> _Floats:
+    """Log likelihood ratios of the energies of a train's pulses, or bursts.
+
+    `fading_db`: standard deviation of single pulses, from pattern, poses and ground beyond the
+        model.
+    Returns: shape (strengths `PLACE.strength_step_db` apart, amplitudes).
+    """
+    pulses, mean = one.pulses.pulses, one.mean_noise_energy
+    many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
+    finer = np.arange(
+        STRENGTHS_DB[0], STRENGTHS_DB[-1] + 0.5 * PLACE.strength_step_db, PLACE.strength_step_db
+    )
+    logs = _log_ratios(many, pulses, fading_db)
+    return np.asarray(interpolate.CubicSpline(STRENGTHS_DB, logs)(finer))
+
+
+def _exponentials(mean: float) -> float:
+    """Number of unit exponentials whose largest has a given mean: H(m) = mean."""
+    many = np.linspace(1.0, 12.0, 1101)
+    means = special.digamma(many + 1.0) + np.euler_gamma
+    return float(many[int(np.argmin(np.abs(means - mean)))])
+
+
+def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
+    """(strengths, amplitudes) log likelihood ratio of a slot's energy.
+
+    For bursts, the mean of their pulses replaces E, and of the largest of m one may be a
+    burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. Fading affects all pulses of a burst
+    alike.
+    """
+    energy = np.maximum(AMPLITUDES, 0.1) ** 2
+    if pulses == 1:
+        ratio = _pulse_ratio(energy, many)
+    else:
+        strength = 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
+        density, law = log_ratio_parts(energy, strength, pulses)
+        ratio = density / many + (many - 1.0) / many * law
+    step = STRENGTHS_DB[1] - STRENGTHS_DB[0]
+    usual, odd = (
+        ndimage.gaussian_filter1d(ratio, one_db / step, axis=0, mode="nearest")
+        for one_db in (fading_db, max(fading_db, PLACE.odd_fading_db))
+    )
+    ratio = (
+        (1.0 - 2.0 * PLACE.outlier_share) * usual
+        + PLACE.outlier_share * odd
+        + PLACE.outlier_share
+    )
+    return np.asarray(np.maximum(np.log(ratio), PLACE.least_log))
+
+
+def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
+    """Likelihood ratio of the largest of m exponentials, two of which may be a pulse's.
+
+    With f and F the densities, over that of noise, and laws of their energies, N = 1 - e^-E
+    and q = 1, it is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q); q falls
+    to 0 with m to 1.
+    """
+    below = -np.expm1(-energy)
+    (first, first_law), (second, second_law) = (
+        _pulse_law(energy, part) for part in PLACE.windows
+    )
+    both = min(1.0, many - 1.0)
+    law = np.maximum(second_law, 1e-300) ** both
+    ratio = first * law + both * second * first_law * law / np.maximum(second_law, 1e-300)
+    ratio /= many * below**both
+    return np.asarray(
+        ratio + (many - 1.0 - both) / many * first_law * law / below ** (1.0 + both)
+    )
+
+
+def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
+    """Density over that of noise, and distribution function, of a window in a pulse."""
+    strength = part * 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
+    x = 2.0 * np.sqrt(energy * strength)
+    # Bounded: energies this far above noise are certain.
+    density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
+    return density, np.asarray(stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength))

@@ -1,0 +1,37 @@
+"""Decide for single slots of a found train if the tag used the rate and is visible there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.whole_flight.heard_train import HeardTrain, noise_reaches, slot_logs
+from uavrt.localization.whole_flight.rate_of_flight import likeliest_states
+from uavrt.localization.whole_flight.tuning import PLACE
+
+_LEVELS_DB = np.arange(0.0, 50.0, 1.0)
+"""Levels of the strongest pulse that are tried [dB]; the best is used."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlotEvidence:
+    """Evidence for a pulse in each slot of a train."""
+
+    at_rate: NDArray[np.bool_]
+    """(n,) True if the tag used the train's rate; always for a tag with one rate."""
+    supported: NDArray[np.bool_]
+    """(n,) True if the tag used the rate, and the slot's energy exceeds 95 % of noise slots."""
+
+
+def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:
+    """Judge each slot of a train separately.
+
+    `one`: train of a tag that was found.
+    `gain` (slots,): energy of a pulse from the likeliest place in each slot, relative to the
+    strongest.
+    """
+    at_rate = np.ones(len(one.pulses.energy), bool)
+    if one.rates > 1:
+        at_rate = likeliest_states(slot_logs(one, gain, _LEVELS_DB))
+    above = one.pulses.energy > noise_reaches(one, PLACE.noise_share)
+    return SlotEvidence(at_rate=at_rate, supported=at_rate & above)

@@ -1,0 +1,213 @@
+"""Possible places of a tag, and the strength of its pulses from each over a flight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.earth.tangent_plane import TangentPlane, plane_around
+from uavrt.core.errors import UsageError
+from uavrt.core.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_db
+from uavrt.localization.estimates.heard import PoseColumns
+from uavrt.localization.headings import Headings
+from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.whole_flight.tuning import SEARCH
+
+_Floats = NDArray[np.float64]
+BEARING_STEP_DEG = 360.0 / SEARCH.bearings
+RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1))
+"""Ratio of each ring's radius to the next smaller one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Places:
+    """Possible places around a flight, and the relative energy of pulses from each."""
+
+    plane: TangentPlane
+    east_m: _Floats
+    """(places,) east of the middle of the flight [m]."""
+    north_m: _Floats
+    area: _Floats
+    """(places,) relative area of ground that each place represents: the prior."""
+    time_s: _Floats
+    """(times,) times from the first slot's beginning [s]."""
+    gain: _Floats
+    """(places, times) energy of a pulse relative to each place's strongest."""
+    strongest_db: _Floats
+    """(places,) level of the strongest pulse [dB], from a reference common to all flights."""
+    track: "Track"
+
+    @property
+    def bearing_deg(self) -> _Floats:
+        """(places,) bearing from the middle of the flight, clockwise from true north [deg]."""
+        return wrap_degrees_360(np.degrees(np.arctan2(self.east_m, self.north_m)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Track:
+    """Positions and orientations of the antenna at the times of `Places`."""
+
+    pattern: AntennaPattern
+    east_m: _Floats
+    """(times,) east coordinate of the antenna [m]."""
+    north_m: _Floats
+    height_m: _Floats
+    axes: _Floats
+    """(times, 3, 3) the antenna's forward, right and down axes."""
+    hills: HillLosses | None = None
+    """Ground model in the plane; None is level ground."""
+
+    def gain_db(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """(places, times) level of pulses from places; 0 is boresight at 1 m."""
+        gain_db = np.empty((len(east_m), len(self.east_m)))
+        rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
+        if self.hills is not None:
+            seen = self.hills.seen_from(self.east_m, self.north_m, self.height_m)
+            lost_db, rise = seen(east_m, north_m), self.hills.rise_m(east_m, north_m)
+        # A contiguous row for each axis and component: these sums take most of a search.
+        axes = np.ascontiguousarray(np.moveaxis(self.axes, 0, 2))
+        for place, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
+            ahead, aside = north - self.north_m, east - self.east_m
+            under = self.height_m - rise[place]
+            distance = np.maximum(np.sqrt(ahead**2 + aside**2 + under**2), 1.0)
+            towards = ahead / distance, aside / distance, under / distance
+            gain_db[place] = self._towards_db(axes, *towards)
+            gain_db[place] -= 10.0 * SEARCH.exponent * np.log10(distance)
+            if self.hills is not None:
+                gain_db[place] -= lost_db[place]
+        return gain_db
+
+    def _towards_db(
+        self, axes: _Floats, north: _Floats, east: _Floats, down: _Floats
+    ) -> _Floats:
+        """(times,) antenna gain in unit directions [dB]; `axes` has the shape (3, 3, times)."""
+        if self.pattern.name == MONOPOLE:
+            # It stays upright however the drone leans, and receives nothing from below.
+            return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
+        return self.pattern.gain_towards_db(
+            *(axis[0] * north + axis[1] * east + axis[2] * down for axis in axes)
+        )
+
+    def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
+        """(places, parts) path length in decibels, 10 for each factor of ten.
+
+        `east_m`, `north_m`: shape (places,).
+        `part` (parts,): indices among the times, whole or between two.
+        """
+        times = np.arange(len(self.east_m))
+        east, north, height = (
+            np.interp(part, times, each) for each in (self.east_m, self.north_m, self.height_m)
+        )
+        square = (east_m[:, np.newaxis] - east) ** 2 + (north_m[:, np.newaxis] - north) ** 2
+        return np.asarray(5.0 * np.log10(np.maximum(square + height**2, 1.0)))
+
+
+def places_around(
+    poses: PoseColumns,
+    pattern: AntennaPattern,
+    *,
+    start_ns: int,
+    end_ns: int,
+    hills: HillLosses | None = None,
+    plane: TangentPlane | None = None,
+) -> Places:
+    """Lay out possible places around a drone's path.
+
+    `poses`: of the antenna, at least two.
+    `start_ns`, `end_ns`: times of the first and last sample [UTC].
+    `hills`: ground model; None is level ground.
+    `plane`: plane whose origin the places surround; None is the middle of the poses.
+    Raises `UsageError`: the poses do not cover the time of the samples.
+    """
+    inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
+    if np.count_nonzero(inside) < 2:
+        raise UsageError(
+            "the flight has no poses in the time of the samples",
+            remedy="Check --start-time, or name the flight in which they were recorded",
+        )
+    if plane is None:
+        plane = plane_around(poses.latitude_deg[inside], poses.longitude_deg[inside])
+    count = max(2, round((end_ns - start_ns) / NANOSECONDS_PER_SECOND / SEARCH.step_s))
+    time_ns = start_ns + np.linspace(0.0, float(end_ns - start_ns), count)
+    pose_ns = poses.time_ns.astype(np.float64)
+    nearest = _nearest(pose_ns, time_ns)
+    drone_east, drone_north = plane.to_local(poses.latitude_deg, poses.longitude_deg)
+    east = np.interp(time_ns, pose_ns, drone_east)
+    north = np.interp(time_ns, pose_ns, drone_north)
+    height = np.interp(time_ns, pose_ns, np.nan_to_num(poses.height_m, nan=0.0))
+    axes = Headings.from_quaternions(poses.quaternion_wxyz[nearest]).axes
+    assert axes is not None
+    if hills is not None:
+        hills = None if hills.level else hills.in_plane(plane)
+    if hills is not None:
+        hills.cover(
+            [-SEARCH.farthest_m, SEARCH.farthest_m], [-SEARCH.farthest_m, SEARCH.farthest_m]
+        )
+    track = Track(
+        hills=hills, pattern=pattern, east_m=east, north_m=north, height_m=height, axes=axes
+    )
+    bearing = np.arange(SEARCH.bearings) * 360.0 / SEARCH.bearings
+    ranges = np.geomspace(SEARCH.nearest_m, SEARCH.farthest_m, SEARCH.ranges)
+    place_east, place_north = east_north(
+        np.tile(bearing, SEARCH.ranges), np.repeat(ranges, SEARCH.bearings)
+    )
+    gain = track.gain_db(place_east, place_north)
+    strongest_db = gain.max(axis=1)
+    # In place: these are many for a long flight, and new pages cost more than the sums.
+    gain -= strongest_db[:, np.newaxis]
+    gain *= 0.1
+    np.power(10.0, gain, out=gain)
+    return Places(
+        plane=plane,
+        east_m=place_east,
+        north_m=place_north,
+        area=np.repeat(ranges**2, SEARCH.bearings),
+        time_s=(time_ns - start_ns) / NANOSECONDS_PER_SECOND,
+        gain=gain,
+        strongest_db=strongest_db,
+        track=track,
+    )
+
+
+def common_gains(each: Sequence[Places]) -> list[_Floats]:
+    """Gains in several flights around one origin; 1 at each place's strongest of all."""
+    strongest_db = np.stack([one.strongest_db for one in each])
+    below_db = strongest_db - strongest_db.max(axis=0)
+    return [
+        one.gain * 10.0 ** (below[:, np.newaxis] / 10.0)
+        for one, below in zip(each, below_db, strict=True)
+    ]
+
+
+def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats]:
+    """East and north of places by bearing and distance from the middle of the flight."""
+    turn = np.radians(bearing_deg)
+    return np.asarray(range_m * np.sin(turn)), np.asarray(range_m * np.cos(turn))
+
+
+def distinct(
+    weights: _Floats, alike_from: float = SEARCH.same_place_correlation
+) -> NDArray[np.intp]:
+    """Choose places whose weights (places, times) represent all other places.
+
+    `alike_from`: correlation from which one place represents another.
+    """
+    unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
+    alike = unit @ unit.T
+    uncovered = np.ones(len(unit), bool)
+    chosen = []
+    while uncovered.any():
+        covers = (alike >= alike_from)[:, uncovered].sum(axis=1)
+        best = int(covers.argmax())
+        chosen.append(best)
+        uncovered &= alike[best] < alike_from
+    return np.array(chosen, np.intp)
+
+
+def _nearest(known: _Floats, wanted: _Floats) -> NDArray[np.intp]:
+    after = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
+    earlier = wanted - known[after - 1] <= known[after] - wanted
+    return np.asarray(after - earlier)

@@ -1,0 +1,1 @@
+"""Probability of detecting a tag at a place: link budget, propagation, coverage."""

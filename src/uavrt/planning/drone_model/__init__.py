@@ -1,0 +1,1 @@
+"""Model of the drones: actions, motion, energy, and paths of other drones."""

@@ -1,0 +1,94 @@
+"""Other drones of the same search: the paths they fly, and the distance that all keep.
+
+Each drone owns the whole straight path from its last reported position to its goal, at all
+times. Another drone only flies a path that keeps the distance from it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.errors import ConfigError
+from uavrt.planning.area import segment_distance_m
+from uavrt.planning.drone_model.drone_motion import Legs, Path
+from uavrt.planning.tuning import PLANNING
+
+_Floats = NDArray[np.float64]
+Strip = tuple[tuple[float, float], tuple[float, float]]
+"""Start and end of a straight path, east and north [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Separation:
+    """Distance between drones: over ground between their paths, and in height.
+
+    `margin`: factor on the distance when a planner chooses; closer paths are flown only if
+        there is no other.
+    """
+
+    distance_m: float = 25.0
+    height_m: float = 10.0
+    margin: float = 1.2
+
+    def __post_init__(self) -> None:
+        if min(self.distance_m, self.height_m) <= 0.0 or self.margin < 1.0:
+            raise ConfigError(
+                f"the distance between drones is {self.distance_m:g} m, {self.height_m:g} m in "
+                f"height, with a margin of {self.margin:g}",
+                remedy="Give distances above 0 and a margin of 1 or more",
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherDrones:
+    """State of the other drones of a search, as known before a decision."""
+
+    separation: Separation
+    listening: tuple[Path, ...] = ()
+    """Planned paths of drones that report; they will receive the pulses there."""
+    left: frozenset[int] = frozenset()
+    """Tags that other drones search."""
+    strips: tuple[Strip, ...] = ()
+    """Straight paths owned by other drones at all times, because drones share no clock."""
+
+    def strip_distance_m(
+        self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
+    ) -> _Floats:
+        """(ways,) least distance of straight paths from all paths of other drones [m]."""
+        least = np.full(len(east_m), np.inf)
+        for one in self.strips:
+            least = np.minimum(least, segment_distance_m(start_m, (east_m, north_m), one))
+        return least
+
+    def legs(self, time_s: float) -> Legs | None:
+        """Remaining paths of the reporting drones, sampled; None without any."""
+        if not self.listening:
+            return None
+        shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples
+        left = np.array(
+            [max(PLANNING.drones_step_s, one.time_s[-1] - time_s) for one in self.listening]
+        )
+        times = left[:, None] * shares
+        places = [
+            _places_at(one, time_s + row)
+            for one, row in zip(self.listening, times, strict=True)
+        ]
+        yaw = [
+            np.interp(time_s + row, one.time_s, np.unwrap(one.yaw_deg, period=360.0))
+            for one, row in zip(self.listening, times, strict=True)
+        ]
+        return Legs(
+            duration_s=left,
+            time_s=times,
+            east_m=np.array([east for east, _ in places]),
+            north_m=np.array([north for _, north in places]),
+            yaw_deg=np.array(yaw),
+        )
+
+
+def _places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
+    return (
+        np.interp(time_s, path.time_s, path.east_m),
+        np.interp(time_s, path.time_s, path.north_m),
+    )

@@ -1,0 +1,1 @@
+"""Channels as UDP datagrams, in the format of the original channelizer."""

@@ -1,0 +1,131 @@
+"""Channel samples as the original channelizer sends them: one UDP datagram for each frame.
+
+A frame of a channel is a datagram of complex64, little endian; the first element is the time
+of the first sample, the others are samples::
+
+    byte  0        4        8                16                     8200
+          +--------+--------+----------------+-- … --+--------------+
+          | seconds|   ns   |    sample 0    |       |  sample 1023 |
+          +--------+--------+----------------+-- … --+--------------+
+            u32      u32      f32 I   f32 Q
+
+The two halves of the stamp, by `StampStyle`:
+
+=================  ==========================================================================
+``seconds``        The current original: seconds since 1970 and nanoseconds, as two uint32.
+                   Read as floats they are denormal for nanoseconds below 2²³, so they are
+                   bytes here and never numbers: a copy that flushes denormals loses them.
+``milliseconds``   The thesis's: milliseconds since 1970 split at 10⁷, as two float32:
+                   ``floor(ms / 10⁷)``, ``ms mod 10⁷``; both are exact.
+=================  ==========================================================================
+
+The channelizer of the thesis and its first successors send 1024 samples in a datagram; the
+HF+ decimator sends 1023. Any number is read.
+
+Ports on 127.0.0.1, for channel numbers from 1 (= the radio's centre), by `PortScheme`:
+``current``: 20000 + 2 (ch - 1), and one more for the second detector of a tag with two
+rates; ``thesis``: 20000 + (ch - 1).
+"""
+
+import struct
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.errors import FormatError
+from uavrt.core.units import NANOSECONDS_PER_SECOND
+
+StampStyle = Literal["seconds", "milliseconds"]
+PortScheme = Literal["current", "thesis"]
+
+SAMPLES: Final = 1024
+"""Number of samples in a datagram of the original channelizer."""
+BYTES: Final = 8 * (1 + SAMPLES)
+FIRST_PORT: Final = 20_000
+
+_SECONDS: Final = struct.Struct("<II")
+_MILLISECONDS: Final = struct.Struct("<ff")
+_SPLIT: Final = 10_000_000
+_NS_PER_MS: Final = 1_000_000
+# Milliseconds since 1970 over 10⁷, from 2001 to 2065: such a float's bits, read as seconds
+# of the other style, are times of 2007 to 2009.
+_HIGH_RANGE: Final = (100_000.0, 300_000.0)
+
+
+def encode_channel_datagram(
+    samples: NDArray[np.complex64], time_ns: int, style: StampStyle = "seconds"
+) -> bytes:
+    """Encode a frame; raises `ValueError` for a time that the stamp cannot represent.
+
+    `samples` (n,): 1024 of them for the original detectors. `time_ns`: time of the first sample
+    [ns, UTC]. `style`: format of the stamp; milliseconds are rounded down, as in the original.
+    """
+    try:
+        if style == "seconds":
+            stamp = _SECONDS.pack(*divmod(time_ns, NANOSECONDS_PER_SECOND))
+        else:
+            stamp = _MILLISECONDS.pack(*divmod(time_ns // _NS_PER_MS, _SPLIT))
+    except struct.error:
+        raise ValueError(f"{time_ns} ns does not fit a timestamp") from None
+    return stamp + np.ascontiguousarray(samples, dtype="<c8").tobytes()
+
+
+def decode_channel_datagram(
+    payload: bytes, style: StampStyle | None = None
+) -> tuple[int, NDArray[np.complex64]]:
+    """Decode a frame: time of the first sample [ns, UTC], and a copy of the samples, (n,).
+
+    `style`: format of the stamp; None: detect it. Raises `FormatError` without a valid stamp
+    and at least one sample.
+    """
+    if len(payload) < 16 or len(payload) % 8:
+        raise FormatError(
+            f"a datagram of {len(payload)} bytes is not a timestamp and complex64 samples",
+            remedy="Check that the port belongs to a channel, 20000 and up",
+        )
+    style = stamp_style(payload) if style is None else style
+    if style == "seconds":
+        seconds, nanoseconds = _SECONDS.unpack_from(payload)
+        good = nanoseconds < NANOSECONDS_PER_SECOND
+        time_ns = seconds * NANOSECONDS_PER_SECOND + nanoseconds
+    else:
+        high, low = _MILLISECONDS.unpack_from(payload)
+        good = 0.0 <= high < 1e6 and 0.0 <= low < _SPLIT
+        # Each half by itself: their sum in nanoseconds does not fit a float64.
+        time_ns = round(high * _SPLIT) * _NS_PER_MS + round(low * _NS_PER_MS) if good else 0
+    if not good:
+        raise FormatError(
+            f"the first 8 bytes of a datagram, {payload[:8].hex()}, are not a time",
+            remedy="Check that the port belongs to a channel, 20000 and up",
+        )
+    return time_ns, np.frombuffer(payload, "<c8", offset=8).astype(np.complex64)
+
+
+def stamp_style(payload: bytes) -> StampStyle:
+    """Detect the format of a frame's time stamp.
+
+    Milliseconds of at least 1 are floats whose bits exceed 10⁹, which no nanoseconds do. At 0
+    ms the other half decides; this is wrong only at a full second in 2007 to 2009.
+    """
+    _, nanoseconds = _SECONDS.unpack_from(payload)
+    high, _ = _MILLISECONDS.unpack_from(payload)
+    if nanoseconds >= NANOSECONDS_PER_SECOND:
+        return "milliseconds"
+    plausible = _HIGH_RANGE[0] <= high <= _HIGH_RANGE[1] and float(high).is_integer()
+    return "milliseconds" if nanoseconds == 0 and plausible else "seconds"
+
+
+def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
+    """UDP port of a channel.
+
+    `channel`: number from 0 (= the radio's centre), one less than in the original. `scheme`:
+    port numbering. `second`: port for the second detector of a tag with two rates. Raises
+    `ValueError` if the scheme has no such port.
+    """
+    if second and scheme == "thesis":
+        raise ValueError("the thesis's layout has no second port for a channel")
+    port = FIRST_PORT + (channel if scheme == "thesis" else 2 * channel + second)
+    if not FIRST_PORT <= port < 65_536:
+        raise ValueError(f"channel {channel} has no port")
+    return port

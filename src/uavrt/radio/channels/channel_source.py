@@ -1,0 +1,182 @@
+"""Samples of one channel, received as datagrams of the original channelizer or of ours.
+
+Frames are ordered by their time stamps. A missing frame is waited for briefly, then becomes a
+gap; a late frame is dropped.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.core.clock import monotonic_s
+from uavrt.core.errors import FormatError
+from uavrt.core.log import get_logger
+from uavrt.core.messages import IQBlock
+from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.radio.channels.channel_datagram import (
+    StampStyle,
+    decode_channel_datagram,
+    stamp_style,
+)
+from uavrt.radio.live_source import DatagramSource
+
+TOLERANCE_S: Final = 0.005
+"""Largest error of a time stamp for a frame to count as the next one [s]. The thesis's stamps
+are cut to 1 ms; the original's step by 5.4 ms when its count restarts."""
+HELD_FRAMES: Final = 4
+"""Number of later frames that ends the wait for a missing one: 1.1 s of a channel."""
+SILENCE_S: Final = 1.5
+"""Silence after which held frames are released despite missing ones [s]."""
+RESTART_FRAMES: Final = 3
+"""Number of consecutive early stamps that shows that the sender's clock was set back."""
+_LARGEST: Final = 65_536
+LONGEST_GAP_S: Final = 3600.0
+"""Largest forward jump of the time stamp that counts as a loss [s]; a larger one is a clock
+change."""
+
+log = get_logger()
+
+
+class ChannelDatagramSource(DatagramSource):
+    """A channel's samples from a UDP port; a `SampleSource`.
+
+    `address`: ``udp://127.0.0.1:20000``. `sample_rate_hz`: sample rate of the channel; 3750 for
+    the original. Raises `RadioError` if the port is in use, `ConfigError` or `FormatError` for
+    an invalid address or rate.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+    ) -> None:
+        super().__init__(sample_rate_hz, center_frequency_hz)
+        self.late = 0
+        """Number of datagrams dropped because they were late or repeated."""
+        self.refused = 0
+        """Number of datagrams that are not valid frames."""
+        self._style: StampStyle | None = None
+        self._frames = FrameOrder(sample_rate_hz)
+        self._arrived_s = monotonic_s()
+        self._listen(address)
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        """Get the next frame in order; see `SampleSource.read`."""
+        deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
+        while True:
+            self._receive()
+            silent = monotonic_s() - self._arrived_s > SILENCE_S
+            frame = self._frames.take(wait=not silent)
+            self.late = self._frames.late
+            if frame is not None:
+                return self._block(*frame)
+            left_s = None if deadline_s is None else deadline_s - monotonic_s()
+            if left_s is not None and left_s <= 0.0:
+                return None
+            self._poll.poll(1000.0 * (SILENCE_S if left_s is None else min(left_s, SILENCE_S)))
+
+    def _receive(self) -> None:
+        for sock in self._sockets:
+            while self._frames.waiting <= HELD_FRAMES:
+                try:
+                    payload = sock.recv(_LARGEST)
+                except BlockingIOError:
+                    break
+                self._arrived_s = monotonic_s()
+                self._accept(payload)
+
+    def _accept(self, payload: bytes) -> None:
+        try:
+            time_ns, samples = decode_channel_datagram(payload, self._style)
+        except FormatError as error:
+            if self.refused == 0:
+                log.warning("not a channel's datagram", port=self.name, reason=str(error))
+            self.refused += 1
+            return
+        self._style = stamp_style(payload) if self._style is None else self._style
+        bad = ~np.isfinite(samples)
+        if bad.any():
+            samples[bad] = 0.0
+        self._frames.put(time_ns, samples)
+
+    def _block(self, time_ns: int, samples: NDArray[np.complex64], lost: int) -> IQBlock:
+        placer = self._placer
+        placer.lost += lost
+        placer.index += lost
+        block = IQBlock(
+            samples=samples,
+            sample_index=placer.index,
+            time_ns=time_ns,
+            sample_rate_hz=self._rate_hz,
+            lost_before=lost,
+        )
+        placer.index += len(samples)
+        return block
+
+
+class FrameOrder:
+    """Puts frames with time stamps in order."""
+
+    def __init__(self, sample_rate_hz: float) -> None:
+        self._rate_hz = sample_rate_hz
+        self._tolerance_ns = ns_from_s(TOLERANCE_S)
+        self._held: list[tuple[int, NDArray[np.complex64]]] = []
+        self._early: list[tuple[int, NDArray[np.complex64]]] = []
+        self._expected_ns: int | None = None
+        self.late = 0
+        """Number of frames dropped because they were late or repeated."""
+
+    @property
+    def waiting(self) -> int:
+        """Number of frames added and not yet taken."""
+        return len(self._held)
+
+    def put(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
+        """Add a frame, in any order."""
+        if self._expected_ns is not None and time_ns < self._expected_ns - self._tolerance_ns:
+            self._put_early(time_ns, samples)
+            return
+        self._early.clear()
+        if any(abs(time_ns - held) <= self._tolerance_ns for held, _ in self._held):
+            self.late += 1
+            return
+        self._held.append((time_ns, samples))
+        self._held.sort(key=lambda frame: frame[0])
+
+    def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
+        """Get the next frame: time [ns], samples, and the number of samples lost before it.
+
+        `wait`: False if no more frames will be added; then missing ones are not waited for.
+        """
+        if not self._held:
+            return None
+        time_ns, samples = self._held[0]
+        ahead_ns = 0 if self._expected_ns is None else time_ns - self._expected_ns
+        if wait and ahead_ns > self._tolerance_ns and len(self._held) <= HELD_FRAMES:
+            return None
+        del self._held[0]
+        self._expected_ns = time_ns + self._duration_ns(len(samples))
+        is_gap = self._tolerance_ns < ahead_ns < LONGEST_GAP_S * NANOSECONDS_PER_SECOND
+        lost = round(ahead_ns * self._rate_hz / NANOSECONDS_PER_SECOND) if is_gap else 0
+        return time_ns, samples, lost
+
+    def _put_early(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
+        """Add a frame older than expected; several mean that the sender has restarted."""
+        self.late += 1
+        if self._early:
+            last_ns, last = self._early[-1]
+            follows_ns = last_ns + self._duration_ns(len(last))
+            if abs(time_ns - follows_ns) > self._tolerance_ns:
+                self._early.clear()
+        self._early.append((time_ns, samples))
+        if len(self._early) == RESTART_FRAMES:
+            self._held = [*self._early]
+            self._early.clear()
+            self.late -= RESTART_FRAMES
+            self._expected_ns = None
+
+    def _duration_ns(self, samples: int) -> int:
+        return round(samples * NANOSECONDS_PER_SECOND / self._rate_hz)

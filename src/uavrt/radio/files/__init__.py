@@ -1,0 +1,1 @@
+"""Samples from recordings: raw files, SigMF and WAV."""

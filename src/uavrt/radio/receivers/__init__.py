@@ -1,0 +1,1 @@
+"""Radios: their programs, drivers, devices and error messages."""

@@ -1,0 +1,1 @@
+"""Times of a live stream's samples, and samples that were lost."""

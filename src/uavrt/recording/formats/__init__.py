@@ -1,1 +1,0 @@
-"""Read and write logs of other systems and the original's tools, recognised by `recognise`."""

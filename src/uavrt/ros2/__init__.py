@@ -1,4 +1,0 @@
-"""ROS 2: the drone side as nodes and topics, without installing ROS.
-
-Only `uavrt.ros2.dds` needs the extra ``uavrt[ros2]``; messages, bytes and type hashes do not.
-"""

@@ -1,0 +1,243 @@
+"""Programs of the demo: simulated autopilot, real drone side, real ground station.
+
+Each runs in its own process, as in the field; only radio, autopilot and world are simulated.
+"""
+
+import json
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields
+from itertools import cycle, islice
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from uavrt.config.settings import (
+    AntennaSettings,
+    MavlinkSettings,
+    RadioSettings,
+    RecordingSettings,
+    Settings,
+)
+from uavrt.core.errors import LinkError, UavrtError
+from uavrt.core.runtime.blas import blas_environment
+from uavrt.drone.ipc.record_link import LineBuffer
+from uavrt.simulation.scene.scenario import Scenario
+
+STOP_TIMEOUT_S = 15.0
+PORTS = range(61_000, 65_400)
+"""UDP ports that Linux never assigns by itself (``ip_local_port_range``)."""
+_ports = cycle(random.SystemRandom().sample(PORTS, len(PORTS)))
+_END_WITH_US = ("setpriv", "--pdeathsig", "TERM", "--") if shutil.which("setpriv") else ()
+"""Command prefix that makes the kernel end the program when this process ends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoPaths:
+    """Files and sockets of one demo run."""
+
+    directory: Path
+    """Working directory for scenario, tags, logs and the ground station's flight."""
+    flights: Path
+    """Parent directory of the drone's flight."""
+
+    def below(self, name: str) -> "DemoPaths":
+        """Paths for one of several drones; creates its directories."""
+        own = DemoPaths(directory=self.directory / name, flights=self.flights / name)
+        own.directory.mkdir()
+        own.flights.mkdir(parents=True, exist_ok=True)
+        return own
+
+    @property
+    def scenario(self) -> Path:
+        """Scenario file of the simulated radio and autopilot."""
+        return self.directory / "scenario.toml"
+
+    @property
+    def tags(self) -> Path:
+        """The operator's tag list."""
+        return self.directory / "tags.toml"
+
+    @property
+    def status_socket(self) -> Path:
+        """Socket with the supervisor's records."""
+        return self.directory / "status.sock"
+
+    @property
+    def flown(self) -> Path:
+        """Recorded true path of a commanded drone."""
+        return self.directory / "flown.path"
+
+
+def free_udp_port(host: str = "127.0.0.1") -> int:
+    """Get an unused UDP port of this computer, a different one each time.
+
+    It is one of `PORTS`. A port chosen by the kernel could be given to another socket before it
+    is bound. Raises `LinkError` if all are in use.
+    """
+    for port in islice(_ports, len(PORTS)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            try:
+                sock.bind((host, port))
+            except OSError:
+                continue
+            return port
+    raise LinkError(
+        f"no UDP port of {host} from {PORTS[0]} to {PORTS[-1]} is free",
+        remedy="Stop other programs that use ports, or try again.",
+    )
+
+
+def free_ros_domain() -> int:
+    """Get a ROS domain that is unused on this computer.
+
+    A real drone in the lab uses the environment's domain, or 0. Up to 101, the ports of a
+    domain lie below those that Linux assigns by itself (32768). Raises `UavrtError` if all are
+    in use.
+    """
+    domains = random.sample(range(1, 102), 101)
+    for domain in domains:
+        if str(domain) == os.environ.get("ROS_DOMAIN_ID", "").strip():
+            continue
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock, suppress(OSError):
+            # Unicast discovery port of the domain's first participant (DDSI-RTPS §9.6.1).
+            sock.bind(("127.0.0.1", 7400 + 250 * domain + 10))
+            return domain
+    raise UavrtError("no ROS domain is free", remedy="Stop programs that use ROS 2")
+
+
+def demo_environment() -> dict[str, str]:
+    """Environment variables of the demo's programs, without the site's ROS 2 network."""
+    kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
+    return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+def drone_settings(
+    scenario: Scenario, paths: DemoPaths, companion_port: int, *, flies: bool = False
+) -> Settings:
+    """Settings of the drone side, as in a real ``uavrt.toml`` except for the radio program.
+
+    With `flies`, the radio receives at the commanded drone's position, otherwise on the
+    scenario's flight.
+    """
+    names = {one.name for one in fields(AntennaSettings)}
+    mounting = {k: v for k, v in asdict(scenario.antenna).items() if k in names}
+    return Settings(
+        radio=RadioSettings(
+            kind="airspy",
+            program=(
+                sys.executable,
+                "-P",
+                "-m",
+                "uavrt.simulation.airspy_rx",
+                "--world",
+                str(paths.scenario),
+                *(("--flown", str(paths.flown)) if flies else ()),
+            ),
+            sample_rate_hz=scenario.radio.sample_rate_hz,
+        ),
+        mavlink=MavlinkSettings(address=f"udpin://127.0.0.1:{companion_port}"),
+        antenna=AntennaSettings(**mounting),
+        recording=RecordingSettings(directory=str(paths.flights)),
+        status_socket=str(paths.status_socket),
+    )
+
+
+class Program:
+    """One program of the demo, with its output in a file.
+
+    `name`: name in messages.
+    `log`: file for its output.
+    `interpreter`: command before the arguments. Empty: the first argument is the program, and
+    it runs in the log's directory.
+    `environment`: variables added to the demo's environment.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: Sequence[str],
+        log: Path,
+        *,
+        interpreter: Sequence[str] = (sys.executable, "-P", "-m"),
+        environment: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        self.name = name
+        self.log = log
+        self._lines = LineBuffer()
+        self._read_to = 0
+        self.exit_code: int | None = None
+        self.cpu_s = 0.0
+        with log.open("wb") as output:
+            self._process = subprocess.Popen(
+                [*_END_WITH_US, *interpreter, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=demo_environment() | dict(environment),
+                cwd=None if interpreter else log.parent,
+                process_group=0,
+            )
+        self.pid = self._process.pid
+
+    def check(self) -> None:
+        """Raise `UavrtError` with the end of its output if it has ended."""
+        if self._wait(0.0):
+            words = self.last_line()
+            raise UavrtError(
+                f"{self.name} ended (exit {self.exit_code})" + (f": {words}" if words else ""),
+                remedy=f"Its output is in {self.log}",
+            )
+
+    def last_line(self) -> str:
+        """Last line of its output; empty if there is none."""
+        lines = self.log.read_text(errors="replace").splitlines()
+        texts = [line.strip() for line in lines if line.strip() and line[0] != "{"]
+        return texts[-1].removeprefix("uavrt: ").rstrip(".") if texts else ""
+
+    def new_events(self) -> list[dict[str, Any]]:
+        """JSON events in its output since the last call."""
+        with self.log.open("rb") as file:
+            file.seek(self._read_to)
+            data = file.read()
+        self._read_to += len(data)
+        return [json.loads(line) for line in self._lines.feed(data) if line[:1] == b"{"]
+
+    @property
+    def ended(self) -> bool:
+        """True if it has ended."""
+        return self._wait(0.0)
+
+    def ask_to_stop(self) -> None:
+        """Send SIGTERM without waiting."""
+        if not self.ended:
+            self._process.send_signal(signal.SIGTERM)
+
+    def stop(self) -> None:
+        """Stop it by SIGTERM, then by SIGKILL."""
+        self.ask_to_stop()
+        if not self._wait(STOP_TIMEOUT_S):
+            self._process.kill()
+            self._wait(STOP_TIMEOUT_S)
+
+    def _wait(self, timeout_s: float) -> bool:
+        deadline_s = time.monotonic() + timeout_s
+        while self.exit_code is None:
+            pid, status, usage = os.wait4(self.pid, os.WNOHANG)
+            if pid == self.pid:
+                self.exit_code = os.waitstatus_to_exitcode(status)
+                self._process.returncode = self.exit_code
+                self.cpu_s = usage.ru_utime + usage.ru_stime
+            elif time.monotonic() >= deadline_s:
+                return False
+            else:
+                time.sleep(0.02)
+        return True

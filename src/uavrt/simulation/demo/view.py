@@ -1,0 +1,225 @@
+"""The demo's live view in a terminal."""
+
+import io
+import re
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import zip_longest
+from pathlib import Path
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from uavrt.core.messages import Pulse, SystemStatus, Tag
+from uavrt.core.terminal_tables import plain_table
+from uavrt.simulation.demo.watch import RECEIVER, samples_lost
+
+RATE_WINDOW_S = 60.0
+FRESH_S = 5.0
+WIDE = 100
+"""Terminal width above which bars and units are shown [columns]."""
+
+
+@dataclass(slots=True)
+class TagView:
+    """Displayed values of one tag."""
+
+    tag: Tag
+    last: Pulse | None = None
+    times_s: deque[float] = field(default_factory=deque)
+    """Arrival times of its pulses on the viewer's clock [s]."""
+    detected: int = 0
+    delivered: int = 0
+
+    def add(self, pulse: Pulse, now_s: float) -> None:
+        """Add a detected pulse."""
+        self.detected += 1
+        self.times_s.append(now_s)
+        if self.last is None or pulse.start_time_ns > self.last.start_time_ns:
+            self.last = pulse
+
+    def per_minute(self, now_s: float, running_s: float) -> float:
+        """Pulses per minute in the last `RATE_WINDOW_S`."""
+        while self.times_s and self.times_s[0] < now_s - RATE_WINDOW_S:
+            self.times_s.popleft()
+        return len(self.times_s) * 60.0 / max(1.0, min(RATE_WINDOW_S, running_s))
+
+
+_SHORT = ("tag", "MHz", "SNR, dB", "rate, s", "a minute", "found", "ground")
+
+
+@dataclass(slots=True)
+class DemoView:
+    """State shown in the terminal; `render` draws it."""
+
+    duration_s: float
+    tags: dict[int, TagView]
+    status: SystemStatus | None = None
+    elapsed_s: float = 0.0
+    phase: str = "starting"
+    cpu_percent: dict[str, float] = field(default_factory=dict)
+    flight_directory: str = ""
+    page_address: str = ""
+    ros_domain: int | None = None
+
+    def render(self, now_s: float) -> RenderableType:
+        """Draw the view at a time of the viewer's clock [s], fitted to the terminal."""
+        return _Drawn(self, now_s)
+
+    def drawn(self, now_s: float, width: int) -> RenderableType:
+        """Draw the view for a terminal width [columns]."""
+        narrow = width < WIDE
+        more = (
+            ""
+            if narrow
+            else (
+                " – simulated animals, radio and autopilot; "
+                "real receiver, detectors, link and ground"
+            )
+        )
+        return Panel(
+            Group(
+                self._head(narrow=narrow),
+                self._tag_table(now_s, narrow=narrow),
+                self._short_process_table() if narrow else self._process_table(),
+            ),
+            title=f"[bold]uavrt demo[/bold]{more}",
+            border_style="cyan",
+        )
+
+    def save_picture(self, path: Path, now_s: float) -> None:
+        """Save the view as SVG."""
+        console = Console(record=True, width=100, file=io.StringIO())
+        console.print(self.render(now_s))
+        svg = console.export_svg(title="uavrt demo")
+        # Rich names fonts at addresses; a picture in a document must not fetch anything.
+        svg = re.sub(r"@font-face \{.*?\}", "", svg, flags=re.DOTALL)
+        path.write_text(svg.replace("Fira Code", "DejaVu Sans Mono"), encoding="utf-8")
+
+    def _head(self, *, narrow: bool) -> RenderableType:
+        state = self.status.state.words if self.status else "starting"
+        lost = sum(
+            samples_lost(process.counters)
+            for process in (self.status.processes if self.status else ())
+            if process.process == RECEIVER
+        )
+        grid = Table.grid(expand=True, padding=(0, 1 if narrow else 2))
+        lost_title, of = ("lost ", "/") if narrow else ("samples lost ", " of ")
+        for _ in range(4):
+            grid.add_column()
+        grid.add_row(
+            Text.assemble(("state ", "dim"), (state, "bold")),
+            Text.assemble(("phase ", "dim"), (self.phase, "bold")),
+            Text.assemble(
+                (lost_title, "dim"), (str(lost), "bold red" if lost else "bold green")
+            ),
+            Text.assemble(
+                ("time ", "dim"), (f"{self.elapsed_s:.0f}{of}{self.duration_s:.0f} s", "bold")
+            ),
+        )
+        bar = Table.grid(expand=True)  # alone, a bar does not end its line
+        done_s = min(self.elapsed_s, self.duration_s)
+        bar.add_row(ProgressBar(total=self.duration_s, completed=done_s))
+        rows: list[RenderableType] = [grid, bar]
+        if self.page_address:
+            rows.append(Text.assemble(("page ", "dim"), (self.page_address, "bold cyan")))
+        if self.ros_domain is not None:
+            named = f"ROS_DOMAIN_ID={self.ros_domain}"
+            rows.append(Text.assemble(("ROS 2 ", "dim"), (named, "bold cyan")))
+        return Group(*rows)
+
+    def _tag_table(self, now_s: float, *, narrow: bool) -> RenderableType:
+        if narrow:
+            table = plain_table(*_SHORT)
+            for view in self.tags.values():
+                table.add_row(*self._short_cells(view, now_s))
+            return table
+        table = plain_table(
+            *("tag", "frequency", "last SNR", "", "rate", "per minute", "detected"),
+            "on the ground",
+        )
+        table.columns[3].justify = "left"
+        for view in self.tags.values():
+            table.add_row(*self._tag_cells(view, now_s))
+        return table
+
+    def _tag_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
+        last = view.last
+        name = f"{view.tag.tag_id} {view.tag.name or ''}"
+        if last is None:
+            return [name, f"{view.tag.frequency_hz / 1e6:.4f} MHz", "–", "", "", "0", "0", "0"]
+        fresh = bool(view.times_s) and now_s - view.times_s[-1] < FRESH_S
+        style = "bold green" if fresh else "yellow"
+        bar = "█" * max(1, min(20, round(last.snr_db / 2)))
+        return [
+            Text(name, style="bold"),
+            f"{last.frequency_hz / 1e6:.5f} MHz",
+            Text(f"{last.snr_db:.1f} dB", style=style),
+            Text(bar, style=style),
+            f"{view.tag.pulse_intervals_s[last.rate - 1]:.3f} s",
+            f"{view.per_minute(now_s, self.elapsed_s):.0f}",
+            str(view.detected),
+            str(view.delivered),
+        ]
+
+    def _short_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
+        name, frequency, snr, _, rate, per_minute, detected, delivered = self._tag_cells(
+            view, now_s
+        )
+        units = str.maketrans("", "", " MHzdBs")
+        short = [
+            Text(cell.plain.translate(units), style=cell.style)
+            if isinstance(cell, Text)
+            else str(cell).translate(units)
+            for cell in (frequency, snr, rate, per_minute, detected, delivered)
+        ]
+        return [name, *short]
+
+    def _short_process_table(self) -> RenderableType:
+        table = plain_table(*(2 * ("process", "CPU", "MB")))
+        known = {one.process: one for one in (self.status.processes if self.status else ())}
+        cells: list[list[RenderableType]] = []
+        for name, percent in self.cpu_percent.items():
+            process = known.get(name)
+            words = Text(name)
+            if process is not None and not process.ok:
+                words.append(f" {process.status}", "bold red")
+            memory = f"{process.memory_mb:.0f}" if process else ""
+            cells.append([words, f"{percent:.1f} %", memory])
+        half = (len(cells) + 1) // 2
+        for left, right in zip_longest(cells[:half], cells[half:], fillvalue=["", "", ""]):
+            table.add_row(*left, *right)
+        return table
+
+    def _process_table(self) -> RenderableType:
+        table = plain_table("process", "status", "CPU of a core", "memory")
+        known = (
+            {process.process: process for process in self.status.processes}
+            if self.status
+            else {}
+        )
+        for name, percent in self.cpu_percent.items():
+            process = known.get(name)
+            status = process.status if process else ""
+            good = process is None or process.ok
+            table.add_row(
+                name,
+                Text(status, style="" if good else "bold red"),
+                f"{percent:.1f} %",
+                f"{process.memory_mb:.0f} MB" if process else "",
+            )
+        return table
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    """The view at one time, drawn once its width is known."""
+
+    view: DemoView
+    now_s: float
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield self.view.drawn(self.now_s, options.max_width)

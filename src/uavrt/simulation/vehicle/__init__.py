@@ -1,0 +1,1 @@
+"""The simulated vehicle: motion, autopilot, telemetry and its links."""

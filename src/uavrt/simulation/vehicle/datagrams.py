@@ -1,0 +1,105 @@
+"""UDP sockets that report the kernel's arrival times.
+
+The simulated autopilot's queue empties in milliseconds. On a busy computer this program may
+wake up later, so the arrival time of a datagram counts, not the time of reading.
+"""
+
+import asyncio
+import socket
+import struct
+from collections.abc import Callable
+
+from uavrt.core.clock import Clock
+from uavrt.core.errors import LinkError
+
+SO_TIMESTAMPNS = 35
+"""Socket option for arrival times (Linux, asm-generic/socket.h); in Python only from 3.14 on.
+"""
+RECEIVE_BUFFER = 1 << 20
+_TIMESPEC = struct.Struct("@ll")
+
+
+class DatagramPort:
+    """A UDP socket that talks to one peer.
+
+    `peer`: host and port to send to; updated when the peer sends from another port.
+    `local_port`: port on the loopback interface; 0 lets the system choose. `on_datagram`:
+    called with the bytes and their arrival time [ns, UTC].
+    """
+
+    def __init__(
+        self,
+        peer: tuple[str, int],
+        local_port: int,
+        on_datagram: Callable[[bytes, int], None],
+        clock: Clock,
+    ) -> None:
+        self._peer = peer
+        self._local_port = local_port
+        self._on_datagram = on_datagram
+        self._clock = clock
+        self._socket: socket.socket | None = None
+
+    def open(self) -> None:
+        """Bind the socket and watch it from the running loop; raises `LinkError`."""
+        family = socket.AF_INET6 if ":" in self._peer[0] else socket.AF_INET
+        loopback = self._peer[0] in ("localhost", "::1") or self._peer[0].startswith("127.")
+        host = {True: "127.0.0.1", False: ""}[loopback and family == socket.AF_INET]
+        opened = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+            opened.bind((host, self._local_port))
+        except OSError as error:
+            opened.close()
+            raise LinkError(
+                f"UDP port {self._local_port}: {error.strerror}",
+                remedy="Stop the program that uses it, or choose another port",
+            ) from error
+        opened.setblocking(False)
+        self._socket = opened
+        asyncio.get_running_loop().add_reader(opened, self._readable)
+
+    @property
+    def port(self) -> int:
+        """Port the socket is bound to."""
+        assert self._socket is not None
+        number: int = self._socket.getsockname()[1]
+        return number
+
+    def send(self, data: bytes) -> None:
+        """Send a datagram; nothing happens if the receiver is missing."""
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(data, self._peer)
+        except (BlockingIOError, ConnectionRefusedError):
+            return
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self._socket is not None:
+            asyncio.get_running_loop().remove_reader(self._socket)
+            self._socket.close()
+            self._socket = None
+
+    def _readable(self) -> None:
+        assert self._socket is not None
+        while self._socket is not None:
+            try:
+                data, ancillary, _, sender = self._socket.recvmsg(2048, 64)
+            except BlockingIOError:
+                return
+            except ConnectionRefusedError:
+                continue
+            self._peer = sender
+            self._on_datagram(data, self._arrival_ns(ancillary))
+
+    def _arrival_ns(self, ancillary: list[tuple[int, int, bytes]]) -> int:
+        """Arrival time on this program's clock [ns, UTC]; the kernel's stamp is wall time."""
+        for level, kind, data in ancillary:
+            if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])
+                wall_ns = seconds * 1_000_000_000 + nanoseconds
+                return int(wall_ns) - self._clock.wall_correction_ns()
+        return self._clock.now_ns()

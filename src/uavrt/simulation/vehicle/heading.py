@@ -1,0 +1,90 @@
+"""Heading of a simulated vehicle, which turns as PX4 and ArduCopter do."""
+
+import math
+from dataclasses import dataclass
+
+from uavrt.simulation.vehicle.airframe import Flavour
+
+
+@dataclass(frozen=True, slots=True)
+class _Turning:
+    """Turning behaviour of an autopilot: limits of rate and acceleration."""
+
+    rate_deg_s: float
+    acceleration_deg_s2: float
+    setpoint: "_Turning | None" = None
+    """Limits of the heading setpoint; None: its acceleration is not limited."""
+
+    def rate(self, off_deg: float, now_deg_s: float, step_s: float) -> float:
+        """Turning rate after a time step [°/s], from remaining angle and present rate."""
+        stops = math.sqrt(1.6 * self.acceleration_deg_s2 * abs(off_deg))
+        wanted = math.copysign(min(self.rate_deg_s, stops, 4.0 * abs(off_deg)), off_deg)
+        most = self.acceleration_deg_s2 * step_s
+        return now_deg_s + max(-most, min(most, wanted - now_deg_s))
+
+
+SETTLED_DEG = 0.3
+"""Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
+_TURNING: dict[Flavour, _Turning] = {
+    "px4": _Turning(65.0, 90.0, _Turning(58.0, 32.0)),
+    "ardupilot": _Turning(200.0, 185.0),
+}
+"""Measured: ArduCopter 4.7-dev turns by 107° at up to 129°/s and by 180° at up to 165°/s."""
+
+
+class Heading:
+    """Heading of the nose, and the setpoint that it follows."""
+
+    def __init__(self, flavour: Flavour, yaw_deg: float) -> None:
+        self._turning = _TURNING[flavour]
+        self.yaw_deg, self.rate_deg_s = yaw_deg, 0.0
+        self.setpoint_deg: float | None = None
+        """Heading setpoint as PX4 reports it [°]; it turns ahead of the drone."""
+        self._setpoint_rate_deg_s = 0.0
+        self.wanted_deg: float | None = None
+        self._turn_left_deg, self._turn_rate_deg_s = 0.0, 20.0
+        """Remaining angle [°] and rate [°/s] of a CONDITION_YAW command, both signed."""
+
+    def want(self, wanted_deg: float | None) -> None:
+        """Turn to a heading [°]; None: to the bearing of the target."""
+        self.wanted_deg, self._turn_left_deg = wanted_deg, 0.0
+
+    def turn(self, by_deg: float, rate_deg_s: float) -> None:
+        """Turn by an angle, clockwise [°]."""
+        self._turn_left_deg, self._turn_rate_deg_s = by_deg, rate_deg_s
+
+    def advance(self, bearing_deg: float | None, step_s: float) -> None:
+        """Turn for a time step: to the commanded heading, or to a bearing if given."""
+        if self._turn_left_deg:
+            most = self._turn_rate_deg_s * step_s
+            step = max(-most, min(most, self._turn_left_deg))
+            self._turn_left_deg -= step
+            self.yaw_deg = (self.yaw_deg + step) % 360.0
+            self.rate_deg_s = step / step_s
+            self.setpoint_deg = None
+            return
+        if self.setpoint_deg is None:
+            self.setpoint_deg, self._setpoint_rate_deg_s = self.yaw_deg, 0.0
+        wanted = bearing_deg if self.wanted_deg is None else self.wanted_deg
+        setpoint = self._moved(self.setpoint_deg, wanted, step_s)
+        off = (setpoint - self.yaw_deg + 180.0) % 360.0 - 180.0
+        self.setpoint_deg = setpoint
+        self.rate_deg_s = self._turning.rate(off, self.rate_deg_s, step_s)
+        self.yaw_deg = (self.yaw_deg + self.rate_deg_s * step_s) % 360.0
+
+    def _moved(self, setpoint: float, wanted: float | None, step_s: float) -> float:
+        """Turn the heading setpoint; with inertia it continues an earlier turn for a while."""
+        goal = setpoint if wanted is None else wanted
+        off = (goal - setpoint + 180.0) % 360.0 - 180.0
+        smooth = self._turning.setpoint
+        if smooth is None:
+            most = self._turning.rate_deg_s * step_s
+            self._setpoint_rate_deg_s = max(-most, min(most, off)) / step_s
+        else:
+            self._setpoint_rate_deg_s = smooth.rate(off, self._setpoint_rate_deg_s, step_s)
+        setpoint = (setpoint + self._setpoint_rate_deg_s * step_s) % 360.0
+        off = (goal - setpoint + 180.0) % 360.0 - 180.0
+        if abs(off) < SETTLED_DEG and abs(self._setpoint_rate_deg_s) < SETTLED_DEG / 0.1:
+            self._setpoint_rate_deg_s = 0.0
+            return goal  # exactly the commanded value
+        return setpoint

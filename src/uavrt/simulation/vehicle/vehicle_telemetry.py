@@ -1,0 +1,82 @@
+"""MAVLink messages of a simulated vehicle, as PX4 or ArduCopter sends them."""
+
+import math
+
+from uavrt.link.mavlink import dialect
+from uavrt.simulation.vehicle.simulated_flying import FULL_SCALE_DEG, FlyingVehicle
+
+
+def position_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.GlobalPositionInt:
+    """Position message; its height is above home, as corrected by the autopilot."""
+    latitude, longitude = vehicle.latitude_longitude()
+    north, east, up = vehicle.body.velocity_m_s
+    height = vehicle.body.shown_height_m
+    return dialect.GlobalPositionInt(
+        time_boot_ms=boot_ms & 0xFFFFFFFF,
+        lat=round(latitude * FULL_SCALE_DEG),
+        lon=round(longitude * FULL_SCALE_DEG),
+        alt=round((vehicle.plane.altitude_amsl_m + height) * 1e3),
+        relative_alt=round((height - vehicle.ground.home_up_m) * 1e3),
+        vx=round(north * 100),
+        vy=round(east * 100),
+        vz=round(-up * 100),
+        hdg=math.floor(vehicle.heading.yaw_deg * 100) % 36_000,
+    )
+
+
+def home_message(vehicle: FlyingVehicle) -> dialect.HomePosition:
+    """Message with position and altitude of home, from which heights are counted."""
+    plane = vehicle.plane
+    return dialect.HomePosition(
+        latitude=round(plane.latitude_deg * FULL_SCALE_DEG),
+        longitude=round(plane.longitude_deg * FULL_SCALE_DEG),
+        altitude=round((plane.altitude_amsl_m + vehicle.ground.home_up_m) * 1e3),
+        q=(1.0, 0.0, 0.0, 0.0),
+    )
+
+
+def target_message(
+    vehicle: FlyingVehicle, boot_ms: int
+) -> dialect.PositionTargetGlobalInt | None:
+    """Message with the target of the flight; None without a target."""
+    target, px4 = vehicle.target, vehicle.flavour == "px4"
+    hidden = vehicle.taking_off and not px4
+    if target is None or hidden or vehicle.body.velocity_setpoint is not None:
+        return None
+    latitude, longitude = vehicle.plane.to_geodetic(target.north_m, target.east_m)
+    heading = vehicle.heading
+    return dialect.PositionTargetGlobalInt(
+        time_boot_ms=boot_ms,
+        coordinate_frame=dialect.MavFrame.GLOBAL_INT,
+        type_mask=0 if px4 else dialect.PositionTargetTypemask.YAW_IGNORE,
+        lat_int=round(latitude * FULL_SCALE_DEG),
+        lon_int=round(longitude * FULL_SCALE_DEG),
+        alt=vehicle.plane.altitude_amsl_m + target.height_m,
+        yaw=math.radians(
+            heading.yaw_deg if heading.setpoint_deg is None else heading.setpoint_deg
+        ),
+    )
+
+
+def wind_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.Wind | dialect.WindCov:
+    """Wind message, different for each autopilot."""
+    north, east = vehicle.body.frame.wind_m_s
+    if vehicle.flavour == "ardupilot":
+        comes_deg = math.degrees(math.atan2(-east, -north))
+        return dialect.Wind(direction=comes_deg, speed=math.hypot(north, east))
+    return dialect.WindCov(
+        time_usec=boot_ms * 1000,
+        wind_x=north,
+        wind_y=east,
+        var_horiz=0.5,
+        wind_alt=vehicle.plane.altitude_amsl_m + vehicle.body.height_m,
+        horiz_accuracy=0.5,
+    )
+
+
+def landed_message(vehicle: FlyingVehicle) -> dialect.ExtendedSysState:
+    """Message on whether the vehicle is on the ground."""
+    state = dialect.MavLandedState
+    return dialect.ExtendedSysState(
+        landed_state=state.ON_GROUND if vehicle.ground.landed else state.IN_AIR
+    )

@@ -1,6 +1,0 @@
-"""The operator's commands, and the state that survives a restart.
-
-`orders` decides on commands and is independent of processes. `tag_upload`, `kept_parameters`
-and `flights` hold tags, settings and flights. `saved_state` stores what a kill must not lose.
-`operations` runs long jobs, `who_commands` refuses other stations, `disk_guard` monitors space.
-"""
