@@ -44,7 +44,7 @@ def table() -> str:
             if whole:
                 for folder in sorted((SOURCE / name).glob("**/*/__init__.py")):
                     below = folder.parent.relative_to(SOURCE).as_posix()
-                    rows.append(f"| | `{below}` | {text_of(folder, whole=False)} |")
+                    rows.append(f"| | `{below}` | {text_of(folder, whole=True)} |")
     return "\n".join(rows) + "\n"
 
 

@@ -1,7 +1,7 @@
 """Write and read flight directories so that nothing is lost, even when they are damaged.
 
-`flight_recorder` writes a flight and `flight_reader` reads it; `flight_layout` names its files,
-and `schema` its database's tables. `pulse_logs` and `pulse_pose_log` are the thesis's text
-logs, and `spool` finds pulses that have not reached the ground. `iq_recorder` and
-`channel_recorder` record samples.
+`flight_recorder` writes a flight and `reading/flight_reader` reads it; `flight_layout` names
+its files, and `database/schema` its database's tables. `logs/pulse_logs` and
+`logs/pulse_pose_log` are the thesis's text logs, and `database/spool` finds pulses that have
+not reached the ground. `samples/iq_recorder` and `samples/channel_recorder` record samples.
 """

@@ -1,7 +1,8 @@
 """Bearings from pulses, positions from bearings and powers; no I/O, no clocks.
 
 `bearing` and `position` hold the estimators, `antenna` the patterns, `results` the records.
-`flight_estimates` applies them to a whole flight. `tuning` modules hold the constants.
+`estimates/flight_estimates` applies them to a whole flight. `tuning` modules hold the
+constants.
 """
 
 from typing import TYPE_CHECKING

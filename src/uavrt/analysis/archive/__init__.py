@@ -1,11 +1,12 @@
 """Search whole archives of recordings for one tag list, write Parquet tables, and query them.
 
 `recordings` finds recordings, `copies` excludes second copies, and `names` gives each flight a
-unique name. `recording_cells` divides a recording, `cell_work` detects in a cell, and
-`detecting` combines cells into recordings. `flight_work` computes poses, bearings and positions
-of one flight's pulses, `flight_placing` of all. `workers` runs tasks in parallel,
-`parquet_tables` writes Parquet, `ledger` records finished work, and `batch_run` controls it
-all. `questions` runs queries, and `flight_search` finds flights.
+unique name. `steps/recording_cells` divides a recording, `steps/cell_work` detects in a cell,
+and `steps/detecting` combines cells into recordings. `steps/flight_work` computes poses,
+bearings and positions of one flight's pulses, `steps/flight_placing` of all. `steps/workers`
+runs tasks in parallel, `parquet/parquet_tables` writes Parquet, `parquet/ledger` records
+finished work, and `batch_run` controls it all. `parquet/questions` runs queries, and
+`parquet/flight_search` finds flights.
 """
 
 from typing import TYPE_CHECKING

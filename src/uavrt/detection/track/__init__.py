@@ -1,6 +1,8 @@
 """From candidates to reported pulses: judge, track, assign to a tag, report.
 
 `search_band` searches the band of one tag; `judging` accepts or rejects a candidate group;
-`tracks` and `following` track it. `other_bursts`, `chance` and `coincidence` compute the odds
-of a chance match; `ghosts`, `train_senders`, `trains` and `train_assignment` determine the tag.
+`tracks` and `following` track it. `other_signals/other_bursts`, `chance` and
+`transmitters/coincidence` compute the odds of a chance match; `transmitters/ghosts`,
+`transmitters/train_senders`, `transmitters/trains` and `transmitters/train_assignment`
+determine the tag.
 """

@@ -1,5 +1,5 @@
-"""The antenna's pose at each pulse: bounded memory, true interpolation, mounting.
+"""The antenna's pose at each pulse: interpolated (`ring`), with the antenna's mounting.
 
-`attacher` waits for the poses around a pulse, `series` interpolates, `ring` keeps the newest,
-`mounting` turns the autopilot's attitude into the antenna's.
+`ring` interpolates between the newest attitudes and positions, which `series` stores;
+`attacher` waits for those around a pulse, `mounting` gives the antenna's pose on the vehicle.
 """

@@ -1,7 +1,5 @@
-"""Positions from bearings and powers.
+"""Positions from bearings and powers, with their 50 % and 95 % radii (`bayes_fix`).
 
-`estimate_position` is the entry point to all estimators: `bayes_fix` is the default, `lenth`
-has those of the literature. `bearing_evidence` and `power_evidence` compute likelihoods,
-`common_errors` finds errors that bearings share, `trackers` follow a tag in flight, `regions`
-outlines it.
+`estimate_position` is the entry point. `bayes_position` is the default; its radii hold a share
+of the posterior. Radii of `bearings/lenth` are in `estimate_position`; `regions` only outlines.
 """

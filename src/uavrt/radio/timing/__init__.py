@@ -1,1 +1,5 @@
-"""Times of a live stream's samples, and samples that were lost."""
+"""Times of a live stream's samples; lost samples found and counted (`sample_placing`).
+
+`losses` infers losses from arrivals, `sample_times` gives each sample its time. Reported and
+inferred losses are counted in `sample_placing`; `arrival_rate` checks the sample rate.
+"""

@@ -1,6 +1,5 @@
-"""Starts, monitors, restarts and stops the processes of the drone.
+"""Starts, restarts and stops the drone's processes, and kills silent ones (`process_fleet`).
 
-`table` lists the processes and `process_shapes` its variants. `process_fleet` holds an
-`instance` for each row, each with a `child`. `process_budgets` monitors their use of CPU and
-memory; `waiting_records` and `child_records` carry their records.
+`process_fleet` decides, by the limits of `table`; a `child` only carries it out. `instance` is
+a row's process, `process_budgets` its CPU and memory, `process_shapes` the table's variants.
 """
