@@ -70,7 +70,7 @@ def make_app(*, summaries: bool = False, added: bool = False) -> App:
 
         for entry in sorted(entry_points(group="uavrt.cli_commands"), key=lambda one: one.name):
             if entry.name not in COMMANDS:
-                made.command(entry.load(), name=entry.name, sort_key=len(COMMANDS))
+                made.command(entry.load(), name=entry.name)
     return made
 
 
