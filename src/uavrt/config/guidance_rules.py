@@ -30,8 +30,8 @@ def guidance_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if wind is not None and air is not None and speed is not None and wind >= max(air, speed):
         yield (
             "wind_m_s" if "wind_m_s" in table else "airspeed_m_s",
-            f"[guidance] wind_m_s is {wind:g} and airspeed_m_s {air:g}, but against such a "
-            "wind no way leads home: it must be below the airspeed",
+            f"[guidance] wind_m_s is {wind:g} and airspeed_m_s {air:g}, but then "
+            "the drone cannot return: wind_m_s must be below the airspeed",
         )
 
 

@@ -63,7 +63,7 @@ SETTINGS = Limit(what="a settings file", bytes=200_000, values=5_000, depth=8)
 TAGS = Limit(what="a tag file", bytes=1_000_000, values=100_000, depth=8)
 YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, depth=8)
 """Lists of tags in YAML: PyYAML reads some 200 kB a second; 500 codes have 60 kB."""
-SHAPES = Limit(what="an area or a way", bytes=2_000_000, values=100_000, depth=40)
+SHAPES = Limit(what="an area or a path", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
 """JSON descriptions: SigMF metadata of a recording with gaps, results of a flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
@@ -94,7 +94,7 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
     with os.fdopen(handle, "rb") as file:
         about = os.fstat(handle)
         if stat.S_ISDIR(about.st_mode):
-            raise IsADirectoryError(21, "it is a directory", os.fspath(path))
+            raise IsADirectoryError(21, "is a directory", os.fspath(path))
         if not stat.S_ISREG(about.st_mode):
             require_plain_file(path, about.st_mode)
             os.set_blocking(handle, True)
@@ -114,7 +114,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
     written = 512 * getattr(about, "st_blocks", about.st_size)
     if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
         raise FormatError(
-            f"{name} is mostly holes: {written:,} of {about.st_size:,} bytes",
+            f"{name} is incomplete: {written:,} of {about.st_size:,} bytes are on the disk",
             remedy="Copy it again",
         )
 
@@ -148,11 +148,11 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
     ]
     most = _ZIP_ENTRY_BYTES * limit.values
     if not directories or max(directories) > most or b"PK\x06\x07" in end:
-        raise ValueError("it is not a zip file, is cut off, or holds too many files")
+        raise ValueError("the file is not a zip file, is truncated, or has too many entries")
     archive = ZipFile(path)
     if any(one.compress_type not in (ZIP_STORED, ZIP_DEFLATED) for one in archive.infolist()):
         archive.close()
-        raise ValueError("it is packed by another method than deflate")
+        raise ValueError("the zip file is compressed, but not with deflate")
     return archive
 
 
@@ -179,7 +179,7 @@ def unpack(pieces: Iterable[bytes], most: int) -> bytes:
         if len(content) > most:
             return bytes(content)
     if not unpacker.eof:
-        raise EOFError("it ends in the middle")
+        raise EOFError("the gzip data are truncated")
     return bytes(content)
 
 
@@ -193,20 +193,20 @@ def pieces_of(content: bytes) -> Iterable[bytes]:
 def read_json(content: bytes | str, limit: Limit) -> Any:
     """Decode JSON from outside; raises `ValueError` with a text for the end of a sentence."""
     if len(content) > limit.bytes:
-        raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
+        raise ValueError(f"the content is too long: more than {limit.bytes:,} bytes")
     # Commas in texts count, too: they are few compared with the limit.
     if isinstance(content, str):
         marks = sum(content.count(mark) for mark in (",", "[", "{"))
     else:
         marks = sum(content.count(mark) for mark in (b",", b"[", b"{"))
     if marks > 2 * limit.values:
-        raise ValueError(f"it holds more than {limit.values:,} values")
+        raise ValueError(f"the content has more than {limit.values:,} values")
     try:
         found = json.loads(content)
     except json.JSONDecodeError as error:
-        raise ValueError(f"it is not JSON from line {error.lineno} on") from None
+        raise ValueError(f"the JSON is invalid from line {error.lineno} on") from None
     except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+        raise ValueError("the content is nested too deeply") from None
     level = [found] if isinstance(found, list | dict) else []
     for _ in range(limit.depth):
         if not level:
@@ -217,7 +217,7 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
             for inner in (outer.values() if isinstance(outer, dict) else outer)
             if isinstance(inner, list | dict)
         ]
-    raise ValueError(f"it is nested more than {limit.depth} levels deep")
+    raise ValueError(f"the content is nested more than {limit.depth} levels deep")
 
 
 def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN) -> T:
@@ -240,18 +240,18 @@ def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
     entities or beyond the limit, `xml.etree.ElementTree.ParseError` if it is not XML.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ValueError("it declares XML entities, which are not allowed")
+        raise ValueError("the content declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
-        raise ValueError(f"it is too long: more than {limit.bytes:,} characters")
+        raise ValueError(f"the content is too long: more than {limit.bytes:,} characters")
     if text.count("<") + text.count("=") > 2 * limit.values:
-        raise ValueError(f"it holds more than {limit.values:,} elements")
+        raise ValueError(f"the content has more than {limit.values:,} elements")
     found = ET.fromstring(text[text.find(f"<{root}") :] if f"<{root}" in text else text)
     level = [found]
     for _ in range(limit.depth):
         level = [inner for outer in level for inner in outer]
         if not level:
             return found
-    raise ValueError(f"it is nested more than {limit.depth} levels deep")
+    raise ValueError(f"the content is nested more than {limit.depth} levels deep")
 
 
 _TOML_QUIET = re.compile(
@@ -284,9 +284,9 @@ def check_toml(text: str, limit: Limit) -> None:
         elif mark.count(".") >= limit.depth:
             raise ValueError(f"a name has more than {limit.depth} parts")
         if depth > limit.depth:
-            raise ValueError(f"it is nested more than {limit.depth} levels deep")
+            raise ValueError(f"the content is nested more than {limit.depth} levels deep")
     if values > limit.values:
-        raise ValueError(f"it holds more than {limit.values:,} values")
+        raise ValueError(f"the content has more than {limit.values:,} values")
 
 
 def shortened(faults: list[str]) -> list[str]:

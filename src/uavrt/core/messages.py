@@ -255,11 +255,11 @@ class Beep:
         """Raise `ValueError` for impossible values; they may come from radio or files."""
         numbers = (self.frequency_hz, self.interval_s, self.jitter_s, self.level_db)
         if not all(map(isfinite, (*numbers, self.image_of_hz or 0.0))) or self.interval_s <= 0:
-            raise ValueError(f"a beep has frequency, interval, jitter and level {numbers}")
+            raise ValueError(f"a beep has invalid values: {numbers}")
         if len(self.tag_ids) != len(self.offsets_hz):
             raise ValueError("a beep needs one offset for each tag")
         if not all(1.0 <= self.frequency_hz - one < inf for one in self.offsets_hz):
-            raise ValueError(f"a beep has an impossible offset: {self.offsets_hz}")
+            raise ValueError(f"a beep has an offset below its frequency: {self.offsets_hz}")
         if self.kind in _OF_A_TAG and not self.tag_ids:
             raise ValueError(f"a beep of kind {self.kind!r} needs a tag")
 

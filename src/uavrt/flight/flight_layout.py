@@ -95,7 +95,7 @@ class FlightLayout:
         with os_errors_as(
             RecordingError,
             f"cannot make the flight directory {self.root}",
-            "Free space, or set [recording] directory to a writable place",
+            "Free space, or set [recording] directory to a writable path",
         ):
             for directory in directories:
                 directory.mkdir(parents=True, exist_ok=True)
@@ -121,7 +121,7 @@ def require_writable(directory: Path) -> None:
     with os_errors_as(
         RecordingError,
         f"flights cannot be saved in {directory}",
-        "Set recording.directory, or --flight-dir, to a writable place",
+        "Set recording.directory, or --flight-dir, to a writable path",
     ):
         directory.mkdir(parents=True, exist_ok=True)
         probe = directory / ".writable"

@@ -207,11 +207,11 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
         for one in folds:
             columns = len(one.profile)
             if not columns or {len(row) for row in one.raster} != {columns}:
-                raise ValueError("no columns, or rows of unequal length")
+                raise ValueError("a table has no columns, or rows of unequal length")
             if columns * len(one.raster) > _MOST_CELLS:
-                raise ValueError(f"more than {_MOST_CELLS:,} cells")
+                raise ValueError(f"a table has more than {_MOST_CELLS:,} cells")
             if one.interval_s <= 0.0 or one.length_s <= 0.0:
-                raise ValueError("an interval or a length of zero or less")
+                raise ValueError("an interval or length is not above 0")
     except _DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}", remedy="Remove it, and integrate again"
@@ -223,12 +223,12 @@ def _records(path: Path, kind: type[T]) -> tuple[T, ...]:
     """Make records from JSON; fields of later versions are ignored."""
     found = read_json(read_file(path, NOTES), NOTES)
     if len(found) > _MOST_TAGS:
-        raise ValueError(f"it has more than {_MOST_TAGS:,} tags")
+        raise ValueError(f"the file has more than {_MOST_TAGS:,} tags")
     level = [found]
     while level:
         inside = [(one.values() if isinstance(one, dict) else one) for one in level]
         values = [value for one in inside for value in one]
         if not all(abs(one) <= _LARGEST for one in values if isinstance(one, int | float)):
-            raise ValueError("a number in it is not finite")
+            raise ValueError("a number is not finite")
         level = [one for one in values if isinstance(one, list | dict)]
     return msgspec.convert(found, tuple[kind, ...])  # type: ignore[valid-type]

@@ -30,7 +30,7 @@ class KeptFile(Generic[R]):
     def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
         self.path = path
         self._kind: type[R] = kind
-        self._unread, self._unkept = f"{name} not read", f"{name} not kept over a restart"
+        self._unread, self._unkept = f"{name} not read", f"{name} not stored; lost at a restart"
         self._sync = sync
         self._fault = ""
 

@@ -54,4 +54,4 @@ def csv_cells(line: str) -> list[str]:
     try:
         return next(csv.reader([line]), [])
     except csv.Error as error:
-        raise ValueError(f"not a CSV line: {error}") from None
+        raise ValueError(f"the line is not CSV: {error}") from None

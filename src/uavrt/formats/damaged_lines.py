@@ -41,7 +41,7 @@ class DamagedLines:
             self._warn(passed_over(self._name, len(self._faults), number, error))
             return
         log.warning(
-            "damaged lines passed over",
+            "damaged lines skipped",
             file=self._name,
             lines=len(self._faults),
             first=number,

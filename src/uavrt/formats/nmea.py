@@ -132,7 +132,7 @@ def place_in(fields: list[str] | tuple[str, ...]) -> tuple[float, float]:
     latitude = _degrees(north, 90.0)
     longitude = _degrees(east, 180.0)
     if north_side not in ("N", "S") or east_side not in ("E", "W"):
-        raise ValueError("neither north nor south, or neither east nor west")
+        raise ValueError("latitude needs N or S, longitude needs E or W")
     return (
         -latitude if north_side == "S" else latitude,
         -longitude if east_side == "W" else longitude,
@@ -145,5 +145,5 @@ def _degrees(text: str, most: float) -> float:
         raise ValueError(f"{text[:20]!r} is not an angle")
     value = int(found[1]) + float(found[2]) / 60.0
     if value > most:
-        raise ValueError(f"{value:g} degrees")
+        raise ValueError(f"{value:g} degrees is above {most:g}")
     return value

@@ -10,7 +10,7 @@ from uavrt.core.errors import FormatError, RecordingError, os_errors_as
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
     """Write a temporary file in the same folder, then rename it; raises `RecordingError`."""
     with os_errors_as(
-        RecordingError, f"cannot write {path}", "Choose a writable place with free space"
+        RecordingError, f"cannot write {path}", "Choose a writable directory with free space"
     ):
         make_directories(Path(path).parent)
         write_atomically(Path(path), content)

@@ -46,6 +46,6 @@ class Commander:
             return
         if self.present is not None:
             raise CommandRefused(
-                "another page has command; this page can only view. Take command first"
+                "another page is in command; this page can only view. Take command first"
             )
         self.page = page

@@ -240,7 +240,7 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
     if sum(counts) > _LIMITS.most_turns:
         raise PlanError(
             f"{sum(counts)} positions to turn at are too many",
-            remedy="Choose a wider distance or a smaller area",
+            remedy="Choose a wider spacing or a smaller area",
         )
     found = []
     for ((x0, y0), (x1, y1)), count in zip(ends, counts, strict=True):
@@ -408,10 +408,10 @@ def _local(plane: TangentPlane, places: tuple[Place, ...]) -> tuple[tuple[float,
     for latitude, longitude in places:
         if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
             raise PlanError(
-                f"{latitude:g}, {longitude:g} is not a place", remedy="Give degrees: 47.1 8.5"
+                f"{latitude:g}, {longitude:g} is not a position", remedy="Use degrees: 47 8.5"
             )
     if not places:
-        raise PlanError("the area has no corners", remedy="Draw three or more")
+        raise PlanError("the area has no corners", remedy="Draw three or more corners")
     east, north = plane.to_local(*np.array(places).T)
     return tuple((float(x), float(y)) for x, y in zip(east, north, strict=True))
 

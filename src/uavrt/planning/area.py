@@ -29,8 +29,8 @@ class Circle:
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
             raise PlanError(
-                f"a circle to keep away from has a radius of {self.radius_m:g} m",
-                remedy="Give one above 0, or leave it out",
+                f"the keep-out circle has a radius of {self.radius_m:g} m",
+                remedy="Give a radius above 0, or leave the circle out",
             )
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
@@ -90,8 +90,8 @@ class Polygon:
             )
         if self.area_m2 < PLANNING.least_area_m2:
             raise PlanError(
-                f"the {self.name} holds {self.area_m2:.0f} m²",
-                remedy=f"Draw one of {PLANNING.least_area_m2:.0f} m² or more",
+                f"the {self.name} is too small: {self.area_m2:.0f} m²",
+                remedy=f"Draw an area of {PLANNING.least_area_m2:.0f} m² or more",
             )
 
     @classmethod
@@ -273,7 +273,7 @@ class SearchArea:
         if not 0.0 < self.lowest_m < self.highest_m:
             raise PlanError(
                 f"the heights are {self.lowest_m:g} to {self.highest_m:g} m above ground",
-                remedy="Give a lower and a higher one, both above 0",
+                remedy="Give a lower and a higher height, both above 0",
             )
         if self.fence is None:
             return
@@ -408,7 +408,7 @@ class SearchArea:
 
 def _named(void: Circle | Polygon) -> str:
     if void.name in ("", "polygon"):
-        return "a place to keep away from"
+        return "a keep-out area"
     return f"the keep-out {void.name!r}"
 
 
@@ -449,7 +449,7 @@ def check_reach(area: SearchArea, farthest_m: float) -> None:
         raise PlanError(
             f"the {area.search.name} begins {nearest:.0f} m from home; the battery allows "
             f"{farthest_m:.0f} m and back",
-            remedy="Start nearer, or draw a nearer one",
+            remedy="Start nearer, or draw a nearer area",
         )
 
 
@@ -480,7 +480,7 @@ def survey_lines(
     count = max(1, int(np.ceil((high - low) / spacing_m)))
     if most is not None and count > most:
         raise PlanError(
-            f"{count} lines are too many", remedy="Choose wider lines or a smaller area"
+            f"{count} lines are too many", remedy="Widen the spacing or shrink the area"
         )
     way: list[tuple[float, float]] = []
     for number in range(count):

@@ -174,7 +174,7 @@ class StreamSource(LiveSource):
                 remedy="Check that the program before the pipe runs and writes to its stdout",
             )
         if self.trailing_bytes:
-            log.warning("incomplete sample at the end", count_bytes=self.trailing_bytes)
+            log.warning("incomplete sample at the end ignored", count_bytes=self.trailing_bytes)
         raise EOFError(f"{self.name} has ended")
 
     def _block(self) -> IQBlock:

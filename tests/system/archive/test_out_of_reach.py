@@ -39,8 +39,8 @@ def test_a_store_that_is_away_takes_no_pulse_along(
     capsys.readouterr()
     assert uavrt(*command) == 1
     said = capsys.readouterr().err
-    assert f"{url}: kept from before: not reachable now:" in said
-    assert "1 kept from before" in said
+    assert f"{url}: earlier result kept, not reachable now:" in said
+    assert "earlier results kept, not reachable now: 1" in said
     assert count(output) == before
     assert ask(output, "select state from recordings")["state"].to_pylist() == ["done"]
     # The same with other settings, of which nothing is done yet.

@@ -350,7 +350,7 @@ def test_two_pages_one_commander_and_no_lost_tags(scene: Scene) -> None:
     expect(second.page.locator("#take-command")).to_be_visible()
     expect(first.page.locator("#take-command")).to_be_hidden()
     expect(second.page.locator("#act-reason")).to_have_text(
-        "Another page has command. Take command first"
+        "Another page is in command. Take command first"
     )
     expect(second.page.locator(".act.next")).to_have_count(0)
     expect(first.page.locator("#act-reason")).not_to_contain_text("Another page")

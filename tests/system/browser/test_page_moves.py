@@ -127,7 +127,7 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     watching = Watched(here.browser, here.address, color_scheme="light")
     expect(watching.page.locator("#take-command")).to_be_visible()
     watching.page.click("#show-move")
-    expect(watching.page.locator("#move-ask")).to_have_text("Another page has command")
+    expect(watching.page.locator("#move-ask")).to_have_text("Another page is in command")
     watching.page.click("#take-back")
     expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
     assert watching.errors == []

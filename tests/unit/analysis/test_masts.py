@@ -195,7 +195,7 @@ def test_the_page_joins_a_masts_strengths_as_the_command_line_does(
         radius_m(read_positions(mast.path, drone.path)), rel=0.01
     )
     assert (
-        "vehicle 7, mast: the strengths of 200 pulses, at one place, went in"
+        "vehicle 7, mast: the strengths of 200 pulses, at one place, were used"
         in (position["remarks"])
     )
     # And the mast's own page shows the same place.
@@ -215,7 +215,7 @@ def test_a_mast_that_missed_most_pulses_is_left_out_by_name(
     both = read_positions(mast.path, drone.path)
     assert radius_m(both) == radius_m(read_positions(drone.path))
     assert (
-        "its strengths (67 pulses) are not used: more of them were missed than detected"
+        "strengths of 67 pulses are not used: more pulses were missed than detected"
         in " ".join(some(both[0].position).remarks)
     )
 
@@ -253,7 +253,7 @@ def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) ->
     mast = of_mast(tmp_path / "mast", Mast())
     both = read_positions(drone.path, mast.path, how=ReadAs(elevation=elevation))
     (told,) = some(both[0].position).listeners
-    assert told.endswith("not used: their losses behind hills are not computed")
+    assert told.endswith("not used: losses behind hills are not computed for fixed receivers")
 
 
 def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:
@@ -275,7 +275,7 @@ def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:
     )
     down = ((START_NS, START_NS + 17 * 10**9 + 5),)
     said = strengths_of("vehicle 2", pulses, pulses.height_m, down, "RA-23K").outcome
-    assert "not used: they were heard on the ground, before or after a flight" in said
+    assert "not used: the pulses were received on the ground, before or after a flight" in said
     flown = strengths_of("vehicle 2", pulses, pulses.height_m, (), "RA-23K")
     assert flown.unused is None
     assert list(flown.level_db) == [20.0]

@@ -60,5 +60,5 @@ def test_a_pipe_or_a_folder_in_a_maps_place_is_named(tmp_path: Path, suffix: str
     os.mkfifo(tmp_path / f"pipe.{suffix}")
     (tmp_path / f"folder.{suffix}").mkdir()
     faults = {one["name"]: one["fault"] for one in map_list(tmp_path)}
-    assert all("it is not a file" in fault for fault in faults.values())
+    assert all("the path is not a file" in fault for fault in faults.values())
     assert len(faults) == 2

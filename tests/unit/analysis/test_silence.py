@@ -222,7 +222,7 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
     desk, wanted = CoverageMapJobs(), {"tag_id": silent, "tag_power_dbm": -62}
     asked = CoverageMapRequest.from_request(flight, ANTENNA, wanted)
     assert answered(desk, asked)["state"] == "done"
-    with pytest.raises(UsageError, match="absence cannot be judged"):
+    with pytest.raises(UsageError, match="absence cannot be concluded"):
         desk.absence(asked, wanted | {"outline": corners})
 
 

@@ -11,9 +11,9 @@ from uavrt.core.errors import ConfigError
 @pytest.mark.parametrize(
     ("action", "numbers", "values", "reason"),
     [
-        ("goto", (), {}, "goto needs a place"),
-        ("goto", (47.1,), {}, "goto needs a place"),
-        ("goto", (8.5, 147.1, 3.0), {}, "goto needs a place"),
+        ("goto", (), {}, "goto needs a position"),
+        ("goto", (47.1,), {}, "goto needs a position"),
+        ("goto", (8.5, 147.1, 3.0), {}, "goto needs a position"),
         ("goto", (147.1, 8.5), {}, "is not a latitude"),
         ("goto", (float("nan"), 8.5), {}, "is not a latitude"),
         ("hold", (30.0,), {}, "hold takes no numbers"),

@@ -144,7 +144,7 @@ def test_a_sample_rate_that_the_radio_does_not_take_is_refused_at_the_start(
             3,
             "planner is \"nonsense\", but must be 'mi_rate'",
         ),
-        ("wind_m_s = 12.0", 2, "wind_m_s is 12 and airspeed_m_s 12, but against such a wind"),
+        ("wind_m_s = 12.0", 2, "wind_m_s is 12 and airspeed_m_s 12, but then the drone cannot"),
         ("airspeed_m_s = 6", 2, "wind_m_s is 8 and airspeed_m_s 6, but"),
     ],
 )

@@ -231,7 +231,10 @@ k = 3
         ("[tag]\nid = 2\n", "line 1: write [[tag]] above each tag"),
         ("tag = [1]\n", "line 1: write [[tag]] above each tag"),
         ("defaults = 3\n", "line 1: write [defaults] as a heading"),
-        ("a = " + "[" * 5000, "line 1: not TOML: it is nested more than 8 levels deep"),
+        (
+            "a = " + "[" * 5000,
+            "line 1: not TOML: the content is nested more than 8 levels deep",
+        ),
     ],
 )
 def test_a_toml_file_of_another_shape_is_refused(text: str, fault: str) -> None:

@@ -178,4 +178,4 @@ def test_damaged_lines_among_good_ones_are_read_around_and_counted(
     path.write_bytes(b"".join(content))
     assert read_pulse_file(path) == tuple(pulses)
     told = capsys.readouterr().err
-    assert ("damaged lines passed over" in told) is bool(damage)
+    assert ("damaged lines skipped" in told) is bool(damage)

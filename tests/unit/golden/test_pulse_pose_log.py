@@ -131,7 +131,7 @@ def test_a_damaged_line_inside_is_read_around_and_told_with_its_number(
     path.write_text(THESIS_ROW + "2, 148.71\n" + THESIS_ROW)
     assert len(read_pulse_pose_log(path)) == 2
     told = json.loads(capsys.readouterr().err)
-    assert told["event"] == "damaged lines passed over"
+    assert told["event"] == "damaged lines skipped"
     assert (told["lines"], told["first"]) == (1, 2)
     assert told["reason"] == "2 columns instead of 23"
 

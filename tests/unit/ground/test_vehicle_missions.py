@@ -159,7 +159,7 @@ async def test_a_mission_not_held_as_sent_is_told_of(monkeypatch: pytest.MonkeyP
             taken(message, sender, changed)
 
         monkeypatch.setattr(autopilot.missions, "_give", lower)
-        with pytest.raises(CommandRefused, match="its item 3 differs"):
+        with pytest.raises(CommandRefused, match="item 3 differs"):
             await link.missions.upload(ITEMS)
 
 

@@ -63,11 +63,11 @@ def test_what_is_of_another_kind_is_told_in_words() -> None:
     """'list' object has no attribute 'get', it said."""
     with pytest.raises(FormatError, match="neither GeoJSON nor a plan"):
         path_in("[1]", "a file")
-    with pytest.raises(FormatError, match="something in it has no 'type'"):
+    with pytest.raises(FormatError, match="an object has no 'type'"):
         path_in("{}", "a file")
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1]", plan(waypoint(99.0, 8.0), waypoint(1, 1))])
 def test_what_holds_no_places_is_named(text: str) -> None:
-    with pytest.raises(FormatError, match="a file gives no way"):
+    with pytest.raises(FormatError, match="a file gives no path"):
         path_in(text, "a file")

@@ -224,8 +224,8 @@ def test_ardupilot_keeps_home_before_the_mission() -> None:
 
 
 def test_what_differs_is_told() -> None:
-    assert difference(MISSION, MISSION[1:]) == "it holds 14 items, not 15"
+    assert difference(MISSION, MISSION[1:]) == "it has 14 items, not 15"
     lower = (replace(MISSION[0], z=10.0), *MISSION[1:])
-    assert difference(MISSION, lower) == "its item 1 differs"
+    assert difference(MISSION, lower) == "item 1 differs"
     as_px4 = tuple(replace(one, frame={3: 6}.get(one.frame, one.frame)) for one in MISSION)
     assert difference(MISSION, as_px4) is None

@@ -222,7 +222,7 @@ def test_a_way_begins_at_the_least_height_or_above(hub: Hub, action: str) -> Non
     ("text", "reason"),
     [
         (None, "cannot be read"),
-        ('{"type": "FeatureCollection", "features": []}', "gives no places to keep out of"),
+        ('{"type": "FeatureCollection", "features": []}', "gives no keep-out areas"),
     ],
 )
 def test_while_the_buildings_are_not_known_nothing_is_flown(

@@ -26,7 +26,7 @@ def test_the_log_says_how_near_each_leg_came_to_its_target(
     turn = VehicleWish(order_id=5, wish=TurnInPlace(turn_deg=90.0, rate_deg_s=20.0))
     link.desk.wish(turn)
     link.run(1.0)
-    first, after_leg = logged(capsys, "commanded")
+    first, after_leg = logged(capsys, "command sent")
     assert first is None, "no leg before the first command"
     assert after_leg is not None
     assert after_leg < 0.7
@@ -42,6 +42,6 @@ def test_an_order_that_ends_on_its_way_says_how_far_it_was(
     link.flown.vehicle.set_mode(3 << 16)
     link.run(1.0)
     assert link.states[-1].standing == "out"
-    ended = logged(capsys, "standing")[-1]
+    ended = logged(capsys, "motion control")[-1]
     assert ended is not None
     assert left_m - 5.0 < ended < left_m + 1.0

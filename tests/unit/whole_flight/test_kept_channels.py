@@ -195,7 +195,7 @@ def test_a_map_of_where_a_tag_is_not_goes_when_it_is_found(flown: Path) -> None:
 
 def test_a_tag_whose_channel_was_not_kept_is_named(flown: Path, weak: Rotation) -> None:
     alien = replace(weak.tag, tag_id=5, frequency_hz=weak.tag.frequency_hz + 50_000.0)
-    with pytest.raises(UavrtError, match=r"kept no samples of tag 5, at 1\d\d\.\d+ MHz"):
+    with pytest.raises(UavrtError, match=r"has no samples of tag 5, at 1\d\d\.\d+ MHz"):
         integrate_kept(
             read_flight(flown), [weak.tag, alien], JudgeAs(pattern=PATTERNS["RA-23K"])
         )
@@ -217,7 +217,7 @@ def test_a_tag_whose_only_piece_is_damaged_is_told_of_the_damage(
 ) -> None:
     for path in FlightLayout(flown).channels_directory.glob("*.sigmf-meta"):
         path.write_text("{")
-    with pytest.raises(UavrtError, match=r"kept no samples of tag .* was left out: .*not JSON"):
+    with pytest.raises(UavrtError, match=r"has no samples of tag .* was left out: .*not JSON"):
         integrate_kept(read_flight(flown), [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
 
 

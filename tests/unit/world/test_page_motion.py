@@ -80,7 +80,7 @@ async def test_only_the_page_that_commands_asks_and_every_page_takes_back(
             page.session.commander.come(name)
         refused = await motion(page, "ask", {"action": "hold"}, X_Page="second")
         assert refused.status == 409
-        assert "another page has command" in refused.json["error"]
+        assert "another page is in command" in refused.json["error"]
         offer = await motion(page, "ask", {"action": "hold"}, X_Page="first")
         assert offer.status == 200
         page.session.commander.take("second")

@@ -66,7 +66,7 @@ def run_batch(
     settings: BatchSettings,
     watch: BatchWatch | None = None,
 ) -> BatchSummary:
-    """Detect the tags in all recordings, and locate them from all flights.
+    """Detect the tags in all recordings, and locate the tags from all flights.
 
     Parameters
     ----------
@@ -94,13 +94,13 @@ def run_batch(
     if not lock.take(output, 0.0):
         raise RecordingError(
             f"{output} cannot be written, or another batch is writing there",
-            remedy="Wait for it, or give -o another directory",
+            remedy="Wait until the other batch ends, or give another directory with -o",
         )
     try:
         return _run(found, sought, output.absolute(), settings, watch or BatchWatch())
     except OSError as error:
         raise RecordingError(
-            f"{output} cannot be written: {error.strerror}", remedy="Free space there"
+            f"{output} cannot be written: {error.strerror}", remedy="Free some disk space"
         ) from error
     finally:
         lock.release()

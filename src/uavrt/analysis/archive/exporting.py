@@ -80,7 +80,7 @@ def export_archive(
     known = flights_in(archive)
     if flights is not None and (missing := sorted(set(flights) - set(known))):
         raise UsageError(
-            f"there is no flight {missing[0]} in it", remedy="uavrt archive list names them"
+            f"the archive has no flight {missing[0]}", remedy="Run uavrt archive list"
         )
     names = known if flights is None else list(flights)
     written = []
@@ -229,7 +229,7 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
     which = "" if flights is None else f"WHERE flight IN ({', '.join(map(quoted, flights))})"
     rows = ask(archive, f"SELECT * FROM {table} {which} ORDER BY flight, tag_id, start_time_ns")
     target = directory / f"{table}.parquet"
-    with os_errors_as(RecordingError, f"cannot write {target}", "Choose a writable place"):
+    with os_errors_as(RecordingError, f"cannot write {target}", "Choose a writable directory"):
         make_directories(directory)
         with replacing(target) as part:
             pq.write_table(with_points(rows), part, compression="zstd")

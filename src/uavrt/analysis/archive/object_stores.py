@@ -39,7 +39,7 @@ def list_store(url: str) -> tuple[str, ...]:
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
     if not found:
-        raise FormatError(f"there is nothing at {url}", remedy="Check the address")
+        raise FormatError(f"no file or folder exists at {url}", remedy="Check the address")
     return tuple(sorted(str(system.unstrip_protocol(one)) for one in found))
 
 
@@ -53,8 +53,8 @@ def _below(system: Any, path: str, url: str) -> list[str]:
         folder, depth = waiting.pop()
         if depth > MOST_DEPTH or len(seen) > MOST_LINKS:
             raise StoreError(
-                f"{url}: the folder listing never ends, such as {folder[:200]}",
-                remedy="Name a folder below it, or the recordings one by one",
+                f"{url} lists too many or too deep folders, for example {folder[:200]}",
+                remedy="Name one of the folders in it, or the recordings one by one",
             )
         try:
             listed = system.ls(folder, detail=True)
@@ -76,8 +76,8 @@ def _size_of(system: Any, path: str, url: str) -> int:
     size = system.info(path).get("size")
     if not isinstance(size, int) or not 0 <= size <= MOST_BYTES:
         raise StoreError(
-            f"{url}: the server does not report its length ({size})",
-            remedy="Fetch the file, or have it served with its length",
+            f"{url}: the server reports no valid file size ({size})",
+            remedy="Download the file, or use a server that sends Content-Length",
         )
     return size
 
@@ -164,7 +164,7 @@ def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
     if len(piece) > end - start:
         raise StoreError(
             f"{url}: the server cannot send parts of files",
-            remedy="Fetch the file, or have it served in pieces (HTTP ranges)",
+            remedy="Download the file, or use a server with HTTP range requests",
         )
     return piece
 
@@ -176,7 +176,7 @@ def _opened(url: str) -> tuple[Any, str]:
     try:
         system, path = url_to_fs(url)
     except ValueError as error:
-        raise FormatError(f"{url}: {error}", remedy="Write it as s3://BUCKET/FOLDER") from error
+        raise FormatError(f"{url}: {error}", remedy="Use s3://BUCKET/FOLDER") from error
     except ImportError as error:
         raise FormatError(
             f"{url}: {error}", remedy="Install the package that fsspec names for this store"
@@ -192,7 +192,7 @@ def _store_errors(url: str) -> Iterator[None]:
     except _faults() as error:
         raise StoreError(
             f"{url}: {str(error) or type(error).__name__}",
-            remedy="Check address and network, and repeat the command: it continues",
+            remedy="Check address and network; the repeated command continues here",
         ) from error
 
 

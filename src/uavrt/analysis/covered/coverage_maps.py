@@ -159,7 +159,7 @@ def map_around(
         "cell_m": size.cell_m,
     }
     if elevation is None:
-        said = "without --dem the ground is taken as level: hills shorten what is heard"
+        said = "without --dem the ground is taken as level: hills reduce the detection range"
         return MapArea(
             ground=ground_grid(None, plane, **area), hills=False, limitations=(said,)
         )
@@ -264,7 +264,7 @@ def covered_by(
     if not found.groups:
         limitations = (
             *limitations,
-            f"the way is shorter than {least} pulses of the tag: nothing can be heard",
+            f"the path is shorter than {least} pulses of the tag: nothing can be detected",
         )
     return replace(found, limitations=limitations)
 

@@ -79,7 +79,7 @@ def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
     if len(poses.time_ns) < 2:
         raise RecordingError(
             f"{flight.info.directory} has no poses",
-            remedy="Attach those of an autopilot's log with uavrt attach",
+            remedy="Attach poses from an autopilot's log with uavrt attach",
         )
     plane = plane_around(poses.latitude_deg, poses.longitude_deg)
     return (plane, *plane.to_local(poses.latitude_deg, poses.longitude_deg))

@@ -37,29 +37,29 @@ from uavrt.planning.detectability.link_budget import LinkBudget
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9
-"""Detection probability from which silence is evidence of absence."""
+"""Least detection probability at which silence is evidence of absence."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
 """Number of map cells along the longer side; a flight of twenty minutes takes some seconds."""
-_NOT_JUDGED = "the whole flight is not searched for it yet; uavrt integrate finds weaker tags"
+_NOT_JUDGED = "whole flight not searched for this tag yet; uavrt integrate finds weaker tags"
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
     "assumes one. uavrt integrate shows what its samples contain"
 )
 _ANTENNA_UNKNOWN = (
-    "an earlier version searched the whole flight for it and did not record the frequencies "
-    "and the antenna: those of the flight are assumed"
+    "an earlier version searched the whole flight and did not record frequencies and antenna: "
+    "those of the flight are assumed"
 )
 _NOT_SILENT = (
     "the search of the whole flight does not apply here, because it was for {}: only groups of "
     "pulses count. Run uavrt integrate again"
 )
-_WITHIN = "of a tag farther than {:g} Hz from its listed frequency it says nothing"
+_WITHIN = "the result covers tags within {:g} Hz of their listed frequency"
 _ANTENNA_ASSUMED = "antenna not specified: {} assumed"
 _AMBIGUOUS = (
-    "a train on its frequency may be its own (uavrt integrate names it), so it may not "
-    "be silent"
+    "a pulse train on the tag's frequency (listed by uavrt integrate) may be the tag, so the "
+    "tag may not be silent"
 )
 
 

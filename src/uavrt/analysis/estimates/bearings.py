@@ -67,7 +67,7 @@ class Recorded:
         if self.antenna == MONOPOLE:
             raise UsageError(
                 "the drone was set up with an upright whip, which gives no bearings",
-                remedy="uavrt localize finds tags by their strength; or name the --antenna",
+                remedy="Use uavrt localize, or name the antenna with --antenna",
             )
         return self.antenna
 
@@ -174,7 +174,7 @@ def past_turns(
     Flights in the same folder are read, newest first, until there are enough turns. Unreadable
     flights and those of other drones are skipped.
     `offset_deg` is the boresight, clockwise from the heading in the poses [deg]. Flights in
-    `excluded` are excluded, since the caller has their turns already.
+    `excluded` are skipped, since the caller has their turns already.
     """
     place = Path(flight.info.directory).resolve()
     names = {Path(one.info.directory).resolve().name for one in excluded}
@@ -234,6 +234,6 @@ def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) ->
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(
             f"{len(turns)} turns past a tag are too few to learn a pattern",
-            remedy=f"Turn in place {FLIGHT.least_turns} times or more, or hear more tags",
+            remedy=f"Turn in place {FLIGHT.least_turns} times or more, or detect more tags",
         )
     return corrected_antenna(turns, antenna)

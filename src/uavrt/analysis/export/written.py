@@ -113,7 +113,7 @@ def _geopackage(survey: Survey, directory: Path) -> list[Path]:
             write_geopackage(survey, part)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
-            f"cannot write {target}: {error}", remedy="Choose a writable place"
+            f"cannot write {target}: {error}", remedy="Choose a writable directory"
         ) from error
     return [target]
 

@@ -114,7 +114,7 @@ def _judged(entries: dict[str, Any], path: Path) -> Facts:
             )
         if not isinstance(text, str) or len(text) > MOST_LETTERS or not text.isprintable():
             raise ConfigError(
-                f"{path}: {name} is not text", remedy=f"At most {MOST_LETTERS} letters, quoted"
+                f"{path}: {name} is not text", remedy=f"Quote up to {MOST_LETTERS} letters"
             )
     found = Facts(**entries)
     try:

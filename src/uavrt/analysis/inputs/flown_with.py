@@ -1,4 +1,4 @@
-"""Read which settings and antenna a flight was flown with."""
+"""Read the settings and the antenna of a flight."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def flight_settings(flight: Flight) -> Settings | None:
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise FormatError(
             f"the settings of {flight.info.directory} cannot be read: {error}",
-            remedy="Its pulse_pose_log.txt holds the pulses; give that instead",
+            remedy="Give its pulse_pose_log.txt instead, which has the pulses",
         ) from error
 
 
@@ -54,7 +54,7 @@ def antenna_poses(flight: Flight) -> list[Pose]:
     if flight.poses and not posed:
         raise FormatError(
             f"no pose of {flight.info.directory} has an attitude",
-            remedy="Attach those of an autopilot's log with uavrt attach",
+            remedy="Attach poses from an autopilot's log with uavrt attach",
         )
     return [mounting.antenna_pose(one) for one in posed]
 
@@ -74,7 +74,7 @@ def flight_antenna(flight: Flight) -> str:
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna
     if named != MONOPOLE and named not in PATTERNS:
         raise UsageError(
-            f"the drone was set up with the antenna {named!r}, which is not known here",
+            f"the drone was set up with the antenna {named!r}, which uavrt does not know",
             remedy=f"Name one with --antenna: a CSV file of angles and gains, {MONOPOLE}, or "
             f"one of {', '.join(PATTERNS)}",
         )

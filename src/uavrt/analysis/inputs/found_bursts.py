@@ -46,7 +46,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:
-        raise UsageError("no listed tag is coded", remedy="Give a tag list with gaps")
+        raise UsageError("no listed tag is coded", remedy="List a coded tag, with its gaps")
     ordered = _of_one_antenna(sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns))
     if not ordered:
         return []

@@ -88,7 +88,7 @@ def read_map(path: Path) -> MapFile:
     """Read the metadata of a map file; raises `FormatError` if it is not a map file."""
     try:
         if path.exists() and not path.is_file():
-            raise ValueError("it is not a file")
+            raise ValueError("the path is not a file")
         return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
     except _DAMAGED as error:
         raise FormatError(
@@ -143,7 +143,7 @@ def _mbtiles(path: Path) -> MapFile:
         # An index has either end at once; both together need all tiles.
         ends = [database.execute(_ZOOM.format(order)).fetchone() for order in ("ASC", "DESC")]
     if None in ends:
-        raise ValueError("it holds no tiles")
+        raise ValueError("the file has no tiles")
     low, high = (end[0] for end in ends if end is not None)
     said = str(facts.get("format") or "png")
     edges = str(facts.get("bounds") or _EARTH).split(",")
@@ -165,7 +165,7 @@ def _bounds(edges: Iterable[float]) -> tuple[float, float, float, float]:
     if not (
         max(abs(south), abs(north)) <= 90.0 and max(abs(west), abs(east)) <= _MOST_LONGITUDE
     ):
-        raise ValueError("its edges are not positions on earth")
+        raise ValueError("the bounds are not positions on earth")
     return west, south, east, north
 
 
@@ -227,12 +227,12 @@ def _check_parts(header: bytes, size: int) -> None:
         max(place + length for place, length in zip(parts[::2], parts[1::2], strict=True))
         > size
     ):
-        raise ValueError("it was copied in part, or damaged")
+        raise ValueError("the file is incomplete or damaged")
 
 
 def _part(path: Path, place: int, length: int, most: int = MAP_PART.bytes) -> bytes:
     if length > most:
-        raise ValueError(f"a part of it has {length} bytes")
+        raise ValueError(f"a section has {length} bytes, more than {most}")
     with path.open("rb") as file:
         file.seek(place)
         return file.read(length)
@@ -242,7 +242,7 @@ def _unpacked(content: bytes, compression: int) -> bytes:
     if compression == _NOT_COMPRESSED:
         return content
     if compression != _GZIP:
-        raise ValueError("it is compressed by another method than gzip")
+        raise ValueError("the tiles are compressed, but not with gzip")
     return zlib.decompressobj(wbits=31).decompress(content, MAP_PART.bytes)
 
 
@@ -282,7 +282,7 @@ def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
     numbers = iter(_varints(directory))
     count = next(numbers, 0)
     if count > len(directory):
-        raise ValueError("a directory with more entries than bytes")
+        raise ValueError("a directory has more entries than bytes")
     tile_ids: list[int] = []
     for _ in range(count):
         tile_ids.append(next(numbers) + (tile_ids[-1] if tile_ids else 0))
@@ -308,7 +308,7 @@ def _varints(content: bytes) -> list[int]:
             found.append(value)
             value = shift = 0
         elif shift > 63:
-            raise ValueError("a number of more than 64 bits")
+            raise ValueError("a number has more than 64 bits")
     return found
 
 

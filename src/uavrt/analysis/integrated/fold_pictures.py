@@ -48,7 +48,7 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 def fold_of(one: IntegratedTag) -> FlightFold:
     """Fold a flight at a tag's interval, with energies weighted as in the search.
 
-    The search excludes pulses loud enough to be detected singly. Here loud pulses of any source
+    The search excludes pulses strong enough to be detected singly. Here those of any source
     count as in `train_pulses`, slightly more than others.
     """
     energies, pulses = one.energies, one.pulses

@@ -173,8 +173,8 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
         return ()
     above, below = other.ratio
     return (
-        f"ambiguous: a train on its frequency, every {other.interval_s:.4f} s, {above}/{below} "
-        "of its interval, may be its own",
+        f"ambiguous: pulses on its frequency, every {other.interval_s:.4f} s ({above}/{below} "
+        "of the interval), may be this tag",
     )
 
 

@@ -41,7 +41,7 @@ class SlotRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Place of a tag; all None if the tag was not found, or moved between flights."""
+    """Position of a tag; all None if the tag was not found, or moved between flights."""
 
     enr_db: float | None = None
     """Energy of the tag's strongest pulse over noise density [dB]."""
@@ -51,7 +51,7 @@ class PlaceRecord:
     radius50_m: float | None = None
     radius95_m: float | None = None
     level_db: float | None = None
-    """Same value as `enr_db`, under its name in earlier versions."""
+    """Same value as `enr_db` [dB], under its name in earlier versions."""
     bearing_deg: float | None = None
     arc50_deg: float | None = None
     arc95_deg: float | None = None
@@ -126,7 +126,7 @@ class IntegratedRecord(PlaceRecord):
     false_alarm_probability: float
     """Probability that noise alone gives such a result in a flight."""
     interval_s: float
-    """Interval of the train found, or else of the strongest candidate."""
+    """Interval of the train found, or else of the strongest candidate [s]."""
     frequency_hz: float
     pulses: int
     """Number of pulses of the train while at the tag's rate; 0 if not found."""

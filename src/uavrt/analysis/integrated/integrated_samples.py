@@ -82,7 +82,7 @@ def integrate(
 ) -> IntegratedRecord:
     """Find a tag too weak for single groups of pulses, from all samples of a flight.
 
-    All pulses are judged together: interval, phase, frequency and place at once, as in ``uavrt
+    All pulses are combined over interval, phase, frequency and position, as in ``uavrt
     integrate``.
     `samples`: shape (n,), of the band or of the tag's channel; lost samples are NaN.
     `poses`: of the antenna, in order of time. Samples more than 2 s from any pose are left out.
@@ -103,7 +103,7 @@ def integrate(
     row = np.asarray(samples, np.complex64)
     if row.ndim != 1:
         raise UsageError(
-            f"the samples have the shape {row.shape}, not (n,)", remedy="Give one dimension"
+            f"the samples have the shape {row.shape}, not (n,)", remedy="Use a 1-D array"
         )
     flight = Flight(
         info=FlightInfo(

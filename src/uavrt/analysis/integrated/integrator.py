@@ -36,7 +36,7 @@ SHARE = 9.0
 RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""Confirmed pulses from which a tag counts as found by the detectors, and is not reported."""
+"""Least number of confirmed pulses of a tag found by the detectors; it is not reported."""
 CLOSER = 0.5
 """Factor by which a reported position's radius must shrink before it is reported again."""
 
@@ -165,11 +165,11 @@ class Integration:
                 self.fault = None
             except (UavrtError, OSError, MemoryError) as error:
                 if str(error) != self.fault:
-                    log.warning("tag not searched", tag=tag.tag_id, reason=str(error))
+                    log.warning("tag left out of the search", tag=tag.tag_id, reason=str(error))
                 self.fault = str(error)
             except Exception as error:  # ours: other tags are judged all the same
-                log.exception("tag not searched")
-                self.fault = f"tag {tag.tag_id} cannot be judged: {error}"
+                log.exception("whole-flight search of a tag failed; other tags go on")
+                self.fault = f"tag {tag.tag_id} cannot be searched: {error}"
             self._done.put((flight, tag, result, cpu_s() - began_s))
 
     def counters(self) -> dict[str, float]:
@@ -188,7 +188,7 @@ def main() -> None:
         try:
             integration = Integration(frame)
         except UsageError as error:
-            log.error("no whole-flight search", reason=str(error))
+            log.error("whole-flight search off in this flight", reason=str(error))
             frame.notify(4, f"no whole-flight search on the drone: {error.message}")
             frame.idle(error.message)
             return

@@ -18,7 +18,7 @@ class MeasuredRate:
     interval_s: float
     interval_sigma_s: float
     jitter_s: float
-    """Standard deviation of pulse times about the beat [s], with measurement error."""
+    """Standard deviation of pulse times about the beat [s], measurement error included."""
     largest_deviation_s: float
     drift: float
     drift_sigma: float

@@ -86,7 +86,7 @@ def remarks_of(position: Position) -> tuple[str, ...]:
     if not position.track or not walks or position.method == "track":
         return position.remarks
     time = told_utc(position.track[-1].time_ns)
-    straight = f"this is where it was at {time} if it walked straight on; its way may bend"
+    straight = f"this was its position at {time} if it walked straight; its path may bend"
     return (*position.remarks, straight)
 
 

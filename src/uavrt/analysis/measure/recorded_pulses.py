@@ -218,7 +218,7 @@ class DetectionSummary:
     """Missing samples estimated from the arrival times of a live stream; uncertain if its
     crystal is far off."""
     signal_s: float = 0.0
-    """Duration of the samples, lost ones included."""
+    """Duration of the samples, lost ones included [s]."""
     elapsed_s: float = 0.0
     invalid_samples: int = 0
     stopped: bool = False

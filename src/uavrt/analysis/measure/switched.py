@@ -77,21 +77,21 @@ def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
     if not isinstance(entry, dict):
         raise FormatError(
             f"{os.fspath(recording)} does not say which antenna each sample came from",
-            remedy=f"Its metadata need {SWITCH_KEY!r}, see docs/reference/formats.md",
+            remedy=f"Add {SWITCH_KEY!r} to its metadata, see docs/reference/formats.md",
         )
     try:
         return _array(entry)
     except (KeyError, TypeError, ValueError, UsageError) as error:
         raise FormatError(
-            f"{os.fspath(recording)} has a wrong {SWITCH_KEY!r}: {error}",
-            remedy="docs/reference/formats.md lists its keys",
+            f"{os.fspath(recording)} has an invalid {SWITCH_KEY!r}: {error}",
+            remedy="Correct its keys; docs/reference/formats.md lists them",
         ) from None
 
 
 def _array(entry: dict[str, Any]) -> SwitchedArray:
     kind, size_m = str(entry["kind"]), float(entry["size_m"])
     if kind not in _METHODS or not 0.0 < size_m < 100.0:
-        raise ValueError(f"kind {kind!r}, size_m {size_m:g}")
+        raise ValueError(f"kind {kind!r} with size_m {size_m:g} is not supported")
     return SwitchedArray(
         kind=kind,
         size_m=size_m,

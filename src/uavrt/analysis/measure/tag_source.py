@@ -52,7 +52,7 @@ def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
     except ValueError:
         raise FormatError(
             f"{os.fspath(path)}: opMode {config.operating_mode!r} is unknown",
-            remedy=f"Write {', '.join(OperatingMode)}",
+            remedy=f"Choose from {', '.join(OperatingMode)}",
         ) from None
     center_hz = config.channel_center_frequency_hz
     return TagSource(

@@ -1,1 +1,1 @@
-"""Whole flights judged from their kept samples, and the results in words."""
+"""Search whole flights in their recorded samples, and put the results in words."""

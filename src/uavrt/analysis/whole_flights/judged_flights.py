@@ -144,12 +144,12 @@ def integrate_flight(
         if seconds < MODEL.least_pulses * tag.pulse_intervals_s[0]:
             raise RecordingError(
                 f"the recording holds {seconds:.0f} s, "
-                f"fewer than {MODEL.least_pulses} intervals of tag {tag.tag_id}",
+                f"less than {MODEL.least_pulses} intervals of tag {tag.tag_id}",
                 remedy="Use uavrt detect for so short a recording",
             )
         if not samples.any():
             raise RecordingError(
-                f"all samples of tag {tag.tag_id}'s channel are 0: the radio heard nothing",
+                f"all samples of tag {tag.tag_id}'s channel are 0: the radio received nothing",
                 remedy="Check the recording, and the radio's cable, antenna and gain",
             )
         window_hz, beyond = _window_held(
@@ -268,7 +268,7 @@ def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
         return ()
     return (
         f"antenna not specified: {searched.antenna} assumed; "
-        "another one weighs pulses differently (name it with --antenna)",
+        "with another, pulses have other weights (give --antenna)",
     )
 
 
@@ -294,7 +294,7 @@ def channel_samples(
         except FormatError as error:
             if on_fault is None or not done:
                 raise
-            on_fault(f"{error.message}: what lies before was judged, and no more")
+            on_fault(f"{error.message}: only the samples before it were searched")
             break
         if block is None:
             continue

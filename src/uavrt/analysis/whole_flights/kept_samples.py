@@ -87,7 +87,7 @@ def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[In
     without = [tag for tag in tags if channel_of_tag[tag.tag_id] is None]
     if without:
         none = (
-            f"{flight.info.directory} kept no samples of tag {without[0].tag_id}, at "
+            f"{flight.info.directory} has no samples of tag {without[0].tag_id}, at "
             f"{without[0].frequency_hz / 1e6:.4f} MHz"
         )
         raise RecordingError(
@@ -121,7 +121,7 @@ def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[In
 def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
     """Sentences on unreadable files, without repetitions."""
     return tuple(
-        f"a piece of the kept samples was left out: {fault}" for fault in dict.fromkeys(faults)
+        f"part of the recorded samples was left out: {fault}" for fault in dict.fromkeys(faults)
     )
 
 

@@ -40,7 +40,7 @@ from uavrt.localization.whole_flight.train_place import (
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""Largest distance of a flight's middle from that of all flights, for a common place [m]."""
+"""Largest distance of a flight's middle from that of all flights, for a common position [m]."""
 _TOGETHER = 0.5
 """Share of the false-alarm probability used for the decision on all flights together."""
 _LISTED = 0.9
@@ -61,7 +61,7 @@ class TagOfFlights:
     alone: tuple[float, ...]
     """False-alarm probability of each flight's own result."""
     place: PlaceBelief | None
-    """Common place of the tag; None if it was not found, or moves."""
+    """Common position of the tag; None if it was not found, or moves."""
     flights: tuple[IntegratedTag, ...]
     """Result of each flight, with the tag's pulses and the common place."""
 
@@ -122,7 +122,7 @@ def judge_together(
     for one place.
     """
     if len(flights) < 2:
-        raise ConfigError("there is one flight", remedy="Name two or more to judge together")
+        raise ConfigError("only one flight was given", remedy="Name two or more flights")
     views = _views(flights, judged, pattern, elevation, moves=moves)
     joint = search_together([one.listened for one in views], judged[0].tag, moves=moves)
     alone = tuple(one.train.false_alarm_probability for one in judged)
@@ -259,8 +259,8 @@ def _common_places(
         farthest = flights[int(np.argmax(away_m))].info.directory
         raise UsageError(
             f"{farthest} lies {away_m.max() / 1000:.1f} km from the middle of all flights: too "
-            f"far for one place (at most {MOST_APART_M / 1000:g} km)",
-            remedy="Judge near ones together, or give --moves: each has its own place then",
+            f"far for one position (at most {MOST_APART_M / 1000:g} km)",
+            remedy="Combine near flights only, or give --moves: one position for each flight",
         )
     found = []
     for flight, one in zip(flights, judged, strict=True):

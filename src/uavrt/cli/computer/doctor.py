@@ -34,17 +34,17 @@ def doctor(
 ) -> None:
     """Check radio, permissions, autopilot, clock, disk, card, processor and temperature.
 
-    Each line says ok, or what to do. Exits with status 1 if there is something to do.
+    Each line shows ok or a remedy. Exits with status 1 if a check has failed.
 
     Parameters
     ----------
     config
         Settings file for the flight.
     flight
-        Go through the list before a first flight: listen to the running system for
+        Go through the checklist before a first flight: observe the running system for
         half a minute, with a tag on the bench. The page has the same list under Check.
     autopilot
-        Check only the autopilot's parameters: do they let drone and ground talk to each other?
+        Check only the autopilot's parameters for the link between drone and ground.
     fix
         With --autopilot: correct what is wrong. Nothing is ever changed without this option.
     port

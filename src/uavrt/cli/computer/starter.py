@@ -19,12 +19,12 @@ def install(*, directory: Path | None = None) -> None:
     Parameters
     ----------
     directory
-        Where the desktop looks; by default $XDG_DATA_HOME or ~/.local/share, and for all users
+        Data directory of the desktop, $XDG_DATA_HOME or ~/.local/share; for all users
         /usr/local/share (with sudo).
     """
     if not sys.platform.startswith("linux"):
         raise UsageError(
-            "starters of this kind are for Linux", remedy="Make a shortcut to uavrt ground"
+            "desktop starters exist only on Linux", remedy="Make a shortcut to uavrt ground"
         )
     # Not resolved: the Python of an environment is a link out of it.
     program = Path(sys.executable).with_name("uavrt")
@@ -39,7 +39,7 @@ def remove(*, directory: Path | None = None) -> None:
     Parameters
     ----------
     directory
-        Where it was written.
+        Data directory given to install.
     """
     removed = remove_starter(directory or data_home())
     for path in removed:

@@ -1,4 +1,4 @@
-"""``uavrt update``: install another version, without a network and with a way back."""
+"""``uavrt update``: install another version offline; go back to the old one if it fails."""
 
 import contextlib
 import importlib
@@ -47,7 +47,7 @@ def update(
     """Install another version from a signed file, try it, and go back if it is not fit to fly.
 
     Needs sudo, and no network. Refused while the vehicle is armed or a flight is recorded. The
-    version before comes back unless the autopilot's heartbeat and poses are there for a minute.
+    previous version is restored unless heartbeats and poses arrive steadily for a minute.
     Flights and settings stay as they are.
 
     Parameters
@@ -57,21 +57,21 @@ def update(
     config
         Settings file of the service.
     bench
-        Ask of the new version only for what is there now: no poses under a roof.
+        Require only the data received at present: no poses under a roof.
     downgrade
         Also install a version that is not newer.
     check
-        Only look whether the file could be installed.
+        Only check whether the file could be installed.
     resume
         End a trial that was interrupted; the service does that at boot.
     prefix
-        Where the versions are; by default where this program is installed.
+        Directory of all versions; by default that of this program.
     restart
         Command that restarts the service.
     hold_s
-        How long everything must be there [s].
+        Time for which all data must arrive without a gap [s].
     patience_s
-        How long that may take to come [s].
+        Longest duration of the trial [s].
     """
     settings = settings_from(config)
     if rehearse:

@@ -1,4 +1,4 @@
-"""``uavrt coverage``: where a tag would be heard, before or after a flight."""
+"""``uavrt coverage``: where a tag would be detected, before or after a flight."""
 
 # isort: off
 from uavrt.cli.options.link_budget_options import USUAL_BUDGET, Budget
@@ -62,14 +62,14 @@ def coverage(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Map the probability that a tag is heard, hills included.
+    """Map the probability that a tag is detected, hills included.
 
     Before a flight, SOURCE is a plan or an area; of several heights the best is shown. After a
     flight it is the flight directory: the map then shows the probability that a tag at each
-    place would have been heard, from the drone's path, its antenna's direction and its noise.
+    place would be detected, from the drone's path, its antenna's direction and its noise.
     The probability is that of groups of pulses, or of the whole flight if uavrt integrate has
-    searched for the tag. With --area, tags that were not heard also get the probability that
-    they are not in it.
+    searched for the tag. With --area, undetected tags also get the probability that they
+    are outside.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def coverage(
     from uavrt.cli.shown.outputs import make_directory, print_json
 
     if not height:
-        raise ConfigError("the height is missing", remedy="Give --height 60")
+        raise ConfigError("the flight height is missing", remedy="Give --height 60")
     _check_used(
         source,
         of_plan={
@@ -286,21 +286,21 @@ def _print(found: list[MappedTag]) -> None:
             print("  calculated for uavrt integrate, which did not find it")
         share50, share90 = (_percent(one.coverage.share_above(share)) for share in (0.5, 0.9))
         print(
-            f"  heard with .9 or more on {share90} of {one.coverage.known_km2:.1f} km², "
+            f"  detected with .9 or more on {share90} of {one.coverage.known_km2:.1f} km², "
             f"with .5 or more on {share50}"
         )
         print(f"  antenna: {_antenna_in_words(one.antenna)}")
         if one.in_area is not None:
             print(f"  in the area: {_percent(one.in_area)}")
         if one.heard:
-            print(f"  it was heard: {one.heard} confirmed pulses")
+            print(f"  it was detected: {one.heard} confirmed pulses")
         if one.in_hindsight:
             print("  it was found over the whole flight (uavrt integrate)")
         if one.silent is not None:
             print(f"  {around_in_words(one.silent)}")
         if one.absence is not None:
             print(
-                f"  not heard: not here, p = {one.absence.not_here:.3f} (it was in the area "
+                f"  not detected: not here, p = {one.absence.not_here:.3f} (it was in the area "
                 f"with {one.absence.prior:.3f} before the flight)"
             )
         if one.noise is not None:

@@ -1,4 +1,4 @@
-"""``uavrt range``: how far a tag is heard, before a flight."""
+"""``uavrt range``: detection range of a tag, before a flight."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ def range(
     flight_pulses: Count = _FLIGHT_PULSES,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Show how far a tag is heard: distance for Pd .5 and .9, and the budget line by line.
+    """Show the detection range of a tag for Pd .5 and .9, and the budget line by line.
 
     The required ENR of a group of K pulses is that of our detector, for the tag's interval,
     its uncertainty, jitter and false-alarm probability. The distances are for open ground: they
@@ -52,7 +52,7 @@ def range(
         Height of the drone above the ground [m].
     tags
         A tag file: each tag with its own frequency, pulse width, interval and K. Without it
-        a tag of 1.254 s, known to 60 ms, at a false-alarm probability of 1 %.
+        a tag of 1.254 s ± 60 ms, at a false-alarm probability of 1 %.
     pulses
         Pulses in a group (K), without --tags.
     frequency
@@ -63,7 +63,7 @@ def range(
         A past flight: the rise of the drone's noise in the air is added to the noise. Of
         several, the median is used.
     whole_flight
-        Add a row for each tag for a flight that uavrt integrate judges as a whole: the drone
+        Add a row for each tag for a flight searched as a whole by uavrt integrate: the drone
         turns on the spot at 6°/s, and the gain is that of the strongest pulse.
     antenna
         Name of the antenna's pattern, or a CSV file of angles and gains, for --whole-flight.
@@ -88,7 +88,7 @@ def range(
                 "--antenna": antenna != _ANTENNA,
                 "--flight-pulses": flight_pulses != _FLIGHT_PULSES,
             },
-            "is of a --whole-flight, and groups are heard with --antenna-gain",
+            "is of a --whole-flight, and groups use --antenna-gain",
         )
     noise = [_noise(one) for one in flight]
     link = budget.link(
@@ -202,7 +202,7 @@ def _print(
     from uavrt.core.terminal_tables import table_of
 
     console = Console()
-    titles = ("tag", "K", "ENR for Pd .5", "for Pd .9", "heard to, Pd .5", "Pd .9")
+    titles = ("tag", "K", "ENR for Pd .5", "for Pd .9", "range, Pd .5", "Pd .9")
     height = f"Heard from {budget.drone_height_m:g} m above the ground"
     table = table_of(*titles, left=(), title=height)
     for row in rows:

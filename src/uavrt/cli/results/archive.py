@@ -77,7 +77,7 @@ def query(
     if output is not None:
         if output.suffix not in (".parquet", ".csv"):
             raise ConfigError(
-                f"{output} is neither .parquet nor .csv", remedy="Give the file such a name"
+                f"{output} is neither .parquet nor .csv", remedy="End it in .parquet or .csv"
             )
         check_place(output, overwrite=overwrite)
     from uavrt.analysis.archive.parquet.questions import ask

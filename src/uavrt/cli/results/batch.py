@@ -53,7 +53,7 @@ def batch(
 
     Detects in all recordings; gives pulses the poses of the flight that the recording lies in,
     or of a track with the same name; estimates bearings and positions as uavrt localize does. A
-    flight without a recording gives the pulses that it found itself. Writes Parquet tables for
+    flight without a recording gives its pulses as detected in flight. Writes Parquet tables for
     uavrt archive and for any program that reads Parquet. A run that was stopped or killed
     continues where it was; only new or changed recordings, tags and settings are computed
     again. Damaged files are reported and skipped, and the exit status is then 1. Needs the
@@ -72,7 +72,7 @@ def batch(
         Directory for the tables.
     manifest
         CSV with columns path, format, sample_rate_hz, center_frequency_hz, start_time, track,
-        clock_offset_s for what recordings do not say; leave unknown cells empty.
+        clock_offset_s for data that recordings lack; leave unknown cells empty.
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
     workers
@@ -84,7 +84,7 @@ def batch(
         Length of the cells of a recording that are searched in parallel, in seconds; the
         detector restarts in each. The result does not depend on the number of processes.
     lead_in
-        Seconds before each cell that are read again, so that the detector knows the noise.
+        Seconds before each cell that are read again to settle the noise estimate.
     steps
         Only these of detect, attach, bearing, localize, integrate; by default all but the last,
         which judges tags below the noise over each whole flight that kept its channels, and
@@ -199,7 +199,7 @@ def _print_row(row: "RecordingRow | FlightRow") -> None:
 
 
 def _print_kept(name: str, fault: str) -> None:
-    print(f"{name}: kept from before: not reachable now: {fault}", file=sys.stderr)
+    print(f"{name}: earlier result kept, not reachable now: {fault}", file=sys.stderr)
 
 
 def _print_damage(name: str, fault: str) -> None:
@@ -210,7 +210,7 @@ def _print_skipped(found: "Found") -> None:
     """Print the folders that cannot be read, and the endings of other skipped files."""
     if found.kept_channels:
         files = counted(found.kept_channels, "file")
-        print(f"{files} of kept channels passed over", file=sys.stderr)
+        print(f"{files} of recorded channels skipped", file=sys.stderr)
     kinds: dict[tuple[str, str], list[str]] = {}
     for one in found.passed_over:
         kind = one.path if one.unreadable else PurePath(one.path).suffix
@@ -258,6 +258,6 @@ def _report(summary: "BatchSummary", output: Path) -> None:
             file=sys.stderr,
         )
     if summary.kept:
-        print(f"{summary.kept} kept from before: not reachable now", file=sys.stderr)
+        print(f"earlier results kept, not reachable now: {summary.kept}", file=sys.stderr)
     if summary.stopped:
         print(_STOPPED, file=sys.stderr)

@@ -1,4 +1,4 @@
-"""``uavrt integrate``: a whole flight judged at once, for tags below the noise."""
+"""``uavrt integrate``: find tags below the noise in the pulses of a whole flight."""
 
 # isort: off
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM
@@ -55,12 +55,12 @@ def integrate(
     save: bool = True,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Look for tags below the noise: all pulses of a flight are judged together.
+    """Find tags below the noise: all pulses of a flight are evaluated together.
 
-    Interval, phase, frequency and place are searched together; each pulse is weighted by the
-    antenna's direction and the distance. This finds tags about 4 dB weaker than a group of 10
-    to 40 pulses does. Several flights are judged separately and together, each with half of
-    the false-alarm probability. Exits with 1 when no tag is found.
+    Interval, phase, frequency and position are searched together; each pulse is weighted by
+    the antenna's direction and the distance. This finds tags about 4 dB weaker than groups of
+    10 to 40 pulses do. Several flights are searched separately and together, each with half
+    of the false-alarm probability. Exits with 1 when no tag is found.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def integrate(
         Further flights of the same tags: together they show tags too weak for a single flight.
     recording
         Samples recorded in that flight: of the band or of a channel, in any format of uavrt
-        detect. By default the channels that the flight kept (iq/channels), or what it recorded
+        detect. By default the channels that the flight recorded (iq/channels), or its recording
         of the band.
     track
         Where the drone was while --recording was made: PX4's .ulg, ArduPilot's .BIN or .tlog,
@@ -273,7 +273,7 @@ _Results = list[tuple[dict[str, Any], str]]
 def _one_flight(
     asked: _Options, flight: "Flight", wanted: "list[Tag]"
 ) -> tuple[bool, _Results]:
-    """Judge one flight; return whether any tag was found, and the results."""
+    """Search one flight; return True if any tag was found, and the results."""
     from uavrt.cli.results.integrated_words import record, sentence
 
     with progress_bars() as add_bar:
@@ -298,7 +298,7 @@ def _together(
     listed: "Sequence[Tag] | None",
     ids: tuple[int, ...],
 ) -> tuple[bool, _Results]:
-    """Judge several flights together, one tag at a time to save memory."""
+    """Search several flights together, one tag at a time to save memory."""
     from uavrt.analysis.whole_flights.several_flights import (
         common_tags,
         judge_together,
@@ -362,7 +362,7 @@ def _judged(
 
 
 def _check_unused_options(opened: dict[str, Any]) -> None:
-    """Reject options that the kept channels override; raises `ConfigError`."""
+    """Reject options that the recorded channels override; raises `ConfigError`."""
     options = {
         "format_name": "--format",
         "sample_rate_hz": "--sample-rate",
@@ -372,7 +372,7 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
     for name, option in options.items():
         if opened[name] is not None:
             raise ConfigError(
-                f"{option} applies to a --recording; the channels kept in a flight contain it",
+                f"{option} applies to --recording; the channels stored in a flight contain it",
                 remedy=f"Leave {option} out, or name the recording",
             )
 
@@ -452,7 +452,7 @@ def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 
 
 def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
-    """Find the flight's recording of the full band; None if its kept channels suffice."""
+    """Find the flight's recording of the full band; None if its recorded channels suffice."""
     from uavrt.analysis.whole_flights.kept_samples import channel_of, kept_channels
     from uavrt.flight.flight_layout import FlightLayout
 

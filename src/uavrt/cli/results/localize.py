@@ -45,7 +45,7 @@ def localize(
         rested; mle, rmr and mest compute as the original system does; rmr_ahead and mest_lenth
         as they were intended.
     tags
-        Tag file with the tags' names (tags.toml), for logs; a flight knows its own.
+        Tag file with the tags' names (tags.toml), for logs; a flight has its own.
     as_json
         Print a list of objects; of a tag without a position it holds the `reason`.
     """

@@ -37,8 +37,8 @@ def report(
     flight
         A flight directory, or a pulse log in any known format.
     tag_power
-        What the tags radiate [dBm]: with it the report maps where each listed tag would have
-        been heard. Takes seconds to a minute for each.
+        Radiated power of tags [dBm]: with it the report maps where each listed tag would be
+        detected. Takes seconds to a minute for each.
     background
         A map file (MBTiles or PMTiles of pictures) to lie under the flight; by default the
         finest that covers it in the folder maps next to the flight, where the ground station
@@ -127,7 +127,7 @@ def _named_map(path: Path) -> "MapFile":
     found = read_map(path)
     if found.tiles not in RASTERS:
         raise FormatError(
-            f"{path} holds lines and areas, no pictures",
-            remedy="Give a map of pictures: QGIS, Generate XYZ tiles (MBTiles)",
+            f"{path} is a vector map; a report needs a raster map",
+            remedy="Make a raster map: QGIS, Generate XYZ tiles (MBTiles)",
         )
     return found

@@ -44,9 +44,9 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
             f"{output} exists already", remedy="Choose another name, or add --overwrite"
         )
     if not output.parent.is_dir():
-        raise ConfigError(f"there is no directory {output.parent}", remedy="Make it first")
+        raise ConfigError(f"there is no directory {output.parent}", remedy="Create it first")
     if not os.access(output if output.exists() else output.parent, os.W_OK):
-        raise ConfigError(f"{output} cannot be written", remedy="Choose another place")
+        raise ConfigError(f"{output} cannot be written", remedy="Choose a writable directory")
 
 
 def make_directory(path: Path, option: str) -> None:
@@ -56,7 +56,7 @@ def make_directory(path: Path, option: str) -> None:
     ):
         path.mkdir(parents=True, exist_ok=True)
     if not os.access(path, os.W_OK):
-        raise ConfigError(f"{path} cannot be written", remedy=f"Give {option} another place")
+        raise ConfigError(f"{path} cannot be written", remedy=f"Give {option} a writable path")
 
 
 def _with_its_other_half(path: Path) -> tuple[Path, ...]:

@@ -66,7 +66,7 @@ def channelize(
     stamps
         seconds: as in the current original. milliseconds: as in the thesis.
     host
-        Where to send.
+        Host that receives the datagrams.
     format
         Format of the file or of standard input: cf32, cs16, cu8, ci8, sigmf or wav.
     start_time

@@ -300,7 +300,7 @@ def _call_each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], No
 
 
 def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
-    """Open a channel's port, standard input or a recording; `options`: `Stated.options`."""
+    """Open a UDP port, standard input or a recording; `options`: as for `open_recording`."""
     if is_udp_address(recording):
         of_channel = ("sample_rate_hz", "center_frequency_hz")
         return open_channel(recording, **{name: options[name] for name in of_channel})
@@ -319,7 +319,7 @@ def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
     """Open the output at once, so that a wrong path is reported before the work starts."""
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
-            f"{name} has the ending of a spreadsheet file, which uavrt does not write",
+            f"{name}: uavrt does not write spreadsheet files",
             remedy="Write .csv, which every spreadsheet opens",
         )
     with _naming_faults(name), ExitStack() as stack:
@@ -352,8 +352,8 @@ def _naming_faults(name: str) -> Iterator[None]:
 def _cannot_write(name: str, error: OSError) -> RecordingError:
     remedy = {
         errno.ENOENT: f"Make the directory first: mkdir -p {Path(name).parent}",
-        errno.ENOSPC: "Free space, or give -o another place",
-    }.get(error.errno or 0, "Give -o a place that can be written")
+        errno.ENOSPC: "Free space, or give another path with -o",
+    }.get(error.errno or 0, "Give a writable path with -o")
     return RecordingError(
         f"cannot write {'standard output' if name == '-' else name}: {error.strerror}",
         remedy=remedy,
@@ -456,7 +456,7 @@ def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:
         sample_rate_hz=summary.samples / max(summary.signal_s, 1e-3),
     )
     if not summary.samples_unsure:
-        return f"up to {most} more samples may be lost: so few look like the radio's own rate"
+        return f"up to {most} more samples may be lost, or the radio's rate is off"
     share = summary.samples_unsure / (summary.samples + summary.samples_unsure)
     return (
         f"rate or loss: the radio is {1e6 * share:.0f} ppm slow, or up to {most} more "

@@ -106,9 +106,9 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     named = sum(tag.name is not None for tag in found)
     print(f"{target}: {counted(len(found), 'tag')} written")
     if named and target.suffix.lower() != ".toml":
-        print(f"{counted(named, 'name')} left out: TagInfo.txt has no place for names")
+        print(f"{counted(named, 'name')} left out: TagInfo.txt has no column for names")
     if known.operating_modes:
-        print("Channel, operating mode and excluded stretches are left out: no place for them")
+        print("Channel, operating mode and excluded ranges are left out: tag files lack them")
     _warn_of_unselected(source)
 
 
@@ -374,7 +374,7 @@ def _check_entries(entries: "Sequence[Tag]") -> None:
     if faults:
         raise ConfigError(
             f"the measurements do not make a valid tag file: {'; '.join(faults)}",
-            remedy=f"{IN_HERTZ}, where the recording says another",
+            remedy=f"{IN_HERTZ} if the recording states a wrong one",
         )
 
 
@@ -449,7 +449,7 @@ def _print_similar_tags(found: "Sequence[Tag]") -> Iterator[str]:
                 yield f"{begin}; tags drift by more, so {parts} parts them"
                 continue
             yield (
-                f"{begin} while only one is heard. With ± {1e3 * parting.uncertainty_s:.3g} ms "
+                f"{begin} if only one is received. With ± {1e3 * parting.uncertainty_s:.3g} ms "
                 f"or less for each, one alone is identified after {parting.pulses} pulses "
                 f"({parting.seconds:.3g} s); `uavrt tags measure` measures intervals"
             )

@@ -59,7 +59,7 @@ def fetch(
         Link to the vehicle, as for `uavrt ground`. With several, the fastest is used, and
         another if it fails.
     output
-        Where to put it; the directories are named as on the drone.
+        Directory to save into; the names below it are those on the drone.
     list_only
         Only list the flights on the drone.
     samples
@@ -125,7 +125,7 @@ async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> lis
         if not names:
             raise ConfigError(
                 "there is no flight on the drone",
-                remedy="`uavrt fetch --list` shows what there is",
+                remedy="Record a flight first; `uavrt fetch --list` lists all files",
             )
         path = PurePosixPath("/" + names[-1])
     entries = await client.list_directory(str(path.parent))

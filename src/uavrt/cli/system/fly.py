@@ -78,7 +78,7 @@ def fly(
 ) -> None:
     """Move the drone, or end uavrt's control of it.
 
-    The drone first says what it would fly, or why it refuses; it moves only after you type the
+    The drone first proposes a motion or gives a refusal; it moves only after you type the
     word "fly". Then progress is shown until the end. A pilot ends the motion with a switch, a
     stick or another ground station; Ctrl-C here and "stop" from anywhere end it, too. uavrt
     never arms: a pilot arms, and also takes off unless guidance.may_take_off is set on the
@@ -121,7 +121,7 @@ def fly(
     minutes
         Longest duration of a search: the drone returns then, or once all tags are found.
     sticks_unseen
-        Confirm that you know: the drone cannot see the sticks of any remote control.
+        Confirm that you know: the drone has no RC link.
     save
         Write a survey as a .plan for QGroundControl instead, which a pilot uploads and starts;
         no drone is needed. With "fence": write the fence to this file.
@@ -141,7 +141,7 @@ def fly(
     component_id
         Our MAVLink component id in system 254.
     yes
-        Do not ask (for scripts). Only without a key, that is, with the simulator.
+        Skip the confirmation (for scripts). Only without a key, that is, with the simulator.
     json_lines
         Print JSON lines instead of text.
     """
@@ -203,7 +203,7 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
                 f"{east:g} is not a longitude", remedy="Give one from -180 to 180"
             )
     if action == "goto" and not place:
-        raise ConfigError("goto needs a place", remedy="uavrt fly goto LATITUDE LONGITUDE")
+        raise ConfigError("goto needs a position", remedy="uavrt fly goto LATITUDE LONGITUDE")
     if numbers and action not in ("goto", "takeoff"):
         raise ConfigError(
             f"{action} takes no numbers", remedy="Only goto and takeoff do: `uavrt fly --help`"
@@ -289,7 +289,7 @@ async def _upload(
     async with _connected(address, keys) as link:
         done = await link.missions.upload_survey(order, limits)
     text = (
-        f"the vehicle holds the survey: {done.items} items, read back. It keeps to the "
+        f"the vehicle has the survey: {done.items} items, read back. It keeps to the "
         f"vehicle's fence; not checked: {NOT_CHECKED_ABOARD}. A pilot starts it when the drone "
         "hovers; uavrt does not watch over that flight"
     )

@@ -63,7 +63,7 @@ def ground(
     component_id: Component = 190,
     as_gcs: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Talk to the drone, from a page in the browser or as a program for scripts.
+    """Connect to the drone, from a page in the browser or as a program for scripts.
 
     Without options it opens the page.
     With --tags, --start or --json it runs without a page, unless
@@ -108,7 +108,7 @@ def ground(
     signing_key
         The drone's mavlink.signing_key_file; MAVLink frames are signed with it.
     vehicle
-        System number of a vehicle to serve besides the first that is heard: a second drone, a
+        System number of a vehicle to serve besides the first one received: a second drone, a
         mast or a person with a receiver, on the same links. Repeat it for several. Each has a
         page of its own, linked from the first, and tags are located from the pulses of all.
     my_place

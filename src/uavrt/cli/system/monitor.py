@@ -42,7 +42,7 @@ def monitor(
     Parameters
     ----------
     config
-        Settings file of the running system, which says where to read its state.
+        Settings file of the running system, with the path of its status socket.
     flight_dir
         Directory of its flights, instead of the one in the settings.
     start
@@ -92,7 +92,7 @@ def _show_once(reader: StatusReader, *, as_json: bool) -> None:
     ):
         _read_into(view, reader)
     if view.status is None:
-        raise UavrtError("the supervisor does not answer")
+        raise UavrtError("the running system sends no status; repeat the command")
     if as_json:
         print_json(_plain(view.status))
     else:

@@ -72,7 +72,7 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:
-        text = f"{len(coded)} codes in one list, at most {MAX_CODES}: leave out those not here"
+        text = f"{len(coded)} codes in one list, at most {MAX_CODES}: leave out absent tags"
         found.append(Fault(line=coded[MAX_CODES].line, text=text))
     known = _Codes()
     for draft in coded[:MAX_CODES]:
@@ -176,7 +176,7 @@ def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
     more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [
         f"codes {one.tag_id} and {two.tag_id} differ by {1e3 * apart_s:.2g} ms in all gaps "
-        f"together, less than the {1e3 * GAP_TOLERANCE_S:.2g} ms that a burst is known to: "
+        f"together, less than the {1e3 * GAP_TOLERANCE_S:.2g} ms accuracy of a burst: "
         "each may be reported as the other"
         for one, two, apart_s in near[:MOST_NEAR]
     ] + more

@@ -120,12 +120,12 @@ def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[fl
         lat, lon = northing_m, easting_m
     elif 1 <= epsg - 32600 <= 60 or 1 <= epsg - 32700 <= 60:
         if not (abs(easting_m - _FALSE_EASTING) < 1e6 and abs(northing_m) < 1.1e7):
-            raise ValueError(f"{easting_m}, {northing_m} is not a place in a UTM zone")
+            raise ValueError(f"{easting_m}, {northing_m} is not a position in a UTM zone")
         south = epsg > 32700
         lat, lon = _inverse_utm(easting_m, northing_m - (_FALSE_NORTHING if south else 0.0))
         lon += 6.0 * (epsg % 100) - 183.0
     else:
-        raise ValueError(f"EPSG {epsg} is neither UTM on WGS84 nor 4326")
+        raise ValueError(f"EPSG:{epsg} is not supported: use UTM on WGS84 or EPSG:4326")
     if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
         raise ValueError(f"{easting_m}, {northing_m} is not a position on earth")
     return lat, math.remainder(lon, 360.0)

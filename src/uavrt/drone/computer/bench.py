@@ -34,13 +34,13 @@ CLOCK_OFF_S = 3.0
 BATTERY_PERCENT = 50.0
 """Smallest battery charge for a useful first flight [%]."""
 NOISE_REMEDY = (
-    "Switch off what is near, one thing after the other (camera, video link, chargers), and "
+    "Switch off nearby devices, one after the other (camera, video link, chargers), and "
     "keep cables away from the antenna"
 )
 
 
 LEVEL_REMEDY = (
-    "If the gain is as it was then: switch off what is near, one thing after the other "
+    "If the gain is as in past flights: switch off nearby devices, one after the other "
     "(camera, video link, chargers), and keep cables away from the antenna"
 )
 
@@ -223,7 +223,7 @@ def _level(
         return failed(
             what,
             f"{-more_db:.0f} dB less than in past flights",
-            "Check the antenna and its cable, and that the gain is as it was then",
+            "Check the antenna and its cable, and that the gain is as in past flights",
         )
     return passed(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
 
@@ -273,7 +273,7 @@ def _poses(facts: FlightFacts) -> Finding:
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     what = "tags"
     if not facts.tags:
-        return failed(what, "no tags in the table", "Type them in under Set-up")
+        return failed(what, "no tags in the table", "Type the tags in under Set-up")
     nothing = _Heard()
     heard = [
         (tag, bench.tags.get(tag.tag_id, nothing))
@@ -284,7 +284,7 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
         return failed(
             what,
             "none detected in the last minute",
-            "Put one a few metres away, switched on; check its frequency and interval",
+            "Put a tag a few metres away, switched on; check its frequency and interval",
         )
     if all(one.clipped for _, one in heard):
         return failed(

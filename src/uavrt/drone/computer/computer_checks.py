@@ -77,7 +77,7 @@ def check_permissions(settings: Settings) -> Finding:
     if closed:
         return failed(
             "permissions",
-            f"{', '.join(closed)} is closed to this user",
+            f"{', '.join(closed)} cannot be opened by this user",
             "sudo uavrt service install writes the udev rule; be in the group plugdev",
         )
     address = settings.mavlink.address
@@ -92,7 +92,7 @@ def check_permissions(settings: Settings) -> Finding:
         if not os.access(port, os.R_OK | os.W_OK):
             return failed(
                 "permissions",
-                f"{port} is closed to this user",
+                f"{port} cannot be opened by this user",
                 'sudo usermod -a -G dialout "$USER", then log in again',
             )
     text = f"groups {', '.join(_groups())}" if os.geteuid() else "all, as root"
@@ -154,8 +154,8 @@ def _listen(settings: Settings) -> tuple[bool, str]:
         return False, faults[0]
     status = link.status()
     if status == "waiting for autopilot":
-        return False, f"nothing heard at {settings.mavlink.address} in {LISTEN_S:.0f} s"
-    return True, f"heard at {settings.mavlink.address}"
+        return False, f"nothing received at {settings.mavlink.address} in {LISTEN_S:.0f} s"
+    return True, f"received at {settings.mavlink.address}"
 
 
 def check_clock() -> Finding:
@@ -183,7 +183,7 @@ def check_kept_time() -> Finding:
     return failed(
         "clock",
         f"{text} · {fault}",
-        "sudo hwclock --systohc when the time is right; if it comes again, change the "
+        "sudo hwclock --systohc when the time is right; if this returns, change the "
         "clock's battery",
     )
 

@@ -114,7 +114,7 @@ class Trial:
         self._from_s = now_s
         self._good_from_s: float | None = None
         self.seen = Seen()
-        self.fault = "nothing was heard of the service"
+        self.fault = "the service sent no status"
         """Text on what was missing last."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:

@@ -52,8 +52,8 @@ def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update
     place.require()
     update = read_update(path, place.keys)
     if place.before() is not None:
-        text = "the version before is still on trial"
-        raise UsageError(text, remedy="Wait for its end: uavrt update --resume")
+        text = "the previous update is still on trial"
+        raise UsageError(text, remedy="Wait until the trial ends: uavrt update --resume")
     present = place.current()
     if present.name == update.name:
         raise UsageError(f"this build of {update.version} is already installed")

@@ -156,7 +156,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entry = archive.getinfo(f"uavrt-{named}.dist-info/METADATA")
             if entry.file_size > MOST_MANIFEST_BYTES:
-                raise ValueError("its METADATA is too large")
+                raise ValueError("the METADATA file is too large")
             metadata = BytesHeaderParser().parsebytes(archive.read(entry))
     except KeyError:
         text = f"{path} is not uavrt {named}, as its name says"
@@ -214,12 +214,12 @@ def _check_headers(path: Path) -> None:
             kind = block[156:157]
             plain = kind in (b"0", b"\0")
             if not 0 <= size <= (there if plain else MOST_MANIFEST_BYTES):
-                raise ValueError(f"its headers declare {size:,} bytes of {there:,}")
+                raise ValueError(f"a header declares {size:,} bytes in a file of {there:,}")
             more = file.read(size) if kind in (b"x", b"X") else b""
             if kind in (b"S", b"g") or b" size=" in more or b" GNU.sparse" in more:
-                raise ValueError("it is packed in another way")
+                raise ValueError("the tar format is not supported")
             at += 512 + -(-size // 512) * 512
-    raise ValueError(f"it holds more than {MOST_MEMBERS} files")
+    raise ValueError(f"the archive has more than {MOST_MEMBERS} files")
 
 
 def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> bytes:
@@ -246,7 +246,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
     except FormatError as error:
         raise FormatError(f"{path}: {MANIFEST} cannot be read: {error}") from error
     if manifest.format != FORMAT:
-        text_ = f"{path} is an update of format {manifest.format}; this version knows {FORMAT}"
+        text_ = f"{path} is an update of format {manifest.format}; this version reads {FORMAT}"
         raise FormatError(text_, remedy="Update to a version in between first")
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
         raise FormatError(f"{path}: {MANIFEST} lists files that are not wheels")

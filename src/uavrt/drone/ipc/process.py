@@ -133,7 +133,7 @@ class ProcessFrame:
     ) -> None:
         """Send what is still queued; end without an error if the supervisor has gone."""
         if isinstance(error, SupervisorGone):
-            get_logger().warning("supervisor gone: ending")
+            get_logger().warning("supervisor has ended: this process ends too")
             sys.exit(1)
         with suppress(SupervisorGone):
             self.link.flush(timeout_s=2.0 if kind is None else 0.1)

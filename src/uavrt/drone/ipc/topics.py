@@ -151,7 +151,7 @@ def _plain(value: Any) -> Any:
     """Convert a NumPy scalar to a Python number; raises `TypeError` for other types."""
     if type(value).__module__ == "numpy" and getattr(value, "shape", None) == ():
         return value.item()
-    raise TypeError(f"{type(value).__name__} cannot travel between processes")
+    raise TypeError(f"{type(value).__name__} cannot be sent between processes")
 
 
 _encoder = msgspec.json.Encoder(enc_hook=_plain)

@@ -76,7 +76,7 @@ class LinkWatch:
             except (LinkError, ConfigError) as error:
                 fault = str(error)
                 if fault != self._faults.get(number):
-                    log.warning("link fault", reason=fault)
+                    log.warning("link failed; next try in 3 s", reason=fault)
                 self._faults[number] = fault
             await asyncio.sleep(LINK_RETRY_S)
 

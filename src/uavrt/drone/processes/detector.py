@@ -111,7 +111,7 @@ class DetectorBank:
             coded = self._coded[block.channel]
             self._bursts += coded.process(self._finite(block.samples), block.time_ns)
         except Exception as error:
-            log.exception("search failed", tags=[tag.tag_id for tag in codes])
+            log.exception("search failed and restarts", tags=[tag.tag_id for tag in codes])
             self._coded.pop(block.channel, None)
             self.failures += 1
             for tag in codes:
@@ -150,7 +150,7 @@ class DetectorBank:
                 yield
         except Exception as error:
             tags = [detector.tag.tag_id for detector in self._group.last_searched]
-            log.exception("search failed", tags=tags)
+            log.exception("search failed; detectors restart", tags=tags)
             self._restart(error)
 
     def _restart(self, error: Exception) -> None:

@@ -214,7 +214,7 @@ def _attempt(make: Callable[[], Found]) -> Found | str:
     except UavrtError as error:
         return str(error)
     except Exception as error:
-        log.exception("an order cannot be planned")
+        log.exception("an order cannot be planned and is refused")
         return f"the order cannot be planned: {type(error).__name__}: {error}"
 
 
@@ -306,7 +306,7 @@ class Guide:
         behaviour_of(vehicle.autopilot)
         now = self._now(vehicle, monotonic_s())
         if now is None:
-            raise UavrtError("the vehicle's position or home is unknown", remedy="Wait for it")
+            raise UavrtError("the vehicle's position or home is unknown", remedy="Wait for GPS")
         if order.action == "search":
             self._shared.check(now, _height_m(order, now))
         return _OrderRequest(
@@ -500,7 +500,7 @@ class Guide:
         for note in notes:
             self.decisions += note.event == "decision"
             self._frame.send("search_note", note)
-            log.info("search", what=note.event, text=note.text, reason=note.reason)
+            log.info("search report", what=note.event, text=note.text, reason=note.reason)
             if note.event != "decision":
                 self._frame.notify(5, f"Search: {note.text}")
 

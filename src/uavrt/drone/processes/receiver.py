@@ -142,7 +142,7 @@ class Receiver:
                 hardware=frame.assignment.settings.radio.kind,
             )
         except RecordingError as error:
-            log.error("samples not recorded", reason=str(error))
+            log.error("raw samples are not recorded; detection goes on", reason=str(error))
             return None
 
     def _open_output(self, frame: ProcessFrame, flight: FlightInfo) -> ChannelOutput | None:
@@ -157,10 +157,10 @@ class Receiver:
                 center_frequency_hz=flight.center_frequency_hz,
             )
         except UavrtError as error:
-            log.error("channels not sent by UDP", reason=str(error))
+            log.error("channels are not sent by UDP; detection goes on", reason=str(error))
             return None
         if output.left_out:
-            log.warning("tags beyond the original's channels", count=output.left_out)
+            log.warning("tags beyond 100 channels not sent by UDP", count=output.left_out)
         return output
 
     def process(self, block: IQBlock) -> None:
@@ -202,7 +202,7 @@ class Receiver:
         for beep in self._beeps.take_found():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
-                log.info("beeps", what=str(beep))
+                log.info("unlisted signal", what=str(beep))
                 if beep.tag_ids and beep.kind is not BeepKind.IMAGE:
                     self._notify(5, beep.meaning)
         if self._beeps.failed and not self._beeps_failed:

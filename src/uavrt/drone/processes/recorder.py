@@ -100,7 +100,7 @@ class Recorder:
         back = info.start_time_ns < self._newest_ns
         self._start_ns = AFTER_ALL_NS if back else info.start_time_ns
         if not self._lock.take(root, LOCK_WAIT_S):
-            log.warning("cannot lock the flight", flight=str(root))
+            log.warning("flight directory is locked; recording goes on", flight=str(root))
         try:
             self._flight = FlightRecorder.open(
                 info, self._frame.assignment.settings, durable=True
@@ -149,7 +149,7 @@ class Recorder:
                 self._pass_on(found)
             flight.close()
         except RecordingError as error:
-            log.warning("cannot complete an ended flight", reason=str(error))
+            log.warning("cannot write the last pulses of an ended flight", reason=str(error))
         finally:
             lock.release()
 
@@ -198,7 +198,7 @@ class Recorder:
             try:
                 note_deliveries(directory, replace(record, pulses=earlier))
             except RecordingError as error:
-                log.warning("cannot store a delivery", reason=str(error))
+                log.warning("cannot record the receipt of pulses", reason=str(error))
 
     def _write(self, record: object) -> None:
         if isinstance(record, Command):
@@ -328,7 +328,7 @@ class Recorder:
 
     def _report_fault(self, error: RecordingError) -> None:
         if not self._fault:
-            log.error("cannot write the flight", reason=str(error))
+            log.error("cannot write the flight; records wait in memory", reason=str(error))
         self._fault = str(error)
 
     def end(self) -> None:

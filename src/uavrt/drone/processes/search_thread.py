@@ -116,7 +116,7 @@ class SearchThread:
             if job is not None:
                 result = job()
         except Exception as error:
-            log.exception("search failed")
+            log.exception("search planning failed; the search ends")
             result, job = SearchFailed(f"the search has failed: {error}"), None
         if result is not None:
             self._results.put(result)

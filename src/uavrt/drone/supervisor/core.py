@@ -220,11 +220,11 @@ class Supervisor:
         await self._fleet.stop_flight()
         limit_s = self.mission.settings.now.antenna.pose_wait_s + LAST_POSES_S
         if not await self._last_pulses.posed_within(limit_s):
-            log.warning("last pulses without their pose", left=self._last_pulses.waiting)
+            log.warning("last pulses stored without a pose", left=self._last_pulses.waiting)
         if self.mission.flights.flight is not None:
             self._publish("flight_end", self.mission.flights.flight)
             if not await self._fleet.taken("flight_end", CLOSE_S):
-                log.warning("recorder is slow", flight=self.mission.flights.flight.directory)
+                log.warning("recorder not done", flight=self.mission.flights.flight.directory)
         flight = self.mission.flight_ended()
         self._output.close_flight()
         self._disk.flying(None)
@@ -297,7 +297,7 @@ class Supervisor:
     def _on_line(self, instance: Instance, line: bytes) -> None:
         name = topic_of(line)
         if name not in instance.row.produces:
-            log.warning("unexpected record", child=instance.name, line=repr(line[:80]))
+            log.warning("unexpected record ignored", child=instance.name, line=repr(line[:80]))
             return
         self._last_pulses.passed(name)
         instance.pace.came(name, monotonic_s())
@@ -306,7 +306,7 @@ class Supervisor:
             try:
                 self._handle(instance, *decode_record(line))
             except ValueError as error:
-                log.warning("bad record", child=instance.name, error=str(error))
+                log.warning("invalid record ignored", child=instance.name, error=str(error))
 
     def _handle(self, instance: Instance, topic: str, record: object) -> None:
         match record:

@@ -48,7 +48,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
         raise
     if odd is not None:
         database.close()
-        raise sqlite3.DatabaseError(f"{odd[:80]!r} in it is not a plain table")
+        raise sqlite3.DatabaseError(f"{odd[:80]!r} in the database is not a plain table")
     return database
 
 

@@ -181,7 +181,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
     except DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}",
-            remedy="Its pulse_pose_log.txt holds the pulses too; give that instead",
+            remedy="Give its pulse_pose_log.txt instead, which has the same pulses",
         ) from error
 
 
@@ -210,7 +210,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
         if one is not None
     ]
     if not all(isinstance(one, int) and abs(one) < LATEST_NS for one in times_ns):
-        raise ValueError("a time in it is invalid")
+        raise ValueError("the flight has an invalid time")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),

@@ -72,7 +72,7 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
             ends += database.execute(f"SELECT max(time_ns) FROM {table}").fetchone()
         end_time_ns = max(int(one) for one in ends if one is not None)
         if end_time_ns >= LATEST_NS:
-            raise ValueError("a time in it is invalid")
+            raise ValueError("the flight has an invalid time")
         notes = database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
         heard = {
             int(tag_id): HeardTag(
@@ -104,7 +104,7 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
         found = database.execute(_LEVELS)
         levels = {(int(tag_id), int(ns)): float(level) for tag_id, ns, level in found}
         if any(abs(one) >= LATEST_NS for key in levels for one in key):
-            raise ValueError("a tag or a time in it is invalid")
+            raise ValueError("a pulse has an invalid tag or time")
         return levels
 
 

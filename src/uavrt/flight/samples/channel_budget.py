@@ -76,6 +76,6 @@ class ChannelBudget:
             path.with_suffix(".sigmf-meta").unlink(missing_ok=True)
             path.unlink(missing_ok=True)
         except OSError as error:
-            log.warning("samples not removed", file=str(path), reason=str(error))
+            log.warning("cannot remove old channel samples", file=str(path), reason=str(error))
             return
         self.removed_pieces += 1

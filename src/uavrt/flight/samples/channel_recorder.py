@@ -201,7 +201,7 @@ class ChannelRecorder:
                     self.trouble = "the disk is slow"
                     self._rest_until_s = monotonic_s() + REST_S
         except Exception as error:
-            log.exception("channels no longer kept")
+            log.exception("recording of channel samples stopped; detection goes on")
             self.trouble = str(error) or type(error).__name__
             with self._condition:
                 self._closing = True
@@ -283,7 +283,7 @@ class ChannelRecorder:
         with self._condition:
             self.dropped_samples += samples
         if why != self.trouble:
-            log.warning("channel samples dropped", reason=why)
+            log.warning("channel samples not recorded; detection goes on", reason=why)
         self.trouble = why
         for channel in self._channels.values():
             if channel.file is not None:
@@ -301,7 +301,7 @@ class ChannelRecorder:
                 self._next_name(channel),
                 sample_rate_hz=channel.sample_rate_hz,
                 center_frequency_hz=channel.center_frequency_hz,
-                description="Channel of a tag, kept during detection",
+                description="Channel of a tag, recorded during detection",
                 hardware=self._hardware,
                 full_scale=scale,
                 sync=False,

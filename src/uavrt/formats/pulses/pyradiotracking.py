@@ -40,7 +40,7 @@ def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
     )
     pulses, devices = [pulse for _, pulse in heard], {device for device, _ in heard}
     tags = tag_numbers([pulse.frequency_hz for pulse in pulses], SAME_TAG_HZ)
-    warnings = ["Pulses of this log have no place. Tags are numbered by frequency."]
+    warnings = ["Pulses of this log have no positions. Tags are numbered by frequency."]
     if len(devices) > 1:
         warnings.append(
             f"It holds the signals of {len(devices)} receivers; one pulse may be in it "

@@ -92,7 +92,7 @@ def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
             if kind == "p":
                 port = _port(cells[0])
                 if port not in tuned_hz:
-                    raise ValueError(f"no S line before it gives the frequency of port {port}")
+                    raise ValueError(f"no earlier S line gives the frequency of port {port}")
                 pulses.append(_pulse(cells, tuned_hz[port]))
             elif kind == "S" and len(cells) >= 5 and cells[3].strip('"') in _TUNED:
                 tuned_hz[cells[2]] = hz_from_mhz(finite(cells[4]))

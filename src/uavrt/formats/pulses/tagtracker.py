@@ -230,7 +230,7 @@ def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Lay
             return layout
     counts = sorted({len(cells) for cells in rows})
     raise FormatError(
-        f"{os.fspath(path)}: its pulses, with {_listed(counts)} columns, are of no known kind",
+        f"{os.fspath(path)}: pulse rows with {_listed(counts)} columns are not supported",
         remedy="Files with 19 to 21 columns are read; see the reference of file formats",
     )
 

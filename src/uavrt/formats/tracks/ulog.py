@@ -142,7 +142,7 @@ def _check_formats(file: BinaryIO) -> None:
 
     def size(kind: str, depth: int = 0) -> int:
         if depth > _MOST_DEPTH:
-            raise ValueError("its records are nested too deeply")
+            raise ValueError("the record types are nested too deeply")
         total = 0
         for inner, count in fields.get(kind, []):
             total += count * (size(inner, depth + 1) if inner in fields else 1)

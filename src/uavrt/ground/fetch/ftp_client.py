@@ -49,10 +49,10 @@ MOST_REPLIES = 4096
 CHECKSUM_TRIES = 30
 """Most requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
 MOST_GROWTH_BYTES = 16_000_000
-"""Bytes by which a file may exceed its listed size, since the drone may still be recording
+"""Most growth of a file beyond its listed size [bytes], since the drone may still be recording
 it."""
 MOST_BYTES = 2_000_000_000
-"""Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags have a
+"""Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags take a
 tenth of that."""
 FREE_BYTES_LEFT = 100_000_000
 """Free space to leave on this computer's disk [bytes]."""
@@ -290,7 +290,7 @@ class FileClient:
 
 
 class _StallWatch:
-    """Aborts a transfer of which less than `least` arrives within `STALL_NS`."""
+    """Aborts a transfer that receives less than `least` within `STALL_NS`."""
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
         self._least, self._what = least, what
@@ -378,7 +378,7 @@ async def fetch_file(
             )
         _require_free(part, size - (_size(part) or 0))
 
-    with os_errors_as(RecordingError, f"cannot write {place}", "Give another place with -o"):
+    with os_errors_as(RecordingError, f"cannot write {place}", "Give another path with -o"):
         await asyncio.to_thread(place.parent.mkdir, parents=True, exist_ok=True)
         for _ in range(2):
             start = _size(part) or 0

@@ -157,7 +157,7 @@ class ServedVehicle:
         self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):
             self._named.add(system_id)
-            text = f"another vehicle, {system_id}, is heard; this page keeps to {ours}"
+            text = f"another vehicle, {system_id}, is received; this page stays with {ours}"
             self.feed.note(4, text)
         foreign = self.identity.foreign(now_ns)
         if foreign and not self._foreign_reported:

@@ -129,7 +129,7 @@ class FlightKeeper:
                 keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
                 self._live.resume(keys.fetchall(), ground_states_in(database))
         except (RecordingError, sqlite3.Error, TypeError) as error:
-            log.warning("flight not resumed", flight=flight_id, reason=str(error))
+            log.warning("earlier flight not resumed", flight=flight_id, reason=str(error))
             self.queue.writer.end()
             self.flight_id = None
             return False

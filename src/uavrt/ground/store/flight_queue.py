@@ -110,7 +110,7 @@ class FlightQueue:
         """
         fault = self.fault
         if fault is not None and not self._reported:
-            log.warning("flight not written", reason=fault)
+            log.warning("flight not written; received data wait in memory", reason=fault)
         self._reported = fault is not None
         if at_once:
             self._retry_at_s = 0.0

@@ -52,7 +52,7 @@ class FlightWriter:
             try:
                 note_flight(Path(info.directory))
             except OSError as error:
-                log.warning("order of flights not written", reason=str(error))
+                log.warning("cannot write the list of flights by age", reason=str(error))
 
     def go_on(self, path: Path) -> None:
         """Continue a flight after a restart; raises `RecordingError` if it cannot."""

@@ -111,9 +111,9 @@ class Authority:
         _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
         offer.check(vehicle)
         if not sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
-            what = "the sticks are not seen, so a takeover by them would go unnoticed"
+            what = "the RC sticks are not received, so a takeover would go unnoticed"
             if vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s):
-                what = f"the sticks are reported too seldom: not every {SAFETY.sticks_age_s} s"
+                what = f"the RC sticks are reported less than every {SAFETY.sticks_age_s} s"
             raise CommandRefused(
                 what, remedy="Switch the remote control on, or confirm to fly without it"
             )

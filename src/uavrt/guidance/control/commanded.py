@@ -97,7 +97,7 @@ class Commanded:
             late = now_s - self.sent_s > longest_s
             return "the command was not seen to be obeyed" if late else None
         if self.progress.stopped(now_s):
-            return "the drone has stopped on its way"
+            return "the drone has stopped before its target"
         lost = not self.takes_off and target_age_s > self.behaviour.target_lost_s
         return "the target is no longer reported" if lost else None
 

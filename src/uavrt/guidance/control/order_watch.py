@@ -150,11 +150,9 @@ class OrderWatch:
         if self.rc is None:
             return
         if not self.sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
-            raise CommandRefused(
-                f"the last report of the sticks is older than {SAFETY.sticks_age_s} s"
-            )
+            raise CommandRefused(f"the last RC report is older than {SAFETY.sticks_age_s} s")
         if self.rc.unsure:
-            raise CommandRefused("a switch of the remote control was moved just now")
+            raise CommandRefused("an RC switch was moved just now")
 
     def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
         """Record a sent command, which the vehicle must follow from now on."""
@@ -177,7 +175,7 @@ class OrderWatch:
         lost = vehicle.lost(now_s)
         if lost is None and self.rc is not None:
             unseen = not vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s)
-            lost = "the sticks are no longer reported" if unseen else self.rc.sure(now_s)
+            lost = "the RC sticks are no longer reported" if unseen else self.rc.sure(now_s)
         if lost is not None:
             return lost
         if self.motion is not None:
@@ -264,5 +262,5 @@ class OrderWatch:
         if self.rc is None:
             return "a remote control was switched on" if seen.channels_us else None
         if not seen.channels_us:
-            return "the sticks are no longer reported"
+            return "the RC sticks are no longer reported"
         return self.rc.see(seen)

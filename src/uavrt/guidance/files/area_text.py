@@ -46,7 +46,7 @@ def area_in(text: str, name: str) -> tuple[Place, ...]:
     with in_words(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:
-            raise ValueError(f"it holds {len(outlines)} outlines, not one")
+            raise ValueError(f"the file has {len(outlines)} outlines; give exactly one")
         if outlines[0].holes:
             raise ValueError("the outline has holes")
         return _checked(outlines[0].corners)
@@ -61,16 +61,16 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
     every Point of GeoJSON, is an excluded area, marked or not. Raises `FormatError`: it is none
     of the three formats, or one area is invalid.
     """
-    with in_words(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
+    with in_words(f"{name} gives no keep-out areas", _KEEP_OUT_REMEDY):
         found = tuple(
             _kept(one)
             for one in _read(text, every=every)
             if one.keep_out or (every and one.mixed)
         )
         if len(found) > MOST_KEEP_OUT:
-            raise ValueError(f"it holds {len(found)} areas, more than {MOST_KEEP_OUT}")
+            raise ValueError(f"the file has {len(found)} areas; the most is {MOST_KEEP_OUT}")
         if every and not found:
-            raise ValueError("it holds no area")
+            raise ValueError("the file has no area")
         return found
 
 
@@ -102,9 +102,9 @@ def in_words(what: str, remedy: str) -> Iterator[None]:
     ) as error:
         reason = str(error)
         if isinstance(error, KeyError):
-            reason = f"something in it has no {error}"
+            reason = f"an object has no {error}"
         elif isinstance(error, AttributeError | TypeError | IndexError):
-            reason = "it is neither GeoJSON nor a plan: a part of it is of another kind"
+            reason = "the file is neither GeoJSON nor a plan: a value has the wrong type"
         raise FormatError(f"{what}: {reason}", remedy=remedy) from error
 
 
@@ -116,7 +116,7 @@ def _read(text: str, *, every: bool = False) -> list[_Outline]:
 def _bounded(outlines: Iterator[_Outline]) -> list[_Outline]:
     found = list(islice(outlines, MOST_OUTLINES + 1))
     if len(found) > MOST_OUTLINES:
-        raise ValueError(f"it holds more than {MOST_OUTLINES} outlines")
+        raise ValueError(f"the file has more than {MOST_OUTLINES} outlines")
     return found
 
 
@@ -126,9 +126,9 @@ def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place,
         places = places[:-1]
     check_places(places)
     if len(places) > MOST_CORNERS:
-        raise ValueError(f"an outline of {len(places)} corners, more than {MOST_CORNERS}")
+        raise ValueError(f"an outline has {len(places)} corners; the most is {MOST_CORNERS}")
     if len(places) < least:
-        raise ValueError("an outline has three corners or more")
+        raise ValueError(f"an outline needs three corners or more, got {len(places)}")
     return places
 
 

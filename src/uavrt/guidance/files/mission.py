@@ -84,9 +84,9 @@ class MissionItem:
         )
 
 
-NOT_CHECKED = "the vehicle's fence, home, battery, and the ground beneath the ways"
+NOT_CHECKED = "the vehicle's fence, home, battery, and the ground below the path"
 """Text with the checks left to the operator when a survey is saved to a file."""
-NOT_CHECKED_ABOARD = "its battery, and the ground beneath the ways"
+NOT_CHECKED_ABOARD = "its battery, and the ground below the path"
 """Text with the checks left to the operator when a survey is uploaded to a vehicle."""
 
 
@@ -154,10 +154,10 @@ def _check_with_home(
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
     """Text on a difference of the mission read back from the one sent; else None."""
     if len(sent) != len(held):
-        return f"it holds {len(held)} items, not {len(sent)}"
+        return f"it has {len(held)} items, not {len(sent)}"
     for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
         if not one.flies_as(other):
-            return f"its item {number} differs"
+            return f"item {number} differs"
     return None
 
 
@@ -180,7 +180,7 @@ def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
                 pass
             case _:
                 raise FormatError(
-                    f"the vehicle's fence has an item {item.command}", remedy=_REMEDY
+                    f"the vehicle's fence has an unknown item {item.command}", remedy=_REMEDY
                 )
     return VehicleFence(within=tuple(within), keep_out=tuple(outside))
 
@@ -202,7 +202,7 @@ def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ..
 def _radius(item: MissionItem) -> float:
     radius = item.params[0]
     if not (isfinite(radius) and 0.0 < radius < 1e6):
-        raise FormatError(f"the vehicle's fence has a circle of {radius:g} m", remedy=_REMEDY)
+        raise FormatError(f"the vehicle's fence has a radius of {radius:g} m", remedy=_REMEDY)
     return radius
 
 

@@ -19,11 +19,11 @@ _REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 def path_in(text: str, name: str) -> tuple[Place, ...]:
     """Read the path in a file's text; empty if it has none. Raises `FormatError`."""
-    with in_words(f"{name} gives no way", _REMEDY):
+    with in_words(f"{name} gives no path", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))
         if len(places) > _MOST_LINE_PLACES:
-            raise ValueError(f"it has more than {_MOST_LINE_PLACES} places")
+            raise ValueError(f"the path has more than {_MOST_LINE_PLACES} points")
         check_places(places)
         return places if len(places) > 1 else ()
 

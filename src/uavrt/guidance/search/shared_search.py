@@ -96,7 +96,7 @@ class SharedSearch:
             off = nearest_m(drones, [place, place])
             if off < SEPARATION.distance_m:
                 raise PlanError(
-                    f"the path of vehicle {one.vehicle} is {off:.0f} m from here",
+                    f"the path of vehicle {one.vehicle} is {off:.0f} m from this drone",
                     remedy=f"Start {SEPARATION.distance_m:.0f} m from it or more",
                 )
             apart = abs(course.altitude_amsl_m - amsl)

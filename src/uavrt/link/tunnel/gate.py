@@ -232,13 +232,13 @@ class Sealer:
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
         """Check the proof of an answer to a sealed order; raises `TunnelError`."""
         if self._session is None:
-            raise TunnelError("an answer came before the drone's session was known", payload)
+            raise TunnelError("reply before the drone announced its session: ignored", payload)
         return proven_answer(payload, self._key, self._session, self._own, request_ids)
 
     @staticmethod
     def refuse_unproven(payload: bytes) -> NoReturn:
         """Raise `TunnelError` for an answer without proof to a sealed order."""
-        raise TunnelError("an answer to a sealed order has no proof", payload)
+        raise TunnelError("the answer to a sealed order is not authenticated", payload)
 
     def _next_counter(self) -> int:
         self._last = max(self._last + 1, wall_ns() // 1000)

@@ -50,7 +50,7 @@ NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
 )
-_SURVEY_ALONE = "a survey by strength has a position of its own"
+_SURVEY_ALONE = "signal strengths of a survey are located separately"
 
 _Floats = NDArray[np.float64]
 
@@ -694,7 +694,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
         raise UsageError(
-            f"detected {len(own.time_ns)} times at a known place",
+            f"detected {len(own.time_ns)} times at a known position",
             remedy="At least three pulses are needed",
         )
     columns = [own.latitude_deg, own.longitude_deg, own.height_m, own.snr_db]

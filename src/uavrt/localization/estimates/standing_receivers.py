@@ -44,9 +44,9 @@ def strengths_of(
     ]
     if not stood:
         why = (
-            "they were heard on the ground, before or after a flight"
+            "the pulses were received on the ground, before or after a flight"
             if len(flown) < len(pulses.time_ns)
-            else "there are no three of them at one place and heading"
+            else "no three pulses share a position and heading"
         )
         return _levels(listener, pulses, yaw, height_m, pattern, [], why)
     clear = [
@@ -55,7 +55,7 @@ def strengths_of(
     clear = sorted(
         sorted(clear, key=len, reverse=True)[: RECEIVERS.most_places], key=lambda one: one[0]
     )
-    missed = None if clear else "more of them were missed than detected"
+    missed = None if clear else "more pulses were missed than detected"
     return _levels(listener, pulses, yaw, height_m, pattern, clear, missed, rhythm)
 
 

@@ -50,7 +50,7 @@ class SurveyWalk:
         return Caution(
             name="walk",
             text=f"the tag seems to have walked at {speed:.1f} m/s towards {towards:.0f}°; "
-            "the place is that of the last pulse",
+            "the position is that at the last pulse",
         )
 
 

@@ -101,7 +101,7 @@ def geotiff_raster(path: Path) -> Raster:
         readable = isinstance(error, OSError | ValueError) and not isinstance(
             error, UnicodeError
         )
-        why = str(error) if readable else "its tags make no sense"
+        why = str(error) if readable else "the TIFF tags are invalid"
         raise FormatError(
             f"{path.name} is not a GeoTIFF, or truncated: {why}", remedy="Download it again"
         ) from error
@@ -111,17 +111,17 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
     head = file.read(16)
     order = {b"II": "<", b"MM": ">"}.get(head[:2])
     if order is None or len(head) < 8:
-        raise ValueError("it does not begin as a TIFF")
+        raise ValueError("the file does not begin as a TIFF")
     version = struct.unpack(order + "H", head[2:4])[0]
     big = version == 43
     if version not in (42, 43):
-        raise ValueError("it does not begin as a TIFF")
+        raise ValueError("the file does not begin as a TIFF")
     offset = struct.unpack(order + ("Q" if big else "I"), head[8:16] if big else head[4:8])[0]
     file.seek(offset)
     count = struct.unpack(order + ("Q" if big else "H"), file.read(8 if big else 2))[0]
     entry = 20 if big else 12
     if count > 4096:
-        raise ValueError(f"it has {count} tags")
+        raise ValueError(f"the file has {count} TIFF tags, too many")
     table = file.read(entry * count)
     tags: dict[int, Any] = {}
     for number in range(count):
@@ -138,7 +138,7 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
             file.seek(struct.unpack(order + ("Q" if big else "I"), value)[0])
             value = file.read(size)
             if len(value) < size:
-                raise ValueError("it ends within its tags")
+                raise ValueError("the file ends within the TIFF tags")
         if kind == 2:
             tags[tag] = value[:size].split(b"\0")[0].decode("latin-1")
         elif kind in _KINDS:
@@ -149,7 +149,7 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
 def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
     columns, rows = int(tags[256][0]), int(tags[257][0])
     if tags.get(277, (1,))[0] != 1:
-        raise _Unread(f"has {tags[277][0]} bands, not one of heights", "gdal_translate -b 1")
+        raise _Unread(f"has {tags[277][0]} bands instead of one", "gdal_translate -b 1")
     number = (tags.get(339, (1,))[0], tags.get(258, (1,))[0])
     packed = tags.get(259, (1,))[0]
     known = (_PLAIN, _LZW, _DEFLATE, _OLD_DEFLATE, _PACKBITS)
@@ -179,7 +179,7 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
     least, most = _SCALES
     placed = abs(x) < most and abs(y) < most
     if not (placed and least < step_x < most and least < step_y < most):
-        raise ValueError(f"it lies at {x:g}, {y:g} in steps of {step_x:g}, {step_y:g}")
+        raise ValueError(f"the origin {x:g}, {y:g} or step {step_x:g}, {step_y:g} is invalid")
     half = 0.0 if point else 0.5
     return Raster(
         name=path.name,
@@ -197,16 +197,16 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
 
 def _check(blocks: _Blocks) -> None:
     if min(blocks.rows, blocks.columns, blocks.high, blocks.wide) < 1:
-        raise ValueError("it contains no heights")
+        raise ValueError("the file contains no heights")
     if blocks.high * blocks.wide > _MOST_BLOCK_POINTS:
         raise _Unread("has blocks that are too large", "gdal_translate -co TILED=YES")
     count = math.ceil(blocks.rows / blocks.high) * math.ceil(blocks.columns / blocks.wide)
     if len(blocks.places) < count or len(blocks.sizes) < count:
-        raise ValueError(f"it lists {len(blocks.places)} of {count} blocks")
+        raise ValueError(f"the file lists {len(blocks.places)} of {count} blocks")
     ends = max(at + size for at, size in zip(blocks.places, blocks.sizes, strict=True))
     there = os.stat(blocks.path).st_size
     if ends > there:
-        raise ValueError(f"it has {there:,} of {ends:,} bytes")
+        raise ValueError(f"the file has {there:,} of {ends:,} bytes")
 
 
 def _number(text: object) -> float | None:
@@ -231,11 +231,11 @@ def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
     if keys.get(1024) == 1:
         epsg = _utm_of(projected)
         if epsg is None:
-            raise _Unread(f"is in the coordinates EPSG {projected}, which are not read", warp)
+            raise _Unread(f"uses EPSG:{projected}, which uavrt does not support", warp)
     elif geographic in (4326, 4258, 4269, 4979):
         epsg = 4326
     else:
-        raise _Unread(f"is in the coordinates EPSG {geographic}, which are not read", warp)
+        raise _Unread(f"uses EPSG:{geographic}, which uavrt does not support", warp)
     vertical = 4979 if geographic == 4979 else keys.get(4096)
     datum = None if vertical is None else _DATUMS.get(vertical, f"EPSG {vertical}")
     return epsg, datum, keys.get(1025) == 2
@@ -260,7 +260,7 @@ def _origin(tags: dict[int, Any]) -> tuple[float, float, float, float]:
     step_x, step_y = tags[33550][:2]
     column, row, _, x, y = tags[33922][:5]
     if not (step_x > 0.0 and step_y > 0.0):
-        raise ValueError("its pixels have no size")
+        raise ValueError("the pixels have no size")
     return x - column * step_x, y + row * step_y, step_x, step_y
 
 
@@ -370,7 +370,7 @@ def _unpacked_lzw(data: bytes, size: int) -> bytes:
         elif code == len(table) and last:
             text = last + last[:1]
         else:
-            raise ValueError("its LZW data are invalid")
+            raise ValueError("the LZW data are invalid")
         found.append(text)
         length += len(text)
         if length >= size:

@@ -96,7 +96,7 @@ def ground_grid(
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)
     if rows * columns > _MOST_CELLS:
         raise UsageError(
-            f"the area holds {rows * columns:,} squares of {cell_m:g} m",
+            f"the area holds {rows * columns:,} squares of {cell_m:g} m, too many",
             remedy="Choose larger squares or a smaller area",
         )
     east = west_m + cell_m * np.arange(columns)

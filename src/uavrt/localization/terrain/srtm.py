@@ -41,8 +41,8 @@ def srtm_raster(path: Path) -> Raster:
     named = _NAME.match(path.name)
     if named is None:
         raise FormatError(
-            f"{path.name} has no position in it",
-            remedy="Give it back its name: N47E008.hgt is 47 to 48° north, 8 to 9° east",
+            f"the file name {path.name} gives no position",
+            remedy="Restore its name: N47E008.hgt is 47 to 48° north, 8 to 9° east",
         )
     south = int(named[2]) * (1 if named[1].upper() == "N" else -1)
     west = int(named[4]) * (1 if named[3].upper() == "E" else -1)
@@ -76,7 +76,7 @@ def _zipped(path: Path) -> tuple[str, int]:
     with open_zip(path, ZIPPED_TILE) as archive:
         found = [one for one in archive.infolist() if one.filename.lower().endswith(".hgt")]
         if len(found) != 1:
-            raise ValueError(f"it holds {len(found)} tiles, not one")
+            raise ValueError(f"the file has {len(found)} tiles, not one")
         return found[0].filename, found[0].file_size
 
 

@@ -45,7 +45,7 @@ def sigmf_layout(
     if about.get("core:metadata_only") is True or "core:dataset" in about:
         raise _fault(meta_path, "describes samples in another file", "Use a plain recording")
     if about.get("core:num_channels", 1) != 1:
-        raise _fault(meta_path, "holds several channels", "Split it, one receiver in each")
+        raise _fault(meta_path, "has several channels", "Split it, one channel in each")
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))
     scale = _number(about, SIGMF_FULL_SCALE, meta_path)
     if scale is not None:
@@ -175,7 +175,7 @@ def _captures(
         try:
             time_ns = None if time_text is None else parse_iso_utc(_ns_text(time_text))
             if not 0 <= (time_ns or 0) < LAST_NS:
-                raise ValueError("it is before 1970 or after 2116")
+                raise ValueError("the time is before 1970 or after 2116")
         except (ValueError, TypeError, OverflowError) as error:
             raise _fault(path, f"has core:datetime {time_text!r}", "Use ISO 8601") from error
         frequency_hz = _number(item, "core:frequency", path)
@@ -204,7 +204,7 @@ def _captures(
 
 def _ns_text(text: object) -> str:
     if not isinstance(text, str):
-        raise TypeError("not a text")
+        raise TypeError("the value is not text")
     head, dot, tail = text.partition(".")
     if not dot:
         return text

@@ -140,7 +140,7 @@ class ProgramSource(StreamSource):
         try:
             self._child.wait(_TERMINATE_S)
         except subprocess.TimeoutExpired:
-            log.warning("the radio's program does not end, killing it", program=self.name)
+            log.warning("the radio's program does not end; killed", program=self.name)
         # Also after a clean end: a wrapper script may have left its own children.
         self._signal(signal.SIGKILL)
         self._child.wait()
@@ -194,7 +194,7 @@ class ProgramSource(StreamSource):
                 self._store_line(line)
                 if found := _LOST_SAMPLES.search(line):
                     self._lost += int(found[1])
-                log.info("radio says", program=self.name, line=line)
+                log.info("output of the radio's program", program=self.name, line=line)
 
     def _note_overruns(self, line: str) -> None:
         found = _OVERRUNS.search(line)

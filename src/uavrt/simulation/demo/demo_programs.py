@@ -189,7 +189,7 @@ class Program:
         self.pid = self._process.pid
 
     def check(self) -> None:
-        """Raise `UavrtError` with the end of its output if it has ended."""
+        """Raise `UavrtError` with the last output if the program has ended."""
         if self._wait(0.0):
             words = self.last_line()
             raise UavrtError(
@@ -198,13 +198,13 @@ class Program:
             )
 
     def last_line(self) -> str:
-        """Last line of its output; empty if there is none."""
+        """Last line of the program's output; empty if there is none."""
         lines = self.log.read_text(errors="replace").splitlines()
         texts = [line.strip() for line in lines if line.strip() and line[0] != "{"]
         return texts[-1].removeprefix("uavrt: ").rstrip(".") if texts else ""
 
     def new_events(self) -> list[dict[str, Any]]:
-        """JSON events in its output since the last call."""
+        """JSON events in the program's output since the last call."""
         with self.log.open("rb") as file:
             file.seek(self._read_to)
             data = file.read()
@@ -213,7 +213,7 @@ class Program:
 
     @property
     def ended(self) -> bool:
-        """True if it has ended."""
+        """True if the program has ended."""
         return self._wait(0.0)
 
     def ask_to_stop(self) -> None:
@@ -222,7 +222,7 @@ class Program:
             self._process.send_signal(signal.SIGTERM)
 
     def stop(self) -> None:
-        """Stop it by SIGTERM, then by SIGKILL."""
+        """Stop the program by SIGTERM, then by SIGKILL."""
         self.ask_to_stop()
         if not self._wait(STOP_TIMEOUT_S):
             self._process.kill()

@@ -44,7 +44,7 @@ class SimulatedDrone:
     """UDP port to which the autopilot sends the ground station's traffic."""
 
     def check(self) -> None:
-        """Raise `UavrtError` if one of its programs has ended."""
+        """Raise `UavrtError` if a program of this drone has ended."""
         self.autopilot.check()
         self.supervisor.check()
 

@@ -1,4 +1,4 @@
-"""Lines on the progress of a search for the terminal."""
+"""Text lines for the terminal on the progress of a search."""
 
 import re
 

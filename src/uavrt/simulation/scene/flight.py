@@ -39,7 +39,7 @@ class Flight(ScenarioRecord):
     height_m: Annotated[float, Ge(0)] = 0.0
     heading_deg: float = 0.0
     wobble_deg: Annotated[float, Ge(0), Le(20)] = 1.0
-    """Standard deviation of roll and of pitch in the air, from gusts [°]."""
+    """Standard deviation of roll and pitch caused by gusts in the air [°]."""
     drag_per_s: Annotated[float, Ge(0), Le(2)] = 0.15
     """Deceleration by drag divided by speed [1/s]; 0.15/s tilts the drone by 9° at 10 m/s."""
     leg: tuple[Leg, ...] = ()

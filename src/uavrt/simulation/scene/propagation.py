@@ -39,7 +39,7 @@ class Wall(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fading(ScenarioRecord):
-    """Random change of a tag's level with time, the same for all rays of a tag."""
+    """Random change of a tag's level with time, equal for all rays of the tag."""
 
     kind: Literal["none", "lognormal", "rician"] = "none"
     sigma_db: Annotated[float, Ge(0), Le(20)] = 2.0

@@ -58,7 +58,7 @@ class Radio(ScenarioRecord):
     arrival_jitter_s: Annotated[float, Ge(0), Le(0.1)] = 0.0
     """Mean delay of each write of the simulated radio, exponentially distributed [s]."""
     stall_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
-    """Fraction of its writes that are delayed by 50 to 300 ms, together with later ones."""
+    """Fraction of the radio's writes that are delayed by 50 to 300 ms, with all later ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,7 +35,7 @@ class TruePulse:
     pulse_index: int
     """Number of the tag's pulse since the start of the scenario, from 0."""
     rate: int
-    """Which of the tag's intervals follows this pulse; 1 is the first."""
+    """Number of the interval that follows this pulse: 1 or 2, in the order of the tag list."""
     transmit_time_ns: int
     start_time_ns: int
     """Start of the pulse at the antenna [ns, UTC]."""

@@ -90,7 +90,7 @@ class Ledger(Generic[R]):
         return dict(self._files.get(key, {}))
 
     def times(self, table: str) -> dict[str, int | None]:
-        """Start time of each file of a table [ns], by the file's name without ending."""
+        """Start time of each file of a table [ns], by file stem."""
         return {
             Path(name).stem: row.start_time_ns
             for key, row in self._rows.items()
@@ -131,10 +131,10 @@ class Ledger(Generic[R]):
                 entry = decode_record(read_note(path), _Entry)
                 row = decode_record(entry.row, self._record)
                 if row.fingerprint != path.stem:
-                    raise FormatError("it holds the row of another file")
+                    raise FormatError("the entry describes another recording")
                 # What is named here is removed with the row.
                 if not all(map(self._is_table, entry.files)):
-                    raise FormatError("it names files that are no tables of a batch")
+                    raise FormatError("the entry lists files that are not batch tables")
             except FormatError as error:
                 self._discard(path, error.message)
                 continue

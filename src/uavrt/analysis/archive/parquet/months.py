@@ -58,7 +58,7 @@ class Copy(msgspec.Struct, frozen=True):
 
     seal: Seal
     keys: list[str] = []  # a struct copies it
-    """Names, without ending, of the files that were copied."""
+    """File stems of the copied files."""
 
 
 Index = dict[str, Copy]
@@ -109,7 +109,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
         written = any((output / name).exists() for name in (RECORDINGS, FLIGHTS, ROWS))
         return {}, {INDEX: "missing"} if written else {}
     except FormatError:
-        return {}, {INDEX: "its digest does not match"}
+        return {}, {INDEX: "the digest does not match the content"}
     faults = {
         name: fault
         for name, one in noted.items()

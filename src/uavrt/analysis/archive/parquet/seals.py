@@ -43,7 +43,7 @@ def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
         return f"{about.st_size} bytes, and {seal.size} were written"
     if thorough or about.st_mtime_ns != seal.time_ns:
         if not path.is_file() or _digest(path.read_bytes()) != seal.digest:
-            return "its digest does not match"
+            return "the digest does not match the content"
         with suppress(OSError):  # copied by another user: it is read again each time
             os.utime(path, ns=(about.st_atime_ns, seal.time_ns))
     return None
@@ -59,7 +59,7 @@ def read_note(path: Path) -> bytes:
     """Read a file of `write_note`; raises `OSError`, or `FormatError` if damaged."""
     digest, _, content = read_file(path, ARCHIVE_NOTE).partition(b"\n")
     if digest != _digest(content).encode():
-        raise FormatError("its digest does not match")
+        raise FormatError("the digest does not match the content")
     return content
 
 

@@ -25,7 +25,7 @@ class Cell:
     """Number of the first sample to read, before the cell's own time."""
     end: int
     begin_ns: int | None
-    """Time from which pulses count [ns]; None: from the recording's first sample."""
+    """Start of the time in which pulses count [ns]; None: the recording's first sample."""
 
 
 def cells_of(

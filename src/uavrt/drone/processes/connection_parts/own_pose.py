@@ -103,9 +103,9 @@ class OwnPose:
         """Text on what is missing; None if position and heading are known."""
         now_ns = self._clock_ns()
         if self._fault is not None:
-            return f"no place: {self._fault}"
+            return f"no position: {self._fault}"
         if self._place_ns is None or now_ns - self._place_ns > SILENCE_NS:
-            return "waiting for a place"
+            return "waiting for a position"
         if self._heading_ns is None or now_ns - self._heading_ns > SILENCE_NS:
             return "waiting for a heading: no compass, and pose.heading_deg is not set"
         return None
@@ -221,5 +221,5 @@ class OwnPose:
 
     def _failed(self, error: UavrtError) -> None:
         if self._fault is None:
-            log.warning("no place", reason=str(error))
+            log.warning("position unavailable; pulses get no position", reason=str(error))
         self._fault = str(error)

@@ -110,7 +110,7 @@ class ParameterDesk:
         try:
             name, value = read_parameter(inside)
         except TunnelError as error:
-            log.warning("bad parameter", reason=error.message)
+            log.warning("malformed parameter request ignored", reason=error.message)
             return
         us = {"target_system": 0, "target_component": 0}
         request: Requests = ParamSet(

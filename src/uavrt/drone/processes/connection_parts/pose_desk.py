@@ -42,7 +42,7 @@ POSES_KEPT_NS = 200 * POSE_PERIOD_NS
 SAME_CLOCK_NS = 1_000_000
 """Change of the clock below which known poses are kept [ns]; 0.03° at 30°/s."""
 
-_POSE_KNOWN = StatusText(severity=6, text="Place and heading known")
+_POSE_KNOWN = StatusText(severity=6, text="Position and heading known")
 _STALE_CLOCK = StatusText(
     severity=4, text="Autopilot's clock: no answer for 10 s, times are extrapolated"
 )
@@ -121,7 +121,7 @@ class PoseDesk:
             log.warning("autopilot's clock is extrapolated", **counters())
             self._say(_STALE_CLOCK)
         else:
-            log.info("autopilot's clock known", **counters())
+            log.info("autopilot's clock synchronized", **counters())
 
     def attitude(self, sample: AttitudeSample) -> None:
         """Add an attitude, timed by the clock of this process."""
@@ -180,7 +180,7 @@ class PoseDesk:
         missing = self._own.status
         if missing != self._missing:
             self._missing = missing
-            log.info("own pose", missing=missing or "nothing")
+            log.info("pose of this station", missing=missing or "nothing")
             self._say(_POSE_KNOWN if missing is None else _missing_text(missing))
         return missing
 

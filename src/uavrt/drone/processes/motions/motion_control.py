@@ -136,7 +136,7 @@ class MotionControl:
         authority = self.known
         mode = authority.vehicle.mode_name
         if offer.mode != mode:
-            raise CommandRefused(f"the mode is {mode} now", remedy=WHEN_YOURS)
+            raise CommandRefused(f"the flight mode is {mode} now", remedy=WHEN_YOURS)
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
@@ -155,7 +155,7 @@ class MotionControl:
     def known(self) -> Authority:
         """Get the authority; raises `CommandRefused` while the autopilot is unknown."""
         if self.authority is None:
-            raise CommandRefused("the autopilot is not known")
+            raise CommandRefused("the autopilot has not reported yet")
         return self.authority
 
     def fly(self, wish: VehicleWish, now_s: float) -> bool:
@@ -183,12 +183,12 @@ class MotionControl:
                 raise CommandRefused("the link to the autopilot is busy")
             command = authority.command(order_id, wish, now_s, stops=stops)
         except CommandRefused as error:
-            log.info("motion not permitted", reason=error.message)
+            log.info("motion command not sent: not permitted", reason=error.message)
             self._report_late(authority)
             return False
         self._out.command(command_message(command, self._own_place()[0]))
         nearest_m = authority.nearest_m
-        log.info("commanded", command=command.name, order=order_id, nearest_m=nearest_m)
+        log.info("command sent", command=command.name, order=order_id, nearest_m=nearest_m)
         return True
 
     def _report_late(self, authority: Authority) -> None:

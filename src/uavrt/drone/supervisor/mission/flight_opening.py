@@ -103,7 +103,7 @@ def _make_directory(parent: Path, start_ns: int) -> Path:
         except OSError as error:
             raise RecordingError(
                 f"cannot make {directory}: {error.strerror}",
-                remedy="Free some space, or set recording.directory to a writable place",
+                remedy="Free some space, or set recording.directory to a writable path",
             ) from error
         return directory
     raise RecordingError(f"cannot make a new flight directory in {parent}")

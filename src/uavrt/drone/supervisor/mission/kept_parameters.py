@@ -50,7 +50,7 @@ class SettingsInForce:
             try:
                 settings = with_parameter(settings, name, kept.value)
             except ConfigError as error:
-                log.warning("stored parameter rejected", reason=error.message)
+                log.warning("invalid stored parameter ignored", reason=error.message)
         self._on_change = on_change
         self.now = self.in_flight = settings
         """Settings for the next flight (`now`) and for the present flight (`in_flight`)."""

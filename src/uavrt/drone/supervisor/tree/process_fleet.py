@@ -237,7 +237,7 @@ class Fleet:
         for pid in orphans:
             with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
                 if pid not in self._ending:
-                    log.warning("ending an orphan", pid=pid)
+                    log.warning("killing an orphaned process", pid=pid)
                     os.kill(pid, signal.SIGKILL)
                 os.waitpid(pid, os.WNOHANG)
         self._ending = orphans

@@ -174,7 +174,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="integrator",
         module="uavrt.analysis.integrated.integrator",
-        meaning="tags below the noise, judged over the flight so far",
+        meaning="tags below the noise, searched in the flight so far",
         runs=always,
         configured=with_integration_on_drone,
         consumes=("flight", "flight_end"),

@@ -162,7 +162,7 @@ class MotionCommands:
         done = await link.missions.upload_survey(order, Limits(), call)
         self._vehicle.feed.note(
             5,
-            f"the vehicle holds the survey as its mission: {done.items} items; not checked: "
+            f"the vehicle has the survey as its mission: {done.items} items; not checked: "
             f"{NOT_CHECKED_ABOARD}",
         )
         return {"items": done.items, "sent_again": done.sent_again}

@@ -177,7 +177,7 @@ class CurrentFlight:
         if taken > durable:
             reason = self.keeper.queue.fault or "the disk does not answer"
             log.error(
-                "pulses not stored: the drone keeps them", pulses=taken - durable, reason=reason
+                "pulses not stored; the drone keeps them", pulses=taken - durable, reason=reason
             )
 
 

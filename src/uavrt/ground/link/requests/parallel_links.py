@@ -73,7 +73,7 @@ class Links:
         if failed and len(failed) == len(addresses):
             raise failed[0]
         for fault in failed.values():
-            log.warning("link fault", reason=str(fault))
+            log.warning("link failed; next try follows", reason=str(fault))
         return [asyncio.create_task(self._keep_trying(n, addresses[n])) for n in failed]
 
     async def close(self) -> None:

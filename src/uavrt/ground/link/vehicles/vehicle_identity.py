@@ -45,7 +45,7 @@ class VehicleIdentity:
         self._places = _Places()
 
     def heard(self, system_id: int, now_ns: int) -> bool:
-        """Handle a heartbeat; True if from the served vehicle, which the first one becomes."""
+        """Handle a heartbeat; True if from the served vehicle (by default the first one)."""
         if self.system_id is None and system_id not in self.excluded:
             self.system_id = system_id
         if system_id == self.system_id:

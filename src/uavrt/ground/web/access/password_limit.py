@@ -47,7 +47,7 @@ class PasswordLimit:
 
 
 def _place(address: str) -> str:
-    """An IPv4 address, or the IPv6 /64 network, of which a household can use every address."""
+    """Address that the limit counts: IPv4, or the IPv6 /64 network of a household."""
     try:
         known = ipaddress.ip_address(address)
     except ValueError:

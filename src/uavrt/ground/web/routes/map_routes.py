@@ -84,7 +84,7 @@ async def store_map(
     taken = 0
     # A folder of its own: errors name the file, and two may come at once.
     with (
-        os_errors_as(RecordingError, f"{name} cannot be kept"),
+        os_errors_as(RecordingError, f"{name} cannot be stored"),
         TemporaryDirectory(prefix=".coming-", dir=directory) as coming,
     ):
         part = Path(coming) / name

@@ -1,1 +1,1 @@
-"""Work behind the routes: maps, exports, reports, files of others."""
+"""Work behind the routes: maps, exports, reports, parsing of untrusted files."""

@@ -89,12 +89,12 @@ class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
             )
         if found.ambiguous:
             raise UsageError(
-                f"pulses at the frequency of tag {asked.tag_id} may be its own, so its "
-                "absence cannot be judged"
+                f"pulses at the frequency of tag {asked.tag_id} may be from the tag, so its "
+                "absence cannot be concluded"
             )
         if found.heard:
             raise UsageError(
-                f"tag {asked.tag_id} was detected, so there is no map of places without it"
+                f"tag {asked.tag_id} was detected, so no map of its absence exists"
             )
         coverage, plane = found.coverage, found.coverage.ground.plane
         longitude, latitude = np.array(_outline(wanted)).T

@@ -1,4 +1,4 @@
-"""Requests that contain files of others, parsed in the process of `foreign_worker`."""
+"""Requests that contain untrusted files, parsed in the process of `foreign_worker`."""
 
 from typing import Any
 

@@ -49,7 +49,7 @@ class IntegrationJobs:
 async def _judged(flight: Path, dem: str) -> str | None:
     """Run ``uavrt integrate``; return its error text if it fails."""
     code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
-    return None if code in (0, _NONE_FOUND) else text or "the flight could not be judged"
+    return None if code in (0, _NONE_FOUND) else text or "the search of the flight failed"
 
 
 def fold_pictures(flight: Path) -> dict[str, Record]:

@@ -24,7 +24,7 @@ OnStep = Callable[[int, int], None]
 Asked = TypeVar("Asked")
 Found = TypeVar("Found")
 _POWER_DBM = (-100.0, 40.0)
-_ANOTHER = "another map was requested meanwhile. Make this one again"
+_ANOTHER = "another map was requested meanwhile. Request this map again"
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -99,7 +99,7 @@ class MapJobs(Generic[Asked, Found]):
         except UavrtError as error:
             work.fault = str(error)
         except Exception as error:  # a page that asks must not wait forever
-            log.exception("map could not be made")
+            log.exception("map could not be made; the page shows the error")
             work.fault = f"the map could not be made: {error}"
 
 

@@ -165,7 +165,7 @@ def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
         raise UsageError(
             f"a map of {pulses:.0f} pulses from {len(request.heights_m)} heights takes too "
             "long",
-            remedy="Choose fewer heights, wider lines or a smaller area",
+            remedy="Choose fewer heights, a wider line spacing or a smaller area",
         )
     area = coverage.map_around(
         plane, east, north, open_elevation(Path(dem)) if dem else None, size

@@ -89,5 +89,5 @@ def _serial(parts: SplitResult, default_baud: int) -> Address:
     windows = re.fullmatch(r"COM\d{1,3}", device) is not None and not parts.path
     known = windows or (device.startswith("/") and not parts.netloc)
     if not known or int(baud) <= 0:
-        raise ValueError("a serial device is a path and a positive baud rate")
+        raise ValueError("a serial address needs a device path and a positive baud rate")
     return Address(kind="serial", device=device, baud=int(baud))

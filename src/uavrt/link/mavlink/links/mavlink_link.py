@@ -126,7 +126,7 @@ class Link:
                 self._faults += 1
                 if self._faults.bit_count() == 1:  # 1, 2, 4, 8 …: a flood must not fill the log
                     log.exception(
-                        "frame not handled",
+                        "frame skipped: unexpected error in its handler",
                         address=str(self.address),
                         frame=frame.raw.hex(),
                         faults=self._faults,

@@ -85,14 +85,14 @@ class TcpLink(Link):
                 while data := await reader.read(READ_SIZE):
                     self._take(data)
             except OSError as error:
-                log.warning("link broke", address=str(self.address), reason=str(error))
+                log.warning("link broken", address=str(self.address), reason=str(error))
             reader = await self._reconnect()
 
     async def _reconnect(self) -> asyncio.StreamReader:
         if self._writer is not None:
             self._writer.close()
             self._writer = None
-        log.warning("link lost", address=str(self.address))
+        log.warning("link lost; reconnecting", address=str(self.address))
         while True:
             await asyncio.sleep(RETRY_S)
             try:
@@ -189,7 +189,7 @@ class SerialLink(Link):
             self._lost("the device hung up")
 
     def _lost(self, reason: str) -> None:
-        log.warning("link lost", address=str(self.address), reason=reason)
+        log.warning("link lost; reconnecting", address=str(self.address), reason=reason)
         self._release()
         self._retry_later()
 

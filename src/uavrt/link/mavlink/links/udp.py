@@ -161,7 +161,7 @@ class UdpLink(Link):
 
     def _lost(self, error: OSError) -> None:
         """Reopen the socket after the network went away."""
-        log.warning("link lost", address=str(self.address), reason=str(error))
+        log.warning("link lost; reconnecting", address=str(self.address), reason=str(error))
         self._release()
         self._retry_later()
 
@@ -178,7 +178,7 @@ class UdpLink(Link):
         try:
             await self.open()
         except LinkError as error:
-            log.warning("link still down", reason=str(error))
+            log.warning("link still down; next try follows", reason=str(error))
             self._retry_later()
 
     def _remember(self, peer: tuple[str, int]) -> None:

@@ -162,7 +162,7 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not text.isascii() or not text.isdigit() or int(text) > 232:
         raise ConfigError(
-            f"ROS_DOMAIN_ID is {text!r}", remedy="Set it to a whole number from 0 to 232"
+            f"ROS_DOMAIN_ID {text!r} is invalid", remedy="Set a whole number from 0 to 232"
         )
     return int(text)
 
@@ -185,7 +185,7 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
     }
     if text not in reaches:
         raise ConfigError(
-            f"ROS_AUTOMATIC_DISCOVERY_RANGE is {text!r}",
+            f"ROS_AUTOMATIC_DISCOVERY_RANGE {text!r} is not supported",
             remedy="Set it to SUBNET, LOCALHOST or OFF, or unset it",
         )
     return reaches[text]

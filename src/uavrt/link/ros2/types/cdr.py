@@ -218,13 +218,13 @@ class _Reader:
         """Read a length; elements take a byte or more, so the remaining bytes bound it."""
         count = int(self._number("I"))
         if count > len(self._data) - self._at:
-            raise struct.error(f"a length of {count} with {len(self._data) - self._at} left")
+            raise struct.error(f"{count} bytes needed, {len(self._data) - self._at} left")
         return count
 
     def _bytes(self, count: int) -> bytes:
         end = self._at + count
         if end > len(self._data):
-            raise struct.error("cut short")
+            raise struct.error("the data are truncated")
         value = self._data[self._at : end]
         self._at = end
         return value

@@ -100,14 +100,14 @@ def encode_request(request: MotionRequest) -> bytes:
     if len(places) > MAX_PLACES:
         others = " with its keep-out areas" if kept else ""
         raise UsageError(
-            f"an area of {len(places)} corners{others}",
-            remedy=f"Draw one of {MAX_PLACES} or fewer",
+            f"the area has {len(places)} corners{others}: too many",
+            remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     width_m = request.wish_m if request.action == "search" else request.spacing_m
     height_m = request.height_m or 0.0
     if not all(abs(one) < _MOST for one in (height_m, request.duration_s, width_m)):  # also NaN
         raise UsageError(
-            "a height, duration or distance is too large or no number",
+            "a height, duration or distance is too large or not a number",
             remedy="Give smaller numbers, in metres and seconds",
         )
     payload = _ASK.pack(
@@ -125,7 +125,7 @@ def encode_request(request: MotionRequest) -> bytes:
     if len(payload) + _size(len(places)) > MAX_INSIDE:
         raise UsageError(
             f"{len(places)} corners, {len(kept)} keep-out areas and "
-            f"{len(request.tags)} tags do not fit",
+            f"{len(request.tags)} tags do not fit in one order",
             remedy="Draw a simpler area, leave the tags out to search for all, or set "
             "guidance.keep_out_file on the drone",
         )
@@ -140,7 +140,7 @@ def encode_request(request: MotionRequest) -> bytes:
             )
     except (struct.error, ValueError, OverflowError) as error:  # also what is no number
         raise UsageError(
-            "the corners are too far apart, or no positions",
+            "the corners are too far apart, or not positions",
             remedy="Draw an area of less than 4 km, in degrees: latitude, longitude",
         ) from error
     return payload
@@ -164,7 +164,7 @@ def _kept(one: KeepOut) -> bytes:
         return _KEPT.pack(len(one.places), radius)
     except (struct.error, ValueError, OverflowError) as error:
         raise UsageError(
-            f"a circle of {one.radius_m:g} m as keep-out area",
+            f"the keep-out circle of {one.radius_m:g} m is too large",
             remedy="Give a radius below 65536 m",
         ) from error
 
@@ -211,13 +211,13 @@ def decode_motion(
     try:
         return _request(got, asker)
     except (struct.error, IndexError) as error:
-        raise TunnelError("a motion order has a wrong length", payload) from error
+        raise TunnelError("a motion order message has a wrong length", payload) from error
 
 
 def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
     kept, width_m, body = got["kept"], got["width_m"], got["body"]
     if got["version"] != (_VERSION_KEEP_OUT if kept else _VERSION):
-        raise TunnelError("a motion order has another version", body)
+        raise TunnelError("a motion order has an unsupported version", body)
     request = MotionRequest(
         request_id=got["request_id"],
         asker=asker,

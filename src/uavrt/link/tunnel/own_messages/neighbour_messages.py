@@ -60,7 +60,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
             ],
         )
     except (ValueError, OverflowError) as error:  # a place that is not finite
-        raise TunnelError(f"a course does not fit: {error}", b"") from error
+        raise TunnelError(f"a course does not fit in its message: {error}", b"") from error
 
 
 def _offset(here: Place, place: Place) -> tuple[int, int]:

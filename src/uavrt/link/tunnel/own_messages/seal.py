@@ -85,9 +85,9 @@ def session_of(payload: bytes, key: Key, drone: Ids) -> tuple[Session, int, int]
     head, mac = payload[:-8], payload[-8:]
     sizes = {_VERSION: _SESSION.size, _VERSION_ECHO: _SESSION.size + _NONCE.size}
     if not payload or len(head) != sizes.get(payload[0]):
-        raise TunnelError("a session has another version", payload)
+        raise TunnelError("the session has an unsupported version", payload)
     if not hmac.compare_digest(mac, _session_mac(key, drone, head)):
-        raise TunnelError("a session was made with another key, or forged", payload)
+        raise TunnelError("the session was made with another key, or forged", payload)
     _, number, newest = _SESSION.unpack_from(head)
     return Session(number, drone), newest, int.from_bytes(head[_SESSION.size :], "little")
 
@@ -175,7 +175,7 @@ class SealKeeper:
         head, mac, inside = payload[:12], payload[12:20], payload[20:]
         version, kind, _, counter = _HEAD.unpack(head)
         if version != _VERSION or kind > ALIVE_INSIDE:
-            raise TunnelError("a sealed message of another version", payload)
+            raise TunnelError("the sealed message has an unsupported version", payload)
         proven = Session(self._session, drone).mixed_in() + bytes(sender) + head + inside
         if not hmac.compare_digest(mac, _mac(self._key, proven)):
             raise TunnelError(

@@ -247,7 +247,7 @@ def cautions_of(
         towards = float(wrap_degrees_360(np.degrees(np.arctan2(*fit.velocity_m_s))))
         text = (
             f"the tag seems to have walked at {speed:.1f} m/s towards {towards:.0f}°; "
-            "the place is that of the last bearing"
+            "the position is that at the last bearing"
         )
         found.append(Caution(name="walk", text=text))
     odd = _odd(fit, outlier_probabilities)
@@ -265,7 +265,7 @@ def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution,
     numbers = np.flatnonzero(odd) + 1
     few = len(odd) - len(numbers) < COMMON.least_agreeing
     if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
-        text = f"{_contradicting(numbers)}: the place may be wrong"
+        text = f"{_contradicting(numbers)}: the position may be wrong"
         return (Caution(name="contradiction", text=text),)
     if len(numbers):
         text = f"{_contradicting(numbers)} and is left out"

@@ -34,7 +34,7 @@ class Strengths:
 
     def because(self, reason: str) -> str:
         """Sentence for the operator that the levels are unused, with the reason."""
-        return f"{self.listener}: its strengths ({self.pulses} pulses) are not used: {reason}"
+        return f"{self.listener}: strengths of {self.pulses} pulses are not used: {reason}"
 
     @property
     def outcome(self) -> str:
@@ -42,4 +42,4 @@ class Strengths:
         if self.unused is not None:
             return self.because(self.unused)
         stood = "one place" if len(self.level_db) == 1 else f"{len(self.level_db)} places"
-        return f"{self.listener}: the strengths of {self.pulses} pulses, at {stood}, went in"
+        return f"{self.listener}: the strengths of {self.pulses} pulses, at {stood}, were used"

@@ -82,7 +82,7 @@ class DiskGuard:
             note_flight(self._to_note)
         except OSError as error:
             if not self._note_failed:
-                log.warning("cannot write the order of flights", reason=str(error))
+                log.warning("cannot write the list of flights by age", reason=str(error))
             self._note_failed = True
         else:
             self._to_note = None
@@ -134,6 +134,6 @@ def _removed(directory: Path) -> bool:
     try:
         shutil.rmtree(directory)
     except OSError as error:
-        log.warning("cannot remove directory", directory=str(directory), reason=str(error))
+        log.warning("cannot remove a flight", directory=str(directory), reason=str(error))
         return False
     return True
