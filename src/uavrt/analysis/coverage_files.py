@@ -33,7 +33,7 @@ def write_maps(
         probability=coverage.heard.astype(np.float64),
     )
     files = {
-        f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
+        f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is detected, uavrt"),
         f"{name}.png": _picture(coverage, path),
     }
     written = []

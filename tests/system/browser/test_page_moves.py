@@ -76,7 +76,7 @@ def test_sticks_that_are_not_seen_must_be_known_of(field: Field) -> None:
     here.page.evaluate("() => window.uavrt.store.loadLive()")
     here.ask()
     here.hold()
-    expect(here.page.locator("#move-fault")).to_contain_text("sticks are not seen")
+    expect(here.page.locator("#move-fault")).to_contain_text("sticks are not received")
     assert here.commands() == 0
 
 

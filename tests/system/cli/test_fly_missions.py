@@ -90,8 +90,8 @@ def test_a_survey_is_uploaded_and_read_back(
         )
     assert ended.value.code == 0
     said = capsys.readouterr().out
-    assert "the vehicle holds the survey: 7 items, read back" in said
-    assert "not checked: its battery, and the ground beneath the ways" in said
+    assert "the vehicle has the survey: 7 items, read back" in said
+    assert "not checked: its battery, and the ground below the path" in said
     held = vehicle.autopilot.missions.held[0]
     assert [item.command for item in held] == [16] * 6 + [20]
     assert some(vehicle.autopilot.flown).vehicle.target is None

@@ -88,7 +88,7 @@ def test_the_page_fetches_nothing_and_says_where_the_tag_is(survey: Survey) -> N
     place = f"{found.position.latitude_deg:.5f}, {found.position.longitude_deg:.5f}"
     assert place in page.text
     assert "Kiwi & <Chick>" in page.text
-    assert "Not heard in 239 s of search" in page.text
+    assert "Not detected in 239 s of search" in page.text
     assert "samples lost <12>" in page.text
     assert "Lenth" in page.text
 
@@ -128,8 +128,8 @@ def test_pulses_without_poses_are_reported_with_the_reason(write_flight: WriteFl
     survey = read_survey(write_flight(poses=False))
     (first, second) = words.findings(survey)
     assert first.place is None
-    assert "never at a known place" in first.detail
-    assert second.detail.startswith("Not heard in")
+    assert "never at a known position" in first.detail
+    assert second.detail.startswith("Not detected in")
     assert any("have no pose" in warning for warning in survey.warnings)
     assert any("No bearings" in warning for warning in survey.warnings)
 
@@ -272,7 +272,7 @@ def test_local_time_stands_beside_utc_wherever_a_time_is_told(survey: Survey) ->
     assert told[2] == told[4]
     bearings, tags = words.bearing_table(local), words.tag_table(local)
     assert "Time UTC (JST)" in bearings[0]
-    assert "Last heard UTC (JST)" in tags[0]
+    assert "Last detected UTC (JST)" in tags[0]
     both = re.compile(r"\d\d:\d\d:\d\d \(\d\d:\d\d:\d\d\)")
     assert all(both.fullmatch(row[1]) for row in bearings[1])
     assert both.fullmatch(tags[1][0][6])
@@ -378,7 +378,7 @@ def test_a_search_is_told_with_its_reasons_minutes_and_what_is_unknown(
     text = Page(html_page(survey)).text
     assert "a pilot took over. 1 of 2 found in 3.3 minutes, 3.3 minutes for each animal" in text
     assert "after 2.5 min" in text
-    assert "Tag 3 was not found: heard 0 times, 160 times not" in text
+    assert "Tag 3 was not found: detected 0 times, 160 times not" in text
     assert "with 31 %" in text
     assert "(40 %)" in text
     assert "0.1 nats/s of <35>" in text

@@ -69,9 +69,9 @@ def test_the_report_maps_where_each_tag_would_have_been_heard(
     report(flight, tag_power=-60.0, output=tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     first, second = (tag.tag_id for tag in read_flight(flight).info.tags)
-    assert page.count("would have been heard</h2>") == 2
+    assert page.count("would be detected</h2>") == 2
     assert "confirmed pulses)" in page
-    assert "It was not: where the map is yellow" in page
+    assert "The tag was not detected: where the map is yellow" in page
     assert "the ground is taken as level" in page
     assert f"Where tag {first}" in page
     assert f"Where tag {second}" in page

@@ -223,7 +223,7 @@ def test_a_wrong_nonce_confirms_nothing_and_ends_the_offer() -> None:
 def test_unseen_sticks_must_be_confirmed() -> None:
     flown = prepared()
     flown.authority.offer(1, 77, flown.time_s)
-    with pytest.raises(CommandRefused, match="sticks are not seen"):
+    with pytest.raises(CommandRefused, match="sticks are not received"):
         flown.authority.confirm(1, 77, flown.time_s)
 
 

@@ -48,7 +48,7 @@ def corners(*local: tuple[float, float]) -> tuple[tuple[float, float], ...]:
         ("goto", {"places": corners((95, 0))}, "enters the keep-out 'barn'"),
         ("goto", {"places": corners((95, -24))}, "enters the keep-out 'barn'"),
         ("goto", {"places": corners((200, 0))}, "enters the keep-out 'barn'"),
-        ("goto", {"places": corners((0, 90))}, "enters a place to keep away from"),
+        ("goto", {"places": corners((0, 90))}, "enters a keep-out area"),
         ("survey", {"places": corners((50, -60), (50, 60), (140, 60), (140, -60))}, "'barn'"),
         (
             "survey",
@@ -92,7 +92,7 @@ def test_no_order_begins_over_or_behind_a_building(
 def test_what_comes_with_an_order_counts_beside_the_settings() -> None:
     flown = Flown("px4", limits=LIMITS)
     goal = corners((60, -60))
-    with pytest.raises(PlanError, match="enters a place to keep away from"):
+    with pytest.raises(PlanError, match="enters a keep-out area"):
         flown.order(
             "goto",
             places=goal,

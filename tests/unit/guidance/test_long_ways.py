@@ -75,7 +75,7 @@ def test_a_drone_that_stops_on_its_way_is_somebodys_and_is_not_sent_home(
     flown.run(10.0)
     flown.vehicle.body.frame = Frame(battery_wh=600.0, speed_m_s=0.0)
     flown.run(4.0)
-    assert flown.authority.reason == "the drone has stopped on its way"
+    assert flown.authority.reason == "the drone has stopped before its target"
     flown.run(300.0)
     assert len(flown.commands) == 1
 

@@ -36,7 +36,7 @@ def test_a_pause_metres_before_a_corner_ends_the_order_and_no_command_follows(
     flown.run(5.0, until=lambda: math.hypot(*flown.vehicle.body.velocity_m_s) < STANDS_M_S)
     assert 0.9 < left_m(flown) < 3.0
     flown.run(4.0, until=lambda: flown.authority.standing is Standing.OUT)
-    assert flown.authority.reason == "the drone has stopped on its way"
+    assert flown.authority.reason == "the drone has stopped before its target"
     flown.run(20.0)
     assert len(flown.commands) == sent
 

@@ -163,7 +163,7 @@ def test_a_drone_that_is_held_down_is_given_up(flavour: Flavour) -> None:
     flown.run(13.0)
     assert flown.authority.standing is Standing.OUT
     assert flown.authority.reason in (
-        "the drone has stopped on its way",
+        "the drone has stopped before its target",
         "the command was not seen to be obeyed",
     )
 

@@ -64,7 +64,7 @@ def test_a_way_is_refused_for_what_lies_between_its_ends() -> None:
     reasons = area.refusals(
         (100.0, 200.0), np.array([300.0, 100.0, -20.0]), np.array([200.0, 300.0, 200.0]), 40.0
     )
-    assert reasons == ["enters a place to keep away from", None, "leaves the fence"]
+    assert reasons == ["enters a keep-out area", None, "leaves the fence"]
     assert area.refusal(np.array([100.0, 300.0]), np.array([200.0, 200.0]), 40.0) is not None
     assert area.refusal(np.array([100.0, 300.0]), np.array([100.0, 100.0]), 40.0) is None
 

@@ -142,7 +142,7 @@ def test_the_drone_goes_round_a_building() -> None:
     places = np.array([(one.east_m, one.north_m) for one in states])
     assert not building.contains(*places.T).any()
     refused = [c.refused for _, d in search.decisions for c in d.candidates]
-    assert "enters a place to keep away from" in refused
+    assert "enters a keep-out area" in refused
 
 
 def test_animals_are_kept_away_from_and_found_ones_too() -> None:

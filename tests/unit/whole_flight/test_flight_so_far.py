@@ -208,4 +208,4 @@ def test_a_fault_at_one_look_is_told_and_ends_no_other(tmp_path: Path) -> None:
         _, judged, result, _ = integration._done.get(timeout=10.0)
         told.append((judged.tag_id, result, integration.fault))
     integration._jobs.put(None)
-    assert told == [(2, None, "tag 2 cannot be judged: not foreseen"), (3, None, None)]
+    assert told == [(2, None, "tag 2 cannot be searched: not foreseen"), (3, None, None)]

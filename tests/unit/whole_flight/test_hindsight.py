@@ -221,7 +221,7 @@ def test_the_report_tells_of_them_and_how_they_were_found(
     assert "In hindsight, over the whole flight: found (noise alone shows as much" in text
     _, pulses = read_integrated(flight.info.directory)
     assert f"{len(pulses)} further pulses in slots" in text
-    assert "In hindsight. `uavrt integrate` judged all pulses" in text
+    assert "In hindsight. `uavrt integrate` combined all pulses" in text
 
 
 def test_pulses_that_do_not_stand_out_of_the_noise_are_not_told(

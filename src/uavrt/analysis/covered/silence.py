@@ -374,12 +374,12 @@ def sure_within_m(
 
 def around_in_words(around: SilentAround) -> str:
     """Sentence on the distance from the flight within which a tag would have been found."""
-    what = "found" if around.whole_flight else "heard"
+    what = "found" if around.whole_flight else "detected"
     power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
     if around.within_m is None:
         return (
-            f"nowhere around the flight is it sure that a tag that radiates {power} would have "
-            f"been {what} (p ≥ {around.probability:g})"
+            f"a tag that radiates {power} would have been {what} with "
+            f"p ≥ {around.probability:g} nowhere around the flight"
         )
     return (
         f"within {_rounded_down(around.within_m):.0f} m of the flight a tag that radiates "

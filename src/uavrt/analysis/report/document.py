@@ -151,7 +151,7 @@ class _Book:
     def silence_page(self, one: SilentMap) -> None:
         survey = self._survey
         writer = _Writer(self)
-        title = f"Where tag {words.title_of(survey, one.tag_id)} would have been heard"
+        title = f"Where tag {words.title_of(survey, one.tag_id)} would be detected"
         writer.text(title, size=14, weight="bold")
         for text in (*silences.sentences(survey, one), silences.CAPTION):
             writer.text(text)

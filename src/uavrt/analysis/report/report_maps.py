@@ -141,7 +141,7 @@ class LocalMap:
 def draw_overview(target: "FigureBase", survey: Survey) -> None:
     """Draw the whole flight: track, all bearings and all positions."""
     if not survey.track:
-        message(target, "No map: nothing in this recording has a place.")
+        message(target, "No map: nothing in this recording has a position.")
         return
     axes = target.subplots()
     chart = LocalMap(axes, survey, survey.tag_ids)
@@ -158,7 +158,7 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
     """Draw one tag's map: pulses by SNR, bearings with 90 % wedges, probability, position."""
     pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
     if not survey.track or not pulses:
-        message(target, "No map: this tag was not heard at any known place.")
+        message(target, "No map: this tag was not detected at any known position.")
         return
     axes = target.subplots()
     chart = LocalMap(axes, survey, [tag_id])

@@ -169,9 +169,9 @@ def _silence_section(survey: Survey, one: SilentMap) -> str:
     silences.draw_silence(figure, survey, one)
     return "\n".join(
         [
-            f"<h2>{escape(f'Where {name} would have been heard')}</h2>",
+            f"<h2>{escape(f'Where {name} would be detected')}</h2>",
             *(f"<p>{escape(text)}</p>" for text in silences.sentences(survey, one)),
-            _picture(svg_data(figure), f"Where {name} would have been heard", silences.CAPTION),
+            _picture(svg_data(figure), f"Where {name} would be detected", silences.CAPTION),
         ]
     )
 

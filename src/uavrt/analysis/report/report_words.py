@@ -26,7 +26,7 @@ Table = tuple[list[str], list[list[str]]]
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 HINDSIGHT_METHOD = (
-    "In hindsight. `uavrt integrate` judged all pulses of the flight together; a tag counts as "
+    "In hindsight. `uavrt integrate` combined all pulses of the flight; a tag counts as "
     "found when noise alone shows as much in at most one of a hundred flights, or in the share "
     "that was set. Its pulses are rings in the plots, and *integrated* in exports. "
     "They are not used for the bearings and positions of this report, but listed apart."
@@ -58,10 +58,10 @@ POWER_METHOD = (
     "is the mean of the probability. The strongest signal is not the tag: at a height h and an "
     "exponent of 2.5 it lies 0.9 h away from it."
 )
-MAP_CAPTION = "Pulses by SNR where they were heard; red: probability of the tag's place."
+MAP_CAPTION = "Pulses by SNR where they were received; red: probability of the tag's place."
 SIGNAL_CAPTION = (
     "Colours: SNR, interpolated between the pulses. Cross: strongest signal; the dotted ring "
-    "around it is where a tag would be that is heard so by a monopole. Star: the estimate; the "
+    "around it is where a tag as strong would be, for a monopole. Star: the estimate; the "
     "line around it holds the tag with 95 %."
 )
 HEIGHT_CAPTION = (
@@ -156,7 +156,7 @@ def tag_table(survey: Survey) -> Table:
     """Table that summarises all tags."""
     header = [
         *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
-        *(f"Last heard {zones(survey)}", "Bearings"),
+        *(f"Last detected {zones(survey)}", "Bearings"),
     ]
     rows = []
     for tag_id in survey.tag_ids:
@@ -376,19 +376,19 @@ def _why_no_position(survey: Survey, tag_id: int) -> str:
     if not own:
         reports = [r for r in survey.search_reports if r.tag_id == tag_id]
         if not reports:
-            return "Not heard."
+            return "Not detected."
         seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND
         best = max((r.best_score for r in reports if math.isfinite(r.best_score)), default=0.0)
         return (
-            f"Not heard in {seconds:.0f} s of search; the strongest trace had "
+            f"Not detected in {seconds:.0f} s of search; the strongest trace had "
             f"{100 * best:.0f} % of the threshold.{_how_searched(reports)}"
         )
     found = survey.position_of(tag_id)
     if found is not None and found.reason:
-        return f"Heard {len(own)} times. No position: {found.reason}"
+        return f"Detected {len(own)} times. No position: {found.reason}"
     if all(one.pose is None for one in own):
-        return f"Heard {len(own)} times, never at a known place."
-    return f"Heard {len(own)} times, but there is no turn in place to take a bearing from."
+        return f"Detected {len(own)} times, never at a known position."
+    return f"Detected {len(own)} times, but there is no turn in place to take a bearing from."
 
 
 def _how_searched(reports: Sequence[SearchReport]) -> str:

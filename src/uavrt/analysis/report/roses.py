@@ -37,7 +37,7 @@ def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0
     """Draw polar plots and residuals of up to `COLUMNS` bearings from number `first`."""
     bearings = survey.bearings_of(tag_id)[first : first + COLUMNS]
     if not bearings:
-        message(target, "No rose: no turn in place in which this tag was heard three times.")
+        message(target, "No rose: no turn in place with three pulses of this tag.")
         return
     color = tag_color(survey.tag_ids, tag_id)
     columns = max(len(bearings), 3)

@@ -75,7 +75,7 @@ def sentences(survey: Survey, search: FlownSearch) -> list[str]:
 
 
 def _unknown(survey: Survey, one: SoughtTag) -> str:
-    there = f"Tag {title_of(survey, one.tag_id)} was not found: heard {one.pulses} times, "
+    there = f"Tag {title_of(survey, one.tag_id)} was not found: detected {one.pulses} times, "
     there += f"{one.missed} times not; it is there and beeps with {100 * one.existence:.0f} %."
     if not one.likely:
         return there

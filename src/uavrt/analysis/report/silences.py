@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 CAPTION = (
-    "With which probability a tag at each place would have been heard in this flight: dark "
+    "With which probability a tag at each place would be detected in this flight: dark "
     "blue: not, blue-green: half, yellow: surely; clear: not known. Grey: the flight."
 )
 
@@ -27,12 +27,12 @@ def sentences(survey: Survey, one: SilentMap) -> list[str]:
     """Sentences that summarise the coverage map of a tag that was not found."""
     found = one.coverage
     if one.heard_pulses:
-        silent = f"It was heard ({one.heard_pulses} confirmed pulses)."
+        silent = f"The tag was detected ({one.heard_pulses} confirmed pulses)."
     elif one.in_hindsight:
-        silent = "It was heard over the whole flight, below what single groups show."
+        silent = "The tag was found over the whole flight, too weak for single groups."
     else:
-        silent = "It was not: where the map is yellow it probably is not, if it beeps."
-    how = "found over the whole flight" if found.whole_flight else "heard"
+        silent = "The tag was not detected: where the map is yellow, it is probably absent."
+    how = "found over the whole flight" if found.whole_flight else "detected"
     return [
         f"{survey.label(one.tag_id).capitalize()}, taken to radiate "
         f"{one.tag_power_dbm:g} dBm (± 3 dB), would have been {how} with "
@@ -45,7 +45,7 @@ def sentences(survey: Survey, one: SilentMap) -> list[str]:
 
 def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
     """Draw a coverage map under the flown path."""
-    chart = _draw(target, survey, one.coverage, "would have been heard")
+    chart = _draw(target, survey, one.coverage, "would be detected")
     draw_track(chart, survey)
 
 
@@ -54,7 +54,7 @@ def coverage_png(coverage: Coverage, path: Sequence[tuple[float, float]]) -> byt
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
         figure = new_figure(7.5, 6.5)
-        chart = _draw(figure, empty, coverage, "is heard")
+        chart = _draw(figure, empty, coverage, "is detected")
         east, north = chart.line(path)
         chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2)
         chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)

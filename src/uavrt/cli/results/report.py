@@ -115,7 +115,7 @@ def _silences(
                 tag_power_dbm,
                 elevation=elevation,
                 antenna=antenna,
-                on_pulse=add_bar(f"where tag {tag.tag_id} would have been heard"),
+                on_pulse=add_bar(f"where tag {tag.tag_id} would be detected"),
             )
             for tag in survey.info.tags
         )
