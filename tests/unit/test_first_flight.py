@@ -148,7 +148,7 @@ def test_noise_that_is_loud_from_the_first_report_on_is_named_beside_past_flight
     loud = items(facts, one_tag(1e-3))["noise"]
     assert loud.text == "61 dB more than in past flights"
     assert "gain" in loud.remedy
-    assert "switch off what is near" in loud.remedy
+    assert "switch off nearby devices" in loud.remedy
     assert items(facts, one_tag(8e-10 * 5))["noise"].text == "7 dB more than in past flights"
     assert items(facts, one_tag(8e-10 * 3))["noise"].ok
     deaf = items(facts, one_tag(1e-11))["noise"]

@@ -54,7 +54,7 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
     reason, remedy = reason_of(error)
     count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
     which = f"line {first}" if lines == 1 else f"the first is line {first}"
-    return f"{name}: {count} passed over ({which}: {reason})." + (
+    return f"{name}: {count} skipped ({which}: {reason})." + (
         "" if remedy is None else f" {remedy}."
     )
 

@@ -126,7 +126,7 @@ def test_a_damaged_database_is_put_aside_and_its_pulses_come_from_the_text_log(
     else:
         content[4096:] = b"\xff" * (len(content) - 4096)
     layout.database.write_bytes(content)
-    with pytest.raises(FormatError, match="give that instead"):
+    with pytest.raises(FormatError, match="has the same pulses"):
         read_flight(info.directory)
 
     restarted = FlightRecorder.open(info)

@@ -215,8 +215,8 @@ def test_the_page_says_for_which_time_a_walkers_place_stands(place: Path) -> Non
     }
     walker, resting = shown[WALKER], shown[RESTING]
     assert walker["end_time_ns"] == walker["track"][-1]["time_ns"]
-    assert "if it walked straight on" in walker["remarks"][-1]
-    assert "straight on" not in " ".join(resting["remarks"])
+    assert "if it walked straight;" in walker["remarks"][-1]
+    assert "straight" not in " ".join(resting["remarks"])
 
 
 def test_a_walkers_place_says_for_which_time_it_stands(
@@ -226,10 +226,10 @@ def test_a_walkers_place_says_for_which_time_it_stands(
     assert survey.position_time_ns(WALKER) == last_ns
     (walker, resting) = words.findings(survey)
     assert f"at {told_utc(last_ns)[11:19]} UTC" in walker.detail
-    assert "if it walked straight on" in walker.detail
-    assert "if it walked straight on" not in resting.detail
+    assert "if it walked straight;" in walker.detail
+    assert "if it walked straight;" not in resting.detail
     assert uavrt("localize", str(place)) == 0
     plain = capsys.readouterr().out
     assert "the tag seems to have walked" in plain
-    assert plain.count("if it walked straight on") == 1
-    assert f"where it was at {told_utc(last_ns)}" in plain
+    assert plain.count("if it walked straight;") == 1
+    assert f"its position at {told_utc(last_ns)}" in plain

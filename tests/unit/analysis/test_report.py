@@ -119,7 +119,7 @@ def test_a_flight_without_pulses_and_poses_still_has_a_report(
 ) -> None:
     survey = read_survey(write_flight(heard=0, poses=False))
     page = Page(html_page(survey))
-    assert "Not heard." in page.text
+    assert "Not detected." in page.text
     assert "0 of 2 tags heard, 0 pulses" in page.text
     assert pdf_document(survey).startswith(b"%PDF-")
 

@@ -58,7 +58,7 @@ def test_the_drones_and_the_ground_stations_record_are_one_flight(
     command = ("batch", *paths, "--tags", str(tags), "-o", str(output), "--workers", "1")
     for _ in range(2):
         assert uavrt(*command) == 0
-        assert "1 flight passed over: copies" in capsys.readouterr().err
+        assert "1 flight skipped: copies" in capsys.readouterr().err
         names, pulses = heard(output)
         assert (len(names), pulses) == (1, 72)
         (row,) = ask(output, "select path, copies from flights").to_pylist()

@@ -75,7 +75,7 @@ def test_names_that_are_not_utf_8_are_named_and_the_others_searched(
     assert uavrt(*command, "-o", str(tmp_path / "out")) == 1
     said = capsys.readouterr().err
     for shown in ("a\\xe9.cf32", "se\\xf1al"):
-        assert f"{root}/{shown} passed over: its name is not UTF-8 text (rename it)" in said
+        assert f"{root}/{shown} skipped: its name is not UTF-8 text (rename it)" in said
     assert "1 recording, 0 flights" in said
     assert pq.read_table(tmp_path / "out" / "passed_over.parquet").num_rows == 2
 
@@ -96,8 +96,8 @@ def test_the_command_names_them_and_keeps_a_list(
     for _ in range(2):  # its own output is no part of the archive
         assert uavrt(*command, "-o", str(output)) == 1
         said = capsys.readouterr().err
-        assert f"3 files .jpg passed over, as {root}/0.jpg: its name is not" in said
-        assert f"{root}/c.sigmf-data passed over: its .sigmf-meta is missing" in said
+        assert f"3 files .jpg skipped, such as {root}/0.jpg: its name is not" in said
+        assert f"{root}/c.sigmf-data skipped: its .sigmf-meta is missing" in said
     assert pq.read_table(output / "passed_over.parquet").num_rows == 4
     assert pq.read_table(output / "recordings.parquet")["state"].to_pylist() == ["done"]
 

@@ -52,7 +52,7 @@ def test_a_sensorgnomes_pulses_are_read_with_their_places(tmp_path: Path, packed
 def test_pulses_without_a_tuned_frequency_and_damaged_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("p1,1466441002.0,4.0,-44,-50\n" * 3)
-    with pytest.raises(FormatError, match="line 1: no S line before it"):
+    with pytest.raises(FormatError, match="line 1: no earlier S line"):
         read_pulse_log(path)
     path.write_bytes(gzip.compress(PULSES.encode() * 50)[:-40])
     with pytest.raises(FormatError, match="damaged"):

@@ -156,8 +156,8 @@ def test_of_a_file_of_buildings_every_outline_counts() -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        (json.dumps({"type": "FeatureCollection", "features": []}), "holds no area"),
-        (plan([SURVEY]), "holds no area"),
+        (json.dumps({"type": "FeatureCollection", "features": []}), "has no area"),
+        (plan([SURVEY]), "has no area"),
         (
             json.dumps(feature({"type": "Point", "coordinates": [8, 46]}, keep_out=1)),
             "radius_m",
@@ -173,7 +173,7 @@ def test_of_a_file_of_buildings_every_outline_counts() -> None:
             "int",
         ),
         (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a position on earth"),
-        (json.dumps({"type": "MultiPolygon", "coordinates": [[RING]] * 101}), "more than 100"),
+        (json.dumps({"type": "MultiPolygon", "coordinates": [[RING]] * 101}), "most is 100"),
     ],
 )
 def test_what_gives_nothing_to_keep_out_of_is_refused(text: str, reason: str) -> None:
@@ -280,5 +280,5 @@ def test_no_placemark_to_keep_out_of_is_left_out_in_silence(shape: str) -> None:
 def test_broken_corners_are_refused(text: str) -> None:
     with pytest.raises(FormatError, match="gives no area"):
         area_in(text, "broken")
-    with pytest.raises(FormatError, match="no places"):
+    with pytest.raises(FormatError, match="no keep-out areas"):
         keep_out_in(text, "broken", every=True)

@@ -108,7 +108,7 @@ def test_what_comes_with_an_order_counts_beside_the_settings() -> None:
         (((0, 0),), 10.0, "home lies in or at the edge of"),
         (((4, 0), (50, 0), (50, 50)), None, "home lies in or at the edge of"),
         (((50, 0), (90, 40), (90, 0), (50, 40)), None, "crosses itself"),
-        (((50, 0), (50.1, 0), (50, 0.1)), None, "holds 0 m²"),
+        (((50, 0), (50.1, 0), (50, 0.1)), None, "too small: 0 m²"),
     ],
 )
 def test_places_to_keep_out_of_that_cannot_be_are_refused(

@@ -63,7 +63,7 @@ def test_its_fences_are_what_we_read_as_kept_out_of() -> None:
         ({"height_m": 10.0}, "the least is 20 m"),
         ({"places": ()}, "no corners"),
         ({"spacing_m": 1.0}, "line spacing of 1 m"),
-        ({"keep_out": (KeepOut(places=places((100, 75)), radius_m=30.0),)}, "keep away from"),
+        ({"keep_out": (KeepOut(places=places((100, 75)), radius_m=30.0),)}, "keep-out"),
     ],
 )
 def test_a_survey_that_cannot_be_one_is_not_written(

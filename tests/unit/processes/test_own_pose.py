@@ -189,7 +189,7 @@ async def test_a_receiver_that_falls_silent_is_named_and_pulses_go_on_without_a_
     source = PoseSettings(source="nmea", address=f"udpin://127.0.0.1:{port}", heading_deg=0.0)
     address = without_autopilot(bay, source, tmp_path)
     async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
-        await until(lambda: any("Waiting for a place" in one for one in texts(bay)))
+        await until(lambda: any("Waiting for a position" in one for one in texts(bay)))
         bay.send_pulse(1)
         await until(lambda: [one for one in events if isinstance(one, PulsePose)])
     assert poses_of(events) == []

@@ -93,5 +93,5 @@ def test_a_disk_that_takes_nothing_stops_nothing(tmp_path: Path, capsys: Any) ->
     (tmp_path / "file").touch()
     assert signing.accepts(frame_at(NOW_NS))
     memory.write(some(memory.due(NOW_NS)))
-    assert "signing times not kept" in capsys.readouterr().err
+    assert "signing times not stored" in capsys.readouterr().err
     assert os.listdir(tmp_path) == ["file"]

@@ -123,7 +123,7 @@ def test_the_command_takes_what_the_flight_kept_by_itself(
     assert [one["found"] for one in told] == [True, False]
     # Whose samples it held nobody knows.
     for one in told:
-        assert "channel_1_Hz_0001.sigmf-meta cannot be read: it is not JSON" in str(
+        assert "channel_1_Hz_0001.sigmf-meta cannot be read: the JSON is invalid" in str(
             one["limitations"]
         )
 
@@ -142,7 +142,7 @@ def test_what_kept_channels_tell_themselves_is_refused(
 ) -> None:
     assert uavrt("integrate", str(flown), "--sample-rate", "48000") == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "--sample-rate applies to a --recording" in said
+    assert "--sample-rate applies to --recording" in said
     assert "Leave --sample-rate out" in said
 
 
@@ -217,7 +217,9 @@ def test_a_tag_whose_only_piece_is_damaged_is_told_of_the_damage(
 ) -> None:
     for path in FlightLayout(flown).channels_directory.glob("*.sigmf-meta"):
         path.write_text("{")
-    with pytest.raises(UavrtError, match=r"has no samples of tag .* was left out: .*not JSON"):
+    with pytest.raises(
+        UavrtError, match=r"has no samples of tag .* was left out: .*JSON is invalid"
+    ):
         integrate_kept(read_flight(flown), [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
 
 
@@ -230,7 +232,7 @@ def test_what_is_damaged_is_told_when_the_rest_is_too_little(
     data = first.paths[0].with_suffix(".sigmf-data")
     with data.open("r+b") as file:
         file.truncate(4 * 3750)
-    with pytest.raises(UavrtError, match=r"was left out: .*not JSON"):
+    with pytest.raises(UavrtError, match=r"was left out: .*JSON is invalid"):
         integrate_kept(read_flight(flown), [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
 
 

@@ -52,7 +52,7 @@ def missing_in_words(share: float) -> tuple[str, ...]:
     """Sentence on the share of the flight with samples; empty if nearly complete."""
     if share >= _COMPLETE_SHARE:
         return ()
-    return (f"samples cover {share:.0%} of the flight; the rest was not searched",)
+    return (f"samples cover {share:.0%} of the flight: the rest was not searched",)
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:

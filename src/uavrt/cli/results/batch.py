@@ -217,10 +217,10 @@ def _print_skipped(found: "Found") -> None:
         kinds.setdefault((one.reason, kind), []).append(one.path)
     for (reason, kind), paths in sorted(kinds.items()):
         if len(paths) == 1:
-            print(f"{paths[0]} passed over: {reason}", file=sys.stderr)
+            print(f"{paths[0]} skipped: {reason}", file=sys.stderr)
         else:
             files = f"{len(paths)} files {kind}".rstrip()
-            print(f"{files} passed over, as {paths[0]}: {reason}", file=sys.stderr)
+            print(f"{files} skipped, such as {paths[0]}: {reason}", file=sys.stderr)
 
 
 def _print_origin(name: str, origin: str) -> None:
@@ -250,7 +250,7 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     )
     if summary.copies:
         directories = counted(summary.copies, "flight")
-        print(f"{directories} passed over: copies of flights that are there", file=sys.stderr)
+        print(f"{directories} skipped: copies of flights that are there", file=sys.stderr)
     if outside:
         print(
             f"{counted(outside, 'recording')} without the tags outside of its band "

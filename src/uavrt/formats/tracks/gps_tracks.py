@@ -129,7 +129,7 @@ def read_gpx(path: Path) -> VehicleTrack:
         return track
     at, fault = astray[0]
     count = "1 point" if len(astray) == 1 else f"{len(astray)} points"
-    skipped = f"{count} of {path} passed over: {fault} (point {at}). {fault.remedy}."
+    skipped = f"{count} of {path} skipped: {fault} (point {at}). {fault.remedy}."
     return replace(track, warnings=(skipped, *track.warnings))
 
 
