@@ -18,7 +18,7 @@ async def test_an_upload_shared_out_among_two_vehicles_is_named(tmp_path: Path) 
                 world.mission.state = SystemState.IDLE
 
         with pytest.raises(
-            CommandRefused, match=r"two vehicles answer under number 1.*MAV_SYS"
+            CommandRefused, match=r"two vehicles use number 1.*MAV_SYS"
         ):
             await link.upload_tags([THESIS_TAG], other_vehicle_took_it)
         await link.upload_tags([THESIS_TAG])
