@@ -25,7 +25,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Standing(StrEnum):
-    """State of the authority over the vehicle: out, confirmed or in command."""
+    """State of the authority over the vehicle: out of command, confirmed or in command."""
 
     OUT = "out"
     CONFIRMED = "confirmed"
@@ -33,10 +33,10 @@ class Standing(StrEnum):
 
 
 class Authority:
-    """Checks commands to one vehicle last; nothing is sent without it.
+    """Last check of every command to one vehicle; nothing is sent without it.
 
-    It confirms a take-off only with `may_take_off`. It ignores `unwatched_channels` of the
-    remote control, which carry no switch or stick.
+    A take-off is confirmed only with `may_take_off`. `unwatched_channels`: channels of the
+    remote control without switch or stick, which are ignored.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Authority:
         self._writer, self.behaviour = writer, writer.behaviour
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self.reason = "nothing was confirmed"
-        """Reason why it is out of command."""
+        """Reason why this drone is out of command, for the operator."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
         """Shortest distance to the target reached on the previous leg [m]; None: no leg."""
@@ -104,7 +104,7 @@ class Authority:
         """Accept the operator's confirmation of the proposed order.
 
         With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
-        Raises `CommandRefused`: it is another order, too late, or the vehicle changed.
+        Raises `CommandRefused`: the order is another one, too late, or the vehicle changed.
         """
         offer = self._offers.take(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
@@ -162,9 +162,9 @@ class Authority:
     ) -> VehicleCommand:
         """Convert a requested motion to the command to send now, once.
 
-        One that `stops` the drone in its present mode may be the first command of an order
-        while the previous one is still flown; it never changes the mode. Raises
-        `CommandRefused`: nothing may be sent; the request is dropped.
+        With `stops` the command stops the drone in its present mode; it may be the first of an
+        order while the previous order is still flown. Raises `CommandRefused`: nothing may be
+        sent; the request is dropped.
         """
         self.tick(now_s)
         order = self._order
@@ -194,7 +194,7 @@ class Authority:
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order, or still of the last one."""
+        """True while the vehicle flies a command of this order, or still one of the last."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -238,7 +238,7 @@ class Authority:
         return motion is not None and motion.obeyed
 
     def see(self, seen: Observation) -> None:
-        """Handle a report of the vehicle; a change that no command caused ends the order."""
+        """Handle a report of the vehicle; a change without a command ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
@@ -256,7 +256,7 @@ class Authority:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """Leave command for this reason and withdraw any proposal; the first reason is kept."""
+        """End command for this reason and withdraw any proposal; the first reason is kept."""
         if reason is None:
             return
         self._offers.clear()

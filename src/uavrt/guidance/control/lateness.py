@@ -1,6 +1,6 @@
 """Delay of the vehicle's reports, from the timestamps in them. Pure.
 
-Behind the queue of a slow link, the report of a pilot's return arrives seconds late.
+Queued on a slow link, the report of a pilot's takeover arrives seconds late.
 """
 
 from uavrt.guidance.control.observed import BootTimeSeen
@@ -10,8 +10,8 @@ from uavrt.guidance.safety import SAFETY
 class Lateness:
     """Measures the delay of reports by the autopilot's time since its start.
 
-    Uses TIMESYNC if available, else the smallest offset since the link came up: the message
-    with the smallest delay counts as not delayed.
+    Uses TIMESYNC if available. Otherwise the message with the smallest offset since the link
+    came up counts as not delayed.
     """
 
     def __init__(self) -> None:

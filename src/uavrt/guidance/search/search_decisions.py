@@ -27,7 +27,7 @@ _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 class SearchDecisions:
-    """Decides for one search; `held` are the tags that this drone searches for."""
+    """Makes the decisions of one search; `held` are the tags that this drone searches for."""
 
     def __init__(self, task: SearchTask, search: Search) -> None:
         self._task, self._search = task, search
@@ -36,8 +36,8 @@ class SearchDecisions:
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
         """Mark tags as found, by this or another drone; return the new ones.
 
-        Another drone's finding counts with the accuracy set here, within the area, while that
-        drone searches: a false report, or one of another search, could end this one.
+        Another drone's finding counts only at the accuracy set here, within the area, and while
+        that drone searches, because a false report could end this search.
         """
         new = []
         for one in others:
@@ -111,7 +111,7 @@ class SearchDecisions:
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
         """Text on an excluded area that an action crosses; None if there is none.
 
-        Checked from the present position and from the stopping point: either may come first.
+        The path is checked from the present position and from the stopping point.
         """
         goal = goal_of(action)
         if goal is None:

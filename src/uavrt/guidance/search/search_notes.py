@@ -1,4 +1,4 @@
-"""Record a search in the flight: decisions, findings, and likely positions of tags. Pure."""
+"""Write a search's records for the flight: decisions, findings, likely tag positions. Pure."""
 
 from dataclasses import replace
 from typing import Literal
@@ -13,7 +13,7 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.search import Search
 
 CELLS = 8
-"""Number of cells along each side of the area, for tags that are not found."""
+"""Number of cells along each side of the area in the record of tags not yet found."""
 MOST_CELLS = 6
 
 
