@@ -5,8 +5,8 @@ A frame (MAVLink 2)::
     0xFD len incompat compat seq sysid compid id (3) | payload (len) | crc16 | [signature 13]
 
 Trailing zeros of the payload are cut by the sender. The checksum is CRC-16/MCRF4XX over
-everything between the marker and itself, then the message's own seed byte. MAVLink 1 frames
-(0xFE len seq sysid compid id) are read too, because some radios still send RADIO_STATUS so.
+everything between marker and checksum, then the message's own seed byte. MAVLink 1 frames (0xFE
+len seq sysid compid id) are read too, because some radios still send RADIO_STATUS in them.
 
 After a bad checksum, parsing resumes at the byte after the false marker, not after the false
 frame: on a noisy serial line a stray 0xFD would otherwise discard up to 280 good bytes.
@@ -44,7 +44,7 @@ def crc16_mcrf4xx(data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A received frame with a valid checksum, or of an unknown message."""
+    """A received frame: its checksum is valid, or its message unknown."""
 
     raw: bytes
     """The whole frame as received, for forwarding."""
@@ -57,11 +57,11 @@ class Frame:
 
     @property
     def known(self) -> bool:
-        """True when `message` can read it."""
+        """True if the dialect has the message, so that `message` can decode it."""
         return self.message_id in MESSAGES
 
     def message(self) -> Message | None:
-        """The decoded message; None if the dialect does not have it."""
+        """The decoded message; None if the dialect lacks it."""
         kind = MESSAGES.get(self.message_id)
         return None if kind is None else kind.decode(self.payload)
 
@@ -124,7 +124,7 @@ class FrameParser:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Add received bytes; return the frames that they complete."""
+        """Add received bytes; return the frames that are now complete."""
         buffer = self._buffer + data if self._buffer else bytes(data)
         frames: list[Frame] = []
         place, size = 0, len(buffer)
@@ -149,7 +149,7 @@ class FrameParser:
         return frames
 
     def reset(self) -> None:
-        """Drop a half-received frame: the datagram ended or the link was reopened."""
+        """Drop an incomplete frame: the datagram has ended or the link was reopened."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 
@@ -161,7 +161,7 @@ class FrameParser:
 
 
 def _frame_length(buffer: bytes, place: int) -> int | None:
-    """Length of the frame that starts at `place`; None if its header is incomplete."""
+    """Length of the frame that starts at `place` [bytes]; None if its header is incomplete."""
     if place + 3 > len(buffer):
         return None
     length = buffer[place + 1]

@@ -27,7 +27,7 @@ log = get_logger()
 
 AUTOPILOT_LINK = 0
 COMMAND_WAITS_S = 0.2
-"""Longest wait of a vehicle command behind other bytes [s]; 1152 bytes at 57 600 baud."""
+"""Longest wait of a vehicle command behind queued bytes [s]; 1152 bytes at 57 600 baud."""
 
 
 class _OpenLink:
@@ -127,7 +127,7 @@ class Connection:
             await link.close()
 
     async def keep_time(self) -> None:
-        """Call the component's `tick` every 50 ms or so, until cancelled."""
+        """Call the component's `tick` about every 50 ms, until cancelled."""
         while True:
             now_ns = self._clock_ns()
             self.component.tick(now_ns)
@@ -135,7 +135,7 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send to the autopilot at once or not at all: queued, it could follow a takeover."""
+        """Send to the autopilot at once or not at all; a late order could follow a takeover."""
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:
@@ -143,7 +143,7 @@ class Connection:
 
     @property
     def commands_leave(self) -> bool:
-        """True if a command to the autopilot would leave at once."""
+        """True if a command to the autopilot would be sent at once."""
         link = self.link
         return link is not None and link.delay_s <= COMMAND_WAITS_S
 
@@ -179,7 +179,7 @@ class Connection:
 
     @property
     def place(self) -> tuple[int, int]:
-        """System and component id of the drone side."""
+        """System and component id of this drone."""
         return self.component.system_id, self.component.component_id
 
     def keep_station(self, place: tuple[int, int]) -> None:

@@ -76,7 +76,7 @@ class ParameterClient:
         return self.kind != MavAutopilot.ARDUPILOTMEGA
 
     async def read(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Get the values of parameters; None for those not answered, as unknown ones."""
+        """Get the values of parameters; None for those without an answer, as unknown ones."""
         assert self.autopilot is not None
         values: dict[str, float | None] = dict.fromkeys(names)
         for _ in range(TRIES):

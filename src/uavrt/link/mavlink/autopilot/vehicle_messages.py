@@ -37,8 +37,8 @@ _KINDS: dict[int, AutopilotName] = {
     dialect.MavAutopilot.ARDUPILOTMEGA: "ardupilot",
 }
 _MULTIROTORS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
-"""MAV_TYPE numbers of vehicles that hover: multicopters and helicopters. A plane circles
-instead, and ArduPilot numbers its modes differently on it."""
+"""MAV_TYPE numbers of vehicles that hover: multicopters and helicopters. Planes circle instead,
+and ArduPilot numbers their modes differently."""
 WATCHED_HZ: dict[int, float] = {
     dialect.PositionTargetGlobalInt.ID: 10.0,
     dialect.RcChannels.ID: 10.0,
@@ -50,9 +50,8 @@ WATCHED_HZ: dict[int, float] = {
     dialect.Wind.ID: 0.2,
     dialect.WindCov.ID: 0.2,
 }
-"""Messages that show a takeover in time, with their rates [Hz]. PX4 refuses HEARTBEAT and
-ArduPilot CURRENT_MODE: each reports its mode by the other. Each also has its own message for
-the wind."""
+"""Messages that show a takeover in time, with their rates [Hz]. PX4 reports its mode by
+CURRENT_MODE, ArduPilot by HEARTBEAT; each also has its own message for the wind."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)

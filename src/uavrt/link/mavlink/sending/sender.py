@@ -24,16 +24,16 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Most pulses that may wait on each further link that must carry them too."""
+"""Largest number of pulses that wait on each further link that must carry them too."""
 UNSENT = 64
-"""Most messages for all stations kept until the first ground station appears. In the queue they
-would delay replies to file clients, which are no ground stations."""
+"""Largest number of messages to all stations kept until the first ground station appears. In
+the queue they would delay replies to file clients, which are no ground stations."""
 
 
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    `target`: gives the address of all ground stations, None if there is none. `gap_s`: time
+    `target`: returns the address of all ground stations, None without any. `gap_s`: time
     between two messages, at least 0.012 s. `straight`: direct link without an autopilot: fast,
     with the shortest gap. `frame_extra_bytes`: bytes added to each frame, such as a signature.
     `may_send`: True once the system number is known; messages wait until then.
@@ -100,7 +100,7 @@ class PacedSender:
             self._cancel_timer()
 
     def wake(self) -> None:
-        """Check the sources again: one has a message, or may send sooner."""
+        """Check the sources again, because one has a new message or may send sooner."""
         if self._loop is not None:
             self._pump()
 
@@ -141,10 +141,10 @@ class PacedSender:
 
 
 class LinkView:
-    """A shared source as one of several links sees it: only the link in use takes from it.
+    """One link's view of a source that several links share: only the link in use takes from it.
 
-    `source`: source shared by all links. `link`: number of this link. `group`: gives the number
-    of the link in use. `views`: the views of all links, this one among them.
+    `source`: source shared by all links. `link`: number of this link. `group`: returns the
+    number of the link in use. `views`: the views of all links, this one among them.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class LinkView:
         self._copies: deque[Item] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a message may leave by this link [ns]; None without any."""
+        """Time until a message may be sent by this link [ns]; None without any."""
         if self._copies:
             return 0
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
@@ -268,7 +268,7 @@ class TunnelSender:
             self._put(chunk, Priority.STATUS)
 
     def wake(self) -> None:
-        """Check the sources again: one has a message, or may send sooner."""
+        """Check the sources again, because one has a new message or may send sooner."""
         for sender in self._senders:
             sender.wake()
 

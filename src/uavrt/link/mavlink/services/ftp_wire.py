@@ -127,5 +127,5 @@ class FtpPacket:
 
 
 def checksum(data: bytes, so_far: int = 0) -> int:
-    """CRC-32 of MAVLink FTP: starts at zero, not inverted at the end, as PX4 computes it."""
+    """CRC-32 as in MAVLink FTP and PX4: starts at zero and is not inverted at the end."""
     return zlib.crc32(data, so_far ^ 0xFFFFFFFF) ^ 0xFFFFFFFF

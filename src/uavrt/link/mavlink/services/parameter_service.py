@@ -36,7 +36,7 @@ class ParameterChange:
 class ParameterServer:
     """Server of the parameters in force.
 
-    `values`: gives every parameter's value, in the order of their index. `types`: INT32 or
+    `values`: returns every parameter's value, in the order of the index. `types`: INT32 or
     REAL32 for each. `bytewise`: whether integers travel as bytes.
     """
 
@@ -54,8 +54,8 @@ class ParameterServer:
     def receive(self, message: Requests) -> list[dialect.ParamValue] | ParameterChange:
         """Handle a request; return the answers, or the requested change.
 
-        A request for an unknown name or index is not answered: one to all components may mean a
-        parameter of the autopilot.
+        A request for an unknown name or index is not answered, because it may mean a parameter
+        of the autopilot.
         """
         match message:
             case dialect.ParamRequestList():

@@ -16,7 +16,7 @@ class Bus(Protocol):
     inbox: Inbox
 
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
-        """Send a message."""
+        """Send a message on its topic."""
 
     def show_detectors(self, nodes: Collection[str]) -> None:
         """Keep one publishing node for each of these tags' detectors, and no others."""

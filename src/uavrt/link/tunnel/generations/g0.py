@@ -81,7 +81,7 @@ class HeaderMessage:
     command: CommandId
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         return pack(HEADER, self.command)
 
     @classmethod

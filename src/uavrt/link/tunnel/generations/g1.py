@@ -165,7 +165,7 @@ class StartDetection(CommandMessage):
     debug_detector: int | None = 0
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return replace(
             command,
             center_frequency_hz=self.radio_center_frequency_hz or None,
@@ -185,7 +185,7 @@ class StartDetection(CommandMessage):
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         layout = START_LAYOUTS.get(len(payload))
         if layout is None:
             raise TunnelError(f"START_DETECTION never has {len(payload)} bytes", payload)
@@ -203,20 +203,20 @@ class RawCapture(CommandMessage):
     frequency_hz: int | None = None
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return replace(
             command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
         )
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         if self.frequency_hz is None:
             return pack(CAPTURE_LAYOUTS[8], CommandId.RAW_CAPTURE, self.gain)
         return pack(CAPTURE_LAYOUTS[12], CommandId.RAW_CAPTURE, self.gain, self.frequency_hz)
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         layout = CAPTURE_LAYOUTS.get(len(payload))
         if layout is None:
             raise TunnelError(f"RAW_CAPTURE never has {len(payload)} bytes", payload)

@@ -82,14 +82,14 @@ class TagG2:
     tag: TagG1
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.tag.encode()
         head = pack(UPLOAD, CommandId.TAG, self.request_id, self.upload_id, self.tag_index)
         return head + old[4:36] + old[40:]
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.TAG, 96)
         _, request_id, upload_id, tag_index = UPLOAD.unpack(payload[:16])
         old = payload[:4] + payload[16:48] + bytes(4) + payload[48:]
@@ -107,11 +107,11 @@ class StartDetectionG2(CommandMessage):
     dump_spectrogram: int = 0
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return self.start.fill(command)
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.start.encode()
         if len(old) != 40:
             raise TunnelError("START_DETECTION of G2 has all its fields", b"")
@@ -121,7 +121,7 @@ class StartDetectionG2(CommandMessage):
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.START_DETECTION, 48)
         old = payload[:4] + payload[8:20] + payload[24:44] + bytes(4)
         return cls(
@@ -142,7 +142,7 @@ class RawCaptureG2(Fixed, CommandMessage):
     frequency_hz: int
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return replace(
             command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
         )
@@ -231,14 +231,14 @@ class PulseG2v1:
     slice_id: int = 0
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.pulse.encode()
         ids = struct.pack("<II", self.collection_id, self.slice_id)
         return old[:4] + ids + old[4:]
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.PULSE, 128)
         collection_id, slice_id = struct.unpack("<II", payload[4:12])
         pulse = PulseG1.decode(payload[:4] + payload[12:])
@@ -252,13 +252,13 @@ class PulseG2:
     pulse: PulseG1
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.pulse.encode()
         return old[:4] + bytes(4) + old[4:12] + old[16:]
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.PULSE, 120)
         return cls(pulse=PulseG1.decode(payload[:4] + payload[8:16] + bytes(4) + payload[16:]))
 

@@ -40,7 +40,7 @@ class Fixed:
     """Bytes of the text field with its NUL; 0: no text."""
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         values: list[Any] = [getattr(self, name) for name in self.__slots__]
         if self.TEXT_SIZE:
             values[-1] = bytes_from_text(values[-1], self.TEXT_SIZE)
@@ -49,7 +49,7 @@ class Fixed:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         if cls.COMMAND is None:
             number = command_of(int.from_bytes(payload[:4], "little"), payload)
             values = (number, *unpack(cls.LAYOUT, payload, number))
@@ -75,7 +75,7 @@ class Message(Protocol):
     """Protocol of every tunnel message."""
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
 
 
 Decoder = Callable[[bytes], Message]

@@ -55,7 +55,7 @@ class Receipt:
     hashes: tuple[int, ...] = ()
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         return _LAYOUT.pack(self)
 
     @classmethod
