@@ -1,4 +1,4 @@
-"""Repeatable requests and uploads as sets, as the numbered versions have them.
+"""Recognise repeated requests, and collect uploads as sets, as in the numbered versions.
 
 From version 4 on a ground station repeats the same bytes until they are acknowledged. The drone
 keeps its last 16 acknowledgements for 120 s, and sends them again to repetitions.
@@ -62,7 +62,7 @@ class RequestCache:
 
 @dataclass(slots=True)
 class TagUpload:
-    """An upload of tags as a set, complete once every index has come."""
+    """An upload of tags as a set, complete once every index has arrived."""
 
     upload_id: int
     tag_count: int

@@ -22,9 +22,8 @@ DETECTOR_HEARTBEAT 23*  16    tag_id 8, detection_mode 12
 SET_LOG_LEVEL 22 *      12    level 8
 ======================  ====  ==============================================================
 
-Those with a star were computed from the order of their fields and never seen, and so were the
-numbers of the operation's states: they are used only where
-``mavlink.tunnel_experimental`` says so.
+Layouts with a star, and the numbers of an operation's states, are inferred from the order of
+the fields and were never observed. They are used only with ``mavlink.tunnel_experimental``.
 """
 
 import struct
@@ -54,7 +53,7 @@ RUNNING, COMPLETE, FAILED = 0, 1, 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BareG2(Fixed):
-    """A command that has only its number and a request id."""
+    """A command with only its number and a request id."""
 
     LAYOUT: ClassVar = HEADER
     command: CommandId
@@ -74,7 +73,7 @@ class UploadG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagG2:
-    """A tag of an upload; its layout is inferred."""
+    """A tag of an upload, with an inferred layout."""
 
     request_id: int
     upload_id: int
@@ -99,7 +98,7 @@ class TagG2:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartDetectionG2(CommandMessage):
-    """Start of detection with a request id; its layout is inferred."""
+    """Start of detection with a request id, with an inferred layout."""
 
     COMMAND: ClassVar = CommandId.START_DETECTION
     request_id: int
@@ -133,7 +132,7 @@ class StartDetectionG2(CommandMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawCaptureG2(Fixed, CommandMessage):
-    """Raw capture with a request id; its layout is inferred."""
+    """Raw capture with a request id, with an inferred layout."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
     LAYOUT: ClassVar = struct.Struct("<IIII")
@@ -190,7 +189,7 @@ class OperationProgress(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatG2v1(Fixed):
-    """Heartbeat of the drone side with the protocol version (version 1)."""
+    """Heartbeat of the drone with the protocol version (version 1)."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<IIHHf")
@@ -202,7 +201,7 @@ class HeartbeatG2v1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatG2(Fixed):
-    """Heartbeat of the drone side with the protocol version (from version 4 on)."""
+    """Heartbeat of the drone with the protocol version (from version 4 on)."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<I4xIHHf")
@@ -247,7 +246,7 @@ class PulseG2v1:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG2:
-    """A pulse from version 4 on; its layout is inferred."""
+    """A pulse from version 4 on, with an inferred layout."""
 
     pulse: PulseG1
 
@@ -295,4 +294,4 @@ SAME_LENGTH: dict[Generation, Decoders] = {
     "G2v1": {(CommandId.PULSE, 128): PulseG2v1.decode},
     "G2": {(CommandId.PULSE, 120): PulseG2.decode, **decoders_of(AckG2)},
 }
-"""Drone messages with the length of an older one; only the generation distinguishes them."""
+"""Drone messages as long as an older one; only the protocol generation distinguishes them."""

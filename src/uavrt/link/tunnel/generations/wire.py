@@ -17,10 +17,10 @@ from uavrt.core.errors import TunnelError
 from uavrt.core.messages import Command
 
 MAX_PAYLOAD = 128
-"""Payload bytes of one MAVLink TUNNEL message."""
+"""Largest payload of one MAVLink TUNNEL message [bytes]."""
 
 PAYLOAD_TYPE = 0
-"""MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN, as every version of the original sends it."""
+"""Payload type of every version of the original: MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN."""
 
 Ids = tuple[int, int]
 """System and component id of a MAVLink component, such as a ground station."""
@@ -37,7 +37,7 @@ class Fixed:
     COMMAND: ClassVar[CommandId | None] = None
     LAYOUT: ClassVar[struct.Struct]
     TEXT_SIZE: ClassVar[int] = 0
-    """Bytes of the text field with its NUL; 0: no text."""
+    """Size of the text field with its NUL [bytes]; 0: no text."""
 
     def encode(self) -> bytes:
         """Encode the message as payload bytes."""
@@ -67,7 +67,7 @@ class CommandMessage:
     COMMAND: ClassVar[CommandId]
 
     def fill(self, command: Command) -> Command:
-        """Command with the values of this message."""
+        """Make the supervisor's command with the values of this message."""
         raise NotImplementedError
 
 
@@ -122,7 +122,7 @@ def pack(layout: struct.Struct, *values: object) -> bytes:
 
 
 def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[Any, ...]:
-    """Unpack a payload; raises `TunnelError` for another length or another command."""
+    """Unpack a payload; raises `TunnelError` if length or command do not match."""
     if len(payload) != layout.size:
         check(payload, command, layout.size)
     number, *values = layout.unpack(payload)
