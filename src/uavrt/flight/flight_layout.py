@@ -1,4 +1,4 @@
-"""Paths of all files in a flight directory: the thesis's layout (§4.5), and a database.
+"""Paths of all files in a flight directory: the thesis's layout (§4.5) plus a database.
 
 docs/reference/flight-directory.md shows the whole tree. ``flight.sqlite`` has all records.
 """
@@ -37,7 +37,7 @@ class FlightLayout:
 
     @property
     def star(self) -> Path:
-        """File that protects the flight from removal; may be empty."""
+        """File that marks the flight as protected from removal; may be empty."""
         return self.root / "starred"
 
     @property
@@ -106,7 +106,7 @@ def new_flight_directory(
 ) -> Path:
     """Path for a new flight directory, ``flight_log_<UTC>``.
 
-    A second flight in the same second (or after the clock was set back) gets ``_2``, ``_3`` …
+    A further flight with the same time gets ``_2``, ``_3`` …
     """
     path = directory / f"flight_log_{flight_stamp(start_time_ns)}"
     number = 2

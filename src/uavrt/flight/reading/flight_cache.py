@@ -9,9 +9,9 @@ T = TypeVar("T")
 
 
 class FlightCache(Generic[T]):
-    """Values read from flights, each with the state of the flight's files at that time.
+    """Values read from flights, each valid until the flight's files change.
 
-    `read` reads the flight in a directory. `kept` has values of an earlier run, by directory.
+    `read` reads the flight in a directory. `kept`: values of an earlier run, by directory.
     """
 
     def __init__(
