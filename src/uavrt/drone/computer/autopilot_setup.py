@@ -1,4 +1,4 @@
-"""Reads the autopilot's parameters for ``uavrt doctor --autopilot``; sets them on request."""
+"""Read the autopilot's parameters for ``uavrt doctor --autopilot``, and set them on request."""
 
 import asyncio
 from collections.abc import Iterator

@@ -22,7 +22,7 @@ FLUSH_BYTES = 16_384
 
 
 class LineBuffer:
-    """Cuts a byte stream into lines."""
+    """Splits a byte stream into lines."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -50,7 +50,7 @@ class ChildLink:
         self.refused = 0
         """Number of received lines that were no records."""
         self.lines = 0
-        """Number of lines that `receive` has returned or refused, since the start."""
+        """Number of lines that `receive` has returned or refused since the start."""
 
     @classmethod
     def from_environment(cls) -> "ChildLink":

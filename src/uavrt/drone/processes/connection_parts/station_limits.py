@@ -1,4 +1,4 @@
-"""Limits the rate of processed ground-station messages, so that a flood delays no pulses.
+"""Limit the rate of processed ground-station messages, so that a flood delays no pulses.
 
 The station in command has its own allowance. All others share one, since one sender can use
 many names. Messages beyond it are counted and dropped.
@@ -10,16 +10,15 @@ Place = tuple[int, int]
 """System and component id of a station."""
 
 OWN_BURST, OWN_PER_S = 400, 50
-"""Allowance of the station in command: uploading a hundred tags three times, seven receipts a
-second."""
+"""Allowance of the station in command, at once and per second: enough to upload a hundred tags
+three times, and for seven receipts a second."""
 OTHERS_BURST, OTHERS_PER_S = 120, 60
-"""Allowance of all other stations for messages without an answer: receipts of eight stations.
-"""
+"""Allowance of all other stations, at once and per second; enough for receipts of eight."""
 ANSWERED_BURST, ANSWERED_PER_S = 12, 1
-"""Allowance for messages that need an answer, such as an upload or a parameter list. Answers
-have a lower priority than pulses, but use the link."""
+"""Allowance, at once and per second, for messages that need an answer, such as an upload.
+Answers have a lower priority than pulses, but use the link."""
 FILES_BURST, FILES_PER_S = 200, 100
-"""Allowance for file requests; a client that reads piece by piece gets 24 kB/s."""
+"""Allowance for file requests, at once and per second; piecewise reading gets 24 kB/s."""
 OPEN_FILES_BURST, OPEN_FILES_PER_S = 8, 1
 """Allowance for unauthenticated file requests while a drone with a key detects."""
 
