@@ -1,4 +1,4 @@
-"""Age of samples at the end of their search: median and 99th percentile."""
+"""Age of samples at the end of their search: median and 99th percentile [ms]."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@ from uavrt.core.messages import FlightInfo, Health, Operation
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
 """Status texts by which the receiver reports the end of a raw capture."""
 NO_SAMPLES_LIMIT_S = 30.0
-"""Time without samples after which an overdue capture counts as failed [s]."""
+"""Time without samples that makes a capture fail once its length has passed [s]."""
 
 NO_SAMPLES = "the radio gives no samples. Check that it is plugged in"
 FEW_SAMPLES = "the radio gives too few samples. Check its cable, or set a lower sample rate"

@@ -1,4 +1,4 @@
-"""Starts processes: forked from the nursery if it is ready, otherwise by exec.
+"""Start processes: forked from the nursery if it is ready, otherwise by exec.
 
 This module has few imports. The nursery starts before the supervisor imports the rest, so that
 both import at the same time.
@@ -30,9 +30,9 @@ SILENCE_S = 3.0
 IMPORT_S = 20.0
 """Longest silence of the nursery during its imports [s]; they take 0.6 s of CPU time."""
 FIRST_WAIT_S = 10.0
-"""Longest wait for the nursery's imports at the start of the system [s]."""
+"""Longest wait for the nursery's imports when the system starts [s]."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""Environment that limits BLAS to one thread; more would compete for few cores."""
+"""Environment that limits BLAS to one thread, since more threads compete for few cores."""
 
 
 class Launcher:
@@ -181,7 +181,7 @@ class Launcher:
     # ------------------------------------------------------- what was started
 
     def watch(self, pid: int) -> int:
-        """Get a descriptor that becomes readable once the process ends; raises `OSError`."""
+        """Get a descriptor that becomes readable when the process ends; raises `OSError`."""
         return os.pidfd_open(pid)
 
     def signal(self, pid: int, number: int) -> None:
@@ -189,7 +189,7 @@ class Launcher:
         os.killpg(pid, number)
 
     def reap(self, pid: int) -> tuple[int, float]:
-        """Get exit code and CPU time [s] of a process that has ended."""
+        """Reap an ended process; return its exit code and CPU time [s]."""
         _, status, usage = os.wait4(pid, 0)
         return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
 

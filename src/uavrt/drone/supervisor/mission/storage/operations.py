@@ -59,7 +59,7 @@ class Operations:
         return not self._ending.is_set()
 
     async def end(self) -> None:
-        """Stop the job because the system ends; do not wait for a drive that hangs."""
+        """Stop the job because the system ends; do not wait for a hanging drive."""
         self._ending.set()
         if self._task is not None:
             await asyncio.wait([self._task], timeout=END_S)
@@ -136,7 +136,7 @@ class Operations:
 
 
 def words(name: CommandName) -> str:
-    """Text for a job's name."""
+    """Text that names a job for the operator."""
     return name.replace("_", " ")
 
 
