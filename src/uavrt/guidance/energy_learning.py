@@ -23,7 +23,7 @@ class EnergyLearning:
     """Power estimate of one drone, updated over all its orders.
 
     `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery [Wh]; None: nothing
-    is learnt.
+    is learned.
     """
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
@@ -37,7 +37,7 @@ class EnergyLearning:
         self._predicted_wh = 0.0
 
     def learn(self, now: VehicleNow) -> VehicleNow:
-        """Add the present battery reading; return the state with the learnt power.
+        """Add the present battery reading; return the vehicle's state with the learned power.
 
         Updates only while an order is flown: then the drone is in the air.
         """

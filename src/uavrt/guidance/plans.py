@@ -27,7 +27,7 @@ class PlanLimits:
     circle_corners: int = 36
     """Number of corners of the polygon that replaces an excluded circle."""
     fastest_turn_deg_s: float = 45.0
-    """Fastest turn in place; the antenna must receive pulses in all directions."""
+    """Fastest turn in place [°/s]; the antenna must receive pulses in all directions."""
     most_turns: int = 60
     """Largest number of turns in place in one order."""
     most_lines: int = 200

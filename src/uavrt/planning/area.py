@@ -266,7 +266,7 @@ class SearchArea:
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Function that gives the highest ground on the straight return from positions [m]."""
+    """Function that returns the highest ground on the straight return from positions [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -297,7 +297,7 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Reject a home that excludes take-off or return; raises `PlanError`."""
+        """Reject a home that allows no take-off or return; raises `PlanError`."""
         home = np.array([self.home_m]).T
         for zone in self.excluded:
             if float(zone.off_m(*home)[0]) <= self.margin_m:

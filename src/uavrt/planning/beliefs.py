@@ -1,8 +1,8 @@
 """Probabilities about each tag during a search.
 
 A tracker of `uavrt.localization` estimates the tag's position, given that it is there. This
-module adds the probability that it is there at all, and checks if the pulses agree with such a
-tag.
+module adds the probability that the tag is there at all, and checks whether the pulses agree
+with such a tag.
 """
 
 from collections.abc import Iterator, Mapping
@@ -60,7 +60,7 @@ class ModelCheck:
     bias_sigmas: float
     """Mean deviation of the pulses over its own standard deviation."""
     scatter: float
-    """Mean square deviation over the expected one; 1 if the model holds."""
+    """Ratio of the mean square deviation to its expected value; 1 if the model holds."""
     pulses: float
     """Sum of the weights of the recent pulses, as an effective number of pulses."""
 

@@ -23,7 +23,7 @@ class _Sharing:
     exponent_sigma: float = 0.15
     """Standard deviation between the path loss exponents of two tags in one area."""
     existence: float = 0.95
-    """Least probability that a tag exists before it informs others."""
+    """Smallest probability of existence at which a tag informs other tags."""
     news: float = 1.25
     """Growth of a tag's precision after which it sends its next message."""
     placed_m: float = 50.0
@@ -72,7 +72,7 @@ class ExponentSharing:
         self._received: dict[int, _ExponentMessage] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Collect each tag's information on the exponent, and pass it to the others."""
+        """Collect each tag's information on the exponent, and pass it to all other tags."""
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return

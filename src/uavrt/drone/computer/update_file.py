@@ -76,7 +76,7 @@ class Update:
     name: str
     """Version and first digits of its hash; two builds of a version differ."""
     alone: bool
-    """True if it contains no libraries."""
+    """True if the update contains no libraries."""
     manifest: Manifest | None
     """Manifest of a ``.tar``; None for a single wheel."""
     content: bytes | None = None

@@ -42,8 +42,8 @@ READ_TIMEOUT_S = 0.5
 LOSS_REPORT_S = 0.1
 """Duration of lost samples above which the loss is reported to the ground [s]."""
 RETRY_WINDOW_S = 10.0
-"""Time between two failures within which the radio counts as failing [s]. It is then reopened
-every `RadioSettings.retry_s`."""
+"""Time between two failures within which the radio counts as failing [s]. The radio is then
+reopened every `RadioSettings.retry_s`."""
 
 
 CLIPPED_S = 0.1

@@ -94,7 +94,7 @@ class SearchThread:
 
     @property
     def over(self) -> bool:
-        """True if no more results will come."""
+        """True once no more results will arrive."""
         return self._over and self._results.empty()
 
     def results(self) -> list[Choice | SearchNote | SearchFailed]:

@@ -7,8 +7,8 @@ order, with an unused nonce, begins again.
 
 Acknowledgements of commands are ignored: PX4 refuses commands that it flies, and accepts some
 that it does not. A command counts as obeyed when the vehicle reports its target. `Authority` is
-the last stage on the drone before the autopilot, and receives the autopilot's reports first. It
-refuses a planner's command that was in transit when a pilot took over.
+the last stage on the drone before the autopilot, and receives the autopilot's reports first. So
+a planner's command in transit during a takeover is refused.
 """
 
 from collections import Counter

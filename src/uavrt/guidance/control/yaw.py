@@ -12,7 +12,7 @@ OTHERS_TURN = "another turns the drone"
 
 @dataclass(slots=True, kw_only=True)
 class YawWatch:
-    """Monitors a heading from a command on; `fault` gives a deviation.
+    """Monitors a heading from a command on; `fault` returns a deviation.
 
     The heading may stay as it was or come nearer to its aim: the requested heading, else the
     bearing of the target while the target is not near. It may turn away only towards the

@@ -113,7 +113,7 @@ class PulseEvidence:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
-        """Add a pulse received at `time_s`; None if it gives no evidence."""
+        """Add a pulse received at `time_s`; return its evidence, or None without any."""
         pulse, pose = pulse_pose.pulse, pulse_pose.pose
         search = self._searches.get(pulse.tag_id)
         if search is None or pulse.detection_status == "subthreshold":

@@ -22,7 +22,7 @@ from uavrt.planning.situation import Decision
 RADIUS50_OF_95 = 0.481
 """Ratio of 50 % to 95 % radius of a circular normal distribution: sqrt(ln 2 / ln 20)."""
 ROUNDED_M = 0.5
-"""Rounding error of a radius in a message."""
+"""Rounding error of a radius in a message [m]."""
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
@@ -135,7 +135,7 @@ class SearchDecisions:
 
 
 def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | None:
-    """Text on another drone's path that an action comes too close to; None if there is none."""
+    """Text on another drone's path that an action approaches too closely; None without one."""
     goal = goal_of(action)
     if goal is None:
         return None

@@ -398,7 +398,7 @@ class Component:
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
         """Handle the autopilot's answer to a time request, recognised by its `ts1`.
 
-        Its target is unusable: PX4 1.17 leaves it uninitialised.
+        The answer's target is unusable: PX4 1.17 leaves it uninitialised.
         """
         if peer != self.discovery.autopilot or message.ts1 not in self._requests:
             self.counters["timesync_foreign"] += 1

@@ -1,7 +1,7 @@
 """The ROS 2 graph as two tables: the nodes, and the topics between them.
 
-It is the original system's graph (thesis Fig. 2.1), so that its tools can be used. Endpoints,
-type hashes and documentation derive from it. `OWN_TOPICS` are additional.
+The graph is that of the original system (thesis Fig. 2.1), so that its tools can be used.
+Endpoints, type hashes and documentation derive from it. `OWN_TOPICS` are additional.
 """
 
 from dataclasses import KW_ONLY, dataclass

@@ -1,6 +1,6 @@
 """The drone's side of the tunnel protocol, without I/O.
 
-Payloads of ground stations become commands for the supervisor. Its replies become
+Payloads of ground stations become commands for the supervisor. The supervisor's replies become
 acknowledgements to the sender; pulses and states become payloads in the ground's generation.
 """
 

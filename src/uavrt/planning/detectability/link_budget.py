@@ -16,7 +16,7 @@ from uavrt.planning.detectability.ground_propagation import GroundReflection
 from uavrt.planning.tuning import PLANNING
 
 THERMAL_DBM_HZ = -173.98
-"""Noise density of a matched load at 290 K."""
+"""Noise density of a matched load at 290 K [dBm/Hz]."""
 
 Ground = Literal["two-ray", "free"]
 

@@ -42,7 +42,7 @@ class GroundStations:
         self._limits.commander(place)
 
     def accepted(self, asker: Place) -> None:
-        """Treat a station as the one in command until the supervisor reports it."""
+        """Treat a station as in command until the supervisor confirms it."""
         if not self._limits.has_commander:
             self._limits.commander(asker)
 

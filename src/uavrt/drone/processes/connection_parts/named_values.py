@@ -1,6 +1,6 @@
 """SNR and pulse count of each tag as MAVLink named values, for other ground stations.
 
-They are sent at a low rate, and only when no pulse waits.
+The values are sent at a low rate, and only when no pulse waits.
 """
 
 from collections import Counter, OrderedDict, deque

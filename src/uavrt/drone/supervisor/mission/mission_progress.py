@@ -33,7 +33,7 @@ class FlightProgress:
         self._over = False
         self._fault = self._recorded = self._why = ""
         self._slow = NO_SAMPLES
-        """Likely cause of a slow capture, reported if the receiver gives none."""
+        """Likely cause of a slow capture, used if the receiver reports no cause."""
 
     def started(self, flight: FlightInfo) -> None:
         """Begin tracking a new flight or capture."""

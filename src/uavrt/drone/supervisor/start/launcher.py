@@ -156,7 +156,7 @@ class Launcher:
     ) -> int:
         """Start ``python -m MODULE`` in its own process group; return its process id.
 
-        It is a child of this process, and the caller must reap it.
+        The new process is a child of this process, and the caller must reap it.
 
         `module`: has a function ``main``. `name`: shown by ``top``. `output`: descriptor for
         printed output. `fds`: descriptors to inherit, with the same numbers. `environment`:

@@ -27,8 +27,8 @@ READ_BYTES = 65_536
 class Child:
     """A running process of the table.
 
-    It has its own process group, a stream socket to the supervisor, and a pipe for printed
-    output.
+    The process has its own process group, a stream socket to the supervisor, and a pipe for
+    printed output.
 
     `name`: instance name, for example ``detector-1``. `intake`: schedules reads of records.
     `outbox`: records to send; it outlives the child. `pass_fds`: sample sockets the child

@@ -96,7 +96,7 @@ class PacedQueue:
         self._other_since_ns: int | None = None
         self.rate = rate or LinkRate()
         self.frame_extra_bytes = 0
-        """Bytes added to each frame, such as the 13 of a signature."""
+        """Number of bytes added to each frame, such as the 13 of a signature."""
         self.counters = PacingCounters()
 
     def __len__(self) -> int:

@@ -44,7 +44,7 @@ class Routes:
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:
-        """Link to a peer; the last one with a frame of the peer when all are silent."""
+        """Number of the link to a peer; if all links are silent, the last that received it."""
         links = self._heard.get(peer)
         if not links:
             return 0
@@ -62,6 +62,6 @@ class Routes:
         return best
 
     def links_to(self, peers: Iterable[Peer], now_ns: int) -> tuple[int, ...]:
-        """Fewest links that reach all given peers, the preferred one first."""
+        """Smallest set of links that reach all given peers, the preferred one first."""
         needed = {self.link_to(peer, now_ns) for peer in peers}
         return tuple(link for link in self._order if link in needed)

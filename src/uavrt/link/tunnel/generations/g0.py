@@ -50,8 +50,8 @@ PULSE, size 128::
     96      f64   orientation_x, 104 _y, 112 _z, 120 _w: unit quaternion
 
 The thesis's header comments call x longitude and z height above launch; its code sends what
-stands above, and so does uavrt. Its ``frequency_hz`` was megahertz cut to an integer (148);
-uavrt sends hertz.
+stands above, and so does uavrt. The thesis's ``frequency_hz`` was megahertz cut to an integer
+(148); uavrt sends hertz.
 """
 
 import struct

@@ -46,7 +46,7 @@ _FURTHER = struct.Struct("<hh")
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
-"""Most positions in a motion order; limited by a seal's 108 bytes."""
+"""Largest number of positions in a motion order; limited by a seal's 108 bytes."""
 MAX_TEXT = 108
 MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "rotate",

@@ -1,7 +1,7 @@
 """Ground stations that acknowledge pulses, each with a store number.
 
-Anyone can make up a number. A store that has acknowledged a pulse is confirmed. Others are few,
-and ignored for a while when they acknowledge none of many messages.
+Anyone can make up a number. A store that has acknowledged a pulse is confirmed. Unconfirmed
+stores are limited, and ignored for a while when they acknowledge none of many messages.
 """
 
 import math

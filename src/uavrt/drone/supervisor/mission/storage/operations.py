@@ -1,7 +1,7 @@
 """Jobs that take longer than a command: copying flights to a drive, and removing flights.
 
-One job runs at a time, in a thread. It reports progress as `Operation` records and texts; the
-original ground station reads texts that begin with ``#`` aloud.
+One job runs at a time, in a thread. The job reports progress as `Operation` records and texts;
+the original ground station reads texts that begin with ``#`` aloud.
 """
 
 import asyncio
