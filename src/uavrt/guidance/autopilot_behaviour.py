@@ -25,7 +25,7 @@ class Behaviour:
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     mode_by: Literal["CURRENT_MODE", "HEARTBEAT"]
-    """Message that reports the mode more often than once a second."""
+    """Name of the message that reports the mode more often than once a second."""
     mode_rate_hz: float
     """Rate requested for the mode's message [Hz]; PX4 ignores it for CURRENT_MODE."""
     yaw_in_reposition: bool
@@ -135,7 +135,7 @@ BEHAVIOURS: Mapping[AutopilotName, Behaviour] = MappingProxyType(
 
 
 def behaviour_of(name: str | None) -> Behaviour:
-    """Behaviour of an autopilot; raises `CommandRefused` for an unknown one."""
+    """Behaviour of an autopilot; raises `CommandRefused` for an unknown autopilot."""
     for known, behaviour in BEHAVIOURS.items():
         if known == name:
             return behaviour

@@ -33,11 +33,11 @@ class Limits(GuidanceSettings):
     """Limits of every order: the drone's settings, and its surroundings."""
 
     ground: GroundAround | None = None
-    """Heights of the ground around home; None: level."""
+    """Heights of the ground around home; None: level ground."""
     keep_out: tuple[KeepOut, ...] = ()
     """Excluded areas around people and buildings."""
     stay_in: tuple[KeepOut, ...] = ()
-    """Areas that the drone must stay in: the vehicle's own fence."""
+    """Areas in which the drone must stay, such as the vehicle's own fence."""
     link_lost_s: float = 5.0
     """Silence of the ground stations after which the link is lost [s]."""
 
@@ -48,7 +48,7 @@ class VehicleNow(VehicleSeen):
 
     time_s: float
     order_id: int | None
-    """Number of the confirmed or commanded order; None: out of command."""
+    """Number of the confirmed or commanded order; None when out of command."""
     began: bool
     """True once the order's first command was sent."""
     wind: "Wind | None" = None

@@ -1,4 +1,4 @@
-"""Fly an order step by step: each motion is requested when the last is done. Pure.
+"""Fly an order step by step: each motion is requested when the one before is done. Pure.
 
 `uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
 next one follows from the vehicle's state then.
@@ -122,7 +122,7 @@ class Pilot:
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """True if a new course at this speed could look like another's command."""
+        """True if a new course at the present speed could look like another's command."""
         before = self._steps[self._number]
         if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
@@ -161,7 +161,7 @@ class Pilot:
         return None if step is None or _waits(step, now) else self._wish(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Return the step to request now: a return, then a hold, then the order's own."""
+        """Return the step to request now: a return, then a hold, then a step of the order."""
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.shared:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
@@ -278,7 +278,7 @@ class Pilot:
         return None
 
     def _stop_at(self, now: VehicleNow) -> Go:
-        """Point where the drone comes to a stop on its path."""
+        """Point on the drone's path where it comes to a stop."""
         step = None if self.idle else self._steps[self._number]
         place = (now.latitude_deg, now.longitude_deg)
         if isinstance(step, Go):

@@ -90,7 +90,7 @@ class Plan:
 
 
 def plan_of(order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour) -> Plan:
-    """Make the steps of an order; raises `PlanError` if it cannot be flown."""
+    """Make the steps of an order; raises `PlanError` for an order that cannot be flown."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     here = (now.latitude_deg, now.longitude_deg)
     check_keep_out(order, limits, plane, (here,))
@@ -324,7 +324,7 @@ def check_keep_out(
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
-    """Refuse an elevation map that is more than 15 m off at home; raises `PlanError`."""
+    """Raise `PlanError` for an elevation map that is more than 15 m off at home."""
     apart = map_fault(now, limits)
     if apart is not None:
         raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")
@@ -502,7 +502,7 @@ def check_battery(
 
 
 def reserve_wh(limits: Limits) -> float:
-    """Energy that must remain at home [Wh]."""
+    """Energy that must remain in the battery after the return [Wh]."""
     return (limits.battery_wh or 0.0) * limits.reserve_percent / 100.0
 
 

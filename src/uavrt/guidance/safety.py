@@ -60,7 +60,7 @@ class SafetyLimits:
     flying_height_m: float = 2.0
     """Height above home of a flying drone [m], if no landed state is reported."""
     lowest_height_m: float = 20.0
-    """Lowest commanded height above ground [m], unless the settings say otherwise."""
+    """Lowest commanded height above ground [m], unless the settings have another."""
     gust_below_m: float = 1.0
     """Largest drop of a hovering drone below its height by gusts [m]."""
     margin_m: float = 5.0
@@ -86,7 +86,7 @@ class SafetyLimits:
     yaw_deg: float = 25.0
     target_yaw_deg: float = 2.0
     gust_heading_deg: float = 15.0
-    """Largest deviation from the target's bearing that gusts explain [°]."""
+    """Largest deviation from the target's bearing that counts as an effect of gusts [°]."""
     # Weakest braking of a flight [m/s²] and of a turn [°/s²].
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0

@@ -354,7 +354,7 @@ def _address(text: str | None) -> Address | None:
 
 
 def main() -> None:
-    """Serve until the supervisor ends the process."""
+    """Serve the links until the supervisor ends the process."""
     with ProcessFrame.start() as frame:
         asyncio.run(ConnectionProcess(frame).run())
 

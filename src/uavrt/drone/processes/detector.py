@@ -340,7 +340,7 @@ class Searcher:
 
 
 def detect_all(searcher: Searcher, receiver: ChannelReceiver) -> None:
-    """Search every waiting block and send the pulses found."""
+    """Search every waiting block, and send the pulses found."""
     while blocks := receiver.receive():
         for block in blocks:
             searcher.send(block)

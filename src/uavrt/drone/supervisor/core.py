@@ -1,4 +1,4 @@
-"""The supervisor: routes records between processes and keeps the right processes running.
+"""The supervisor: routes records between processes, and starts and stops the processes.
 
 The tables define the routes. Radio samples do not pass through the supervisor.
 """

@@ -31,7 +31,7 @@ class PaceWatch:
         """Topics with too low a rate, each with its measured period [s]."""
 
     def started(self, tags: int) -> None:
-        """Reset for a new process that serves this number of tags."""
+        """Reset for a new process and the number of tags that it serves."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():

@@ -135,7 +135,7 @@ class Authority:
     def _check_vehicle(
         self, now_s: float, *, takeoff: bool
     ) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
-        """Return the vehicle's state; raises `CommandRefused` if it cannot be flown now."""
+        """Return the vehicle's state; `CommandRefused` if the vehicle cannot be flown now."""
         fault = self.fault(now_s, takeoff=takeoff)
         if fault is not None:
             raise CommandRefused(*fault[:1], remedy=fault[1])
@@ -188,7 +188,7 @@ class Authority:
 
     @property
     def climbs(self) -> bool:
-        """True once the take-off itself was commanded; the drone then climbs to its height."""
+        """True once the take-off itself was commanded; the drone then climbs to the height."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and isinstance(motion.wish, TakeOff)
 

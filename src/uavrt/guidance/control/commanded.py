@@ -23,7 +23,7 @@ class Commanded:
     behaviour: Behaviour
     sent_s: float
     first: bool
-    """True for the first command of its order, which may change the mode."""
+    """True for an order's first command, which may change the mode."""
     before: TargetSeen | None
     """Target that the autopilot reported before the command."""
     start: PositionSeen
@@ -44,7 +44,7 @@ class Commanded:
     """Highest altitude so far during a take-off [m]."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
-    """True once the drone was at its target."""
+    """True once the drone has been at its target."""
     not_settled_yet: bool = field(init=False, default=False)
     """True while the drone is near its target, where it may stop and a pause would not show."""
 
@@ -168,7 +168,7 @@ class Commanded:
         return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 
     def _waits(self, seen: TargetSeen) -> bool:
-        """True if the report may be older than the autopilot's reaction to the command."""
+        """True if the report may date from before the autopilot's reaction to the command."""
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
@@ -217,7 +217,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
-        """Check a climb: straight up without a pause; in `TakeMode` it stays on the ground."""
+        """Check a climb: straight up without a pause; with `TakeMode` the drone stays down."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)

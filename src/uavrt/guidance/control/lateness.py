@@ -39,7 +39,7 @@ class Lateness:
 
     @property
     def fault(self) -> str | None:
-        """Return the reason if reports are too late for any command; else None."""
+        """Reason if reports are too late for any command; None if they are not."""
         if self.late_s <= SAFETY.latest_telemetry_s:
             return None
         return f"the autopilot's messages come {self.late_s:.1f} s late"

@@ -58,7 +58,7 @@ class PositionSeen:
 
 @dataclass(frozen=True, slots=True)
 class PositionLost:
-    """The autopilot reports that it has no position."""
+    """Report of the autopilot that it has no position."""
 
     time_s: float
 
@@ -83,9 +83,9 @@ class SticksSeen:
 
     time_s: float
     channels_us: tuple[int, ...]
-    """Roll, pitch, throttle and yaw stick [µs]."""
+    """Positions of the roll, pitch, throttle and yaw sticks [µs]."""
     switches_us: tuple[int, ...] = ()
-    """Channels from 5 on [µs]; 0 if unused."""
+    """Pulse widths of the channels from 5 on [µs]; 0 if unused."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ class ObservedVehicle:
         self._lateness = Lateness()
 
     def take(self, seen: Observation) -> bool:
-        """Store a report; False if a newer one has arrived before."""
+        """Store a report; False if a newer report of the kind has arrived before."""
         match seen:
             case PositionSeen():
                 if self.position is not None and seen.boot_s < self.position.boot_s:
@@ -80,7 +80,7 @@ class ObservedVehicle:
         return True
 
     def restarted(self, seen: Observation) -> str | None:
-        """Return the reason if a report shows that the autopilot has restarted."""
+        """Reason if a report shows that the autopilot has restarted; None if not."""
         if isinstance(seen, Boot):
             return "another autopilot"
         restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)

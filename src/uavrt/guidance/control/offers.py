@@ -1,4 +1,4 @@
-"""Orders proposed to the operator for confirmation, and what withdraws them. Pure."""
+"""Orders proposed to the operator for confirmation, and reasons to withdraw them. Pure."""
 
 from dataclasses import dataclass
 

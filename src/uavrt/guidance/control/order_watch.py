@@ -140,7 +140,7 @@ class OrderWatch:
             raise CommandRefused("the drone is still moving or turning")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
-        """Raise `CommandRefused` if a takeover would not have been noticed."""
+        """Raise `CommandRefused` if reports are too old for a takeover to have been noticed."""
         if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
             raise CommandRefused("the last mode report is older than 1 s")
         if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:

@@ -34,7 +34,7 @@ class _Sample:
 
 
 class Progress:
-    """Monitors one step for progress, from its command on."""
+    """Monitors the progress of one step, beginning with its command."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()

@@ -13,7 +13,7 @@ from uavrt.guidance.control.observed import HomeSeen, between_m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleCommand:
-    """A COMMAND_INT to the autopilot."""
+    """A command to the autopilot, sent as COMMAND_INT."""
 
     name: Literal[
         "DO_REPOSITION", "CONDITION_YAW", "NAV_RETURN_TO_LAUNCH", "DO_SET_MODE", "NAV_TAKEOFF"

@@ -48,7 +48,7 @@ class YawWatch:
     """Angle by which the setpoint has continued its earlier turn since the command [°]."""
     _ended: bool = False
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """Times [s], headings and courses over ground [deg] in `SAFETY.course_follow_s`."""
+    """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -58,7 +58,7 @@ class YawWatch:
 
     @property
     def begun(self) -> bool:
-        """True if the requested heading is reached, or has come nearer."""
+        """True if the requested heading is reached or the heading has come nearer to it."""
         if self.wanted_deg is None:
             return True
         return self._best_deg < max(
@@ -73,7 +73,7 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Add a heading; return its deviation, or None.
+        """Add a heading; return a text on its deviation, or None.
 
         `bearing_deg`, `away_m`: bearing and distance of the target from the drone.
         `course_deg`: direction of motion, if the heading follows it.

@@ -18,7 +18,7 @@ from uavrt.core.messages import KeepOut
 from uavrt.guidance.operator_orders import Place
 
 CIRCLE_CORNERS = 20
-"""Number of corners of the polygon that replaces a circle; an order carries no more."""
+"""Number of corners of the polygon that replaces a circle, as many as an order may have."""
 MOST_KEEP_OUT = 100
 MOST_OUTLINES = 1000
 MOST_CORNERS = 1000
@@ -79,7 +79,7 @@ class _Outline:
     corners: list[tuple[float, float]]
     keep_out: bool = False
     mixed: bool = True
-    """True if the format does not say what the outline is for."""
+    """True if the format does not state the purpose of the outline."""
     radius_m: float | None = None
     name: str = ""
     holes: bool = False
@@ -152,7 +152,7 @@ def _kept(one: _Outline) -> KeepOut:
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
-    """Corners of a polygon that replaces a circle; `FormatError` for a radius of 0 or less."""
+    """Make the polygon that replaces a circle; `FormatError` for a radius of 0 or less."""
     if not 0.0 < radius_m < 1e5:
         raise FormatError(
             f"the circle's radius of {radius_m:g} m is not positive",

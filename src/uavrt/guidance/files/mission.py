@@ -53,7 +53,7 @@ class MissionItem:
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Make the waypoint of a position; the heading follows the course."""
+        """Make the waypoint of a position; the vehicle's heading follows its course."""
         return cls(
             command=command,
             frame=frame,
@@ -85,9 +85,9 @@ class MissionItem:
 
 
 NOT_CHECKED = "the vehicle's fence, home, battery, and the ground beneath the ways"
-"""Text with the checks left to the operator when a survey is saved to a file."""
+"""Text on the checks left to the operator when a survey is saved to a file."""
 NOT_CHECKED_ABOARD = "its battery, and the ground beneath the ways"
-"""Text with the checks left to the operator when a survey is uploaded to a vehicle."""
+"""Text on the checks left to the operator when a survey is uploaded to a vehicle."""
 
 
 def survey_items(

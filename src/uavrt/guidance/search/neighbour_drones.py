@@ -21,7 +21,7 @@ from uavrt.planning.shares import tags_by_drone
 
 SEPARATION = Separation()
 _OWN = 0
-"""Vehicle number of this drone among all drones; others begin at 1."""
+"""Vehicle number of this drone among all drones; other drones have 1 or more."""
 _Metres = tuple[float, float]
 
 
@@ -90,7 +90,7 @@ def other_drones_of(
 
 
 def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path:
-    """Predicted times and positions of a drone that flies at once, at the common speed."""
+    """Predict times and positions of a drone that departs at once, at the common speed."""
     east, north = np.array(corners).T
     steps = np.hypot(np.diff(east), np.diff(north))
     yaw = np.degrees(np.arctan2(np.diff(east), np.diff(north)))

@@ -48,7 +48,7 @@ class Equipment:
 
 
 class SearchTask:
-    """Tags, area and constants of a search order; raises `PlanError` if one is invalid."""
+    """Tags, area and constants of a search order; raises `PlanError` for an invalid order."""
 
     def __init__(
         self,

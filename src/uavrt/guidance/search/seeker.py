@@ -39,7 +39,7 @@ class Choice:
     """Text for the operator, one line."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
-    """Start and end of the steps' path; equal if the drone stays."""
+    """Start and end of the path that the steps fly; equal if the drone stays."""
     returning: bool = False
     held: tuple[int, ...] = ()
     """Tags that this drone searches for, if other drones search too."""
@@ -106,7 +106,7 @@ class Seeker:
 
     @property
     def plan(self) -> Plan:
-        """First step and description of the search, for the operator to confirm."""
+        """Make first step and description of the search, for the operator to confirm."""
         order, tags = self._task.order, self._task.tags
         hectares = self.area.search.area_m2 / 1e4
         sought = f"tag {tags[0].tag_id}" if len(tags) == 1 else f"{len(tags)} tags"
@@ -237,7 +237,7 @@ class Seeker:
         )
 
     def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
-        """Steps that fly an action, with a stop first if needed."""
+        """Make the steps that fly an action, with a stop first if needed."""
         task, height = self._task, self._task.height_m
         match action:
             case FlyTo():

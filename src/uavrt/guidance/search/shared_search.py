@@ -34,7 +34,7 @@ class _Asked:
 
 
 class SharedSearch:
-    """Other drones of a search, and the paths assigned to this one.
+    """Other drones of a search, and the paths assigned to this drone.
 
     `sequence`: number of its first report; random, so that a restarted guide differs.
     """
@@ -48,7 +48,7 @@ class SharedSearch:
         self._given: dict[int, int] = {}
         """Versions of the other drones' paths that the decision in progress uses."""
         self._choice: Choice | None = None
-        """Last choice of this drone; None before any."""
+        """Last choice of this drone; None before the first."""
         self._flown = 0
         self._goal: Place | None = None
         """Present goal; None: the drone stays."""
@@ -64,7 +64,7 @@ class SharedSearch:
             self._others[report.vehicle] = (report, now_s)
 
     def informed(self, now_s: float) -> bool:
-        """True if a ground station reports others at present."""
+        """True if a ground station reports other drones at present."""
         return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
 
     def must_report(self, now_s: float) -> bool:
@@ -162,7 +162,7 @@ class SharedSearch:
         return choice, True
 
     def _clear(self, now: VehicleNow, end: Place) -> bool:
-        """True if a path keeps its distance also from the drone's present position."""
+        """True if a path keeps its distance to others even from the present position."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = (now.latitude_deg, now.longitude_deg)
         stand = here if self._goal is None else stopping_place(now, self._goal)

@@ -396,7 +396,7 @@ class Component:
         )
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Handle the autopilot's answer to a time request, recognised by its `ts1`.
+        """Handle the autopilot's answer to a time request; `ts1` identifies the request.
 
         The answer's target is unusable: PX4 1.17 leaves it uninitialised.
         """

@@ -33,7 +33,7 @@ _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def crc16_mcrf4xx(data: bytes) -> int:
-    """MAVLink's checksum of some bytes.
+    """Compute MAVLink's checksum of some bytes.
 
     CRC-16/MCRF4XX is CRC-CCITT with input and output bits mirrored. The standard library has
     the latter in C, 40 times as fast as a Python loop on a 145-byte frame.
@@ -78,7 +78,7 @@ def encode_frame(
     sequence: int,
     sign: Sign | None = None,
 ) -> bytes:
-    """Write a MAVLink 2 frame, unsigned unless `sign` is given."""
+    """Encode a MAVLink 2 frame, unsigned unless `sign` is given."""
     payload = message.pack().rstrip(b"\0") or b"\0"
     flags = 0 if sign is None else SIGNED
     head = bytes((len(payload), flags, 0, sequence & 0xFF, system_id, component_id))
@@ -98,7 +98,7 @@ class FrameWriter:
         self._sequence = 0
 
     def encode(self, message: Message) -> bytes:
-        """Write the next frame."""
+        """Encode the next frame."""
         frame = encode_frame(
             message,
             system_id=self.system_id,
@@ -111,7 +111,7 @@ class FrameWriter:
 
 
 class FrameParser:
-    """Cuts a stream of bytes, or datagrams, into frames; counts faults.
+    """Splits a stream of bytes, or datagrams, into frames; counts faults.
 
     `received`: frames with a right checksum. `bad_crc`: frames (or stray markers) with a wrong
     one. `skipped_bytes`: bytes that belonged to no frame.

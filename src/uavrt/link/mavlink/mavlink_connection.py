@@ -116,7 +116,7 @@ class Connection:
                 tasks.create_task(self.serve(number, address))
 
     async def serve(self, number: int, address: str | Address) -> None:
-        """Serve one link until cancelled, while `keep_time` runs; raises as `run` does."""
+        """Serve one link until cancelled, while `keep_time` runs; raises errors of `run`."""
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link
         log.info("link open", address=str(link.address))
@@ -154,7 +154,7 @@ class Connection:
 
     @property
     def receiving_link(self) -> int:
-        """Number of the link that delivered the frame in progress."""
+        """Number of the link that delivered the frame being handled."""
         return self._receiving or AUTOPILOT_LINK
 
     @property
@@ -174,7 +174,7 @@ class Connection:
 
     @property
     def clock_is_stale(self) -> bool:
-        """True while the autopilot's clock is extrapolated, since it does not answer."""
+        """True while the autopilot's clock is extrapolated, for lack of answers."""
         return self.component.clock_is_stale(self._clock_ns())
 
     @property
@@ -244,7 +244,7 @@ class Connection:
             self._receiving = None
 
     def _send(self, message: Message) -> None:
-        """Send an answer by the link of its request, a heartbeat by all links."""
+        """Send an answer on the link of its request, a heartbeat on all links."""
         system_id = self.component.system_id
         if self._receiving is not None:
             self._ways[self._receiving].send(message, system_id)

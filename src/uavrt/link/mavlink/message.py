@@ -14,7 +14,7 @@ class Message:
     LAYOUT: ClassVar[Struct]
 
     def pack(self) -> bytes:
-        """Bytes of the whole payload, trailing zeros included."""
+        """Encode the whole payload, trailing zeros included."""
         raise NotImplementedError
 
     @classmethod

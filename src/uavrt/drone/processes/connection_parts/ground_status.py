@@ -123,7 +123,7 @@ class GroundStatus:
             self._beeps.clear()
 
     def beep(self, beep: Beep) -> None:
-        """Add a beeping sender, or a newer measurement of a known one."""
+        """Add a beeping sender, or a newer measurement of one already added."""
         keep_beep(self._beeps, beep)
         self.beeps_left_out += drop_beeps(self._beeps)
         if beep in self._beeps:

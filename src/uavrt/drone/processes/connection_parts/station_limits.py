@@ -52,14 +52,14 @@ class StationLimits:
         return place == self._commander
 
     def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
-        """True if a file request may be handled; `proof`: it is authenticated if necessary."""
+        """True if a file request may be handled; `proof`: no authentication is missing."""
         allowance = self._files if proof else self._open_files
         admitted = (proof and place == self._commander) or allowance.take(now_ns)
         self.dropped += not admitted
         return admitted
 
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
-        """True if a message may be processed; `answers`: number of messages that answer it."""
+        """True if a message may be processed; `answers`: number of messages in reply."""
         if place == self._commander:
             admitted = self._own.take(now_ns)
         elif answers:

@@ -212,7 +212,7 @@ class TakeBack:
         return self._by_s > 0.0
 
     def begin(self, now_s: float) -> None:
-        """Stop a drone that flies our command, end control, withdraw a proposed order."""
+        """Stop a drone that flies this order, end control, withdraw a proposed order."""
         if self._control.authority is not None:
             self._by_s = self._by_s or now_s + STOP_WITHIN_S
             self.go_on(now_s)

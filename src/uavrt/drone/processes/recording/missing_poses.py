@@ -33,7 +33,7 @@ class AwaitedPoses:
         return sum(map(len, self._tags.values()))
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Add a pulse; one that is already waiting keeps its time."""
+        """Add a pulse; a pulse that is already waiting keeps its time."""
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._patience_s))
 
@@ -69,7 +69,7 @@ class AwaitedPoses:
 def pose_from_records(
     pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings
 ) -> PulsePose:
-    """Compute a pulse's antenna pose from recorded vehicle poses; None if none is near enough.
+    """Compute a pulse's antenna pose from recorded vehicle poses near it; None without any.
 
     `poses`: around the pulse's centre, in the order of time. `antenna`: its mounting.
     """

@@ -1,4 +1,4 @@
-"""Creates a flight's directory and assigns tags to detector processes."""
+"""Create a flight's directory and assign tags to detector processes."""
 
 import itertools
 import math

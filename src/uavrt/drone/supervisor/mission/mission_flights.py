@@ -257,7 +257,7 @@ class Flights:
         return self.flight.directory if self.flight else ""
 
     def ended(self) -> FlightInfo | None:
-        """Close the flight after its last pulse; return it, or None if there was none."""
+        """Close the flight after its last pulse; return the flight, or None without one."""
         flight, self.flight = self.flight, None
         if flight is not None:
             self.last.append(flight.directory)

@@ -48,7 +48,7 @@ class FlightProgress:
         self._say("running", "waiting for samples")
 
     def heard(self, health: Health) -> None:
-        """Update from a process's health report; only the receiver's counts."""
+        """Update from a process's health report; only that of the receiver is used."""
         if not health.process.startswith("receiver"):
             return
         if self._capture_s is not None and health.ok:

@@ -248,7 +248,7 @@ class Mission:
         return self.state is SystemState.IDLE
 
     def flight_ended(self) -> FlightInfo | None:
-        """Close the flight after its last pulse; return it, or None if there was none."""
+        """Close the flight after its last pulse; return the flight, or None without one."""
         flight = self.flights.ended()
         self.commander.flight_ended()
         self._save()

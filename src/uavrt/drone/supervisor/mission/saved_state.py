@@ -35,7 +35,7 @@ class SavedState:
     waiting: dict[str, float] = field(default_factory=dict)
     """Present values of the parameters that change at the next flight."""
     commander: str | None = None
-    """Station in command; None if every station may command."""
+    """Source name of the station in command; None if every station may command."""
 
 
 class StateStore(KeptFile[SavedState]):

@@ -29,7 +29,7 @@ class TagUpload:
 
     @property
     def tags(self) -> Mapping[int, Tag]:
-        """The tags by tag number."""
+        """The uploaded tags by tag number."""
         return self._tags
 
     def begin(self, tags: Sequence[Tag] = (), sent: int = 0) -> None:

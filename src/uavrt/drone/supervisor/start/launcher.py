@@ -36,7 +36,7 @@ ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUF
 
 
 class Launcher:
-    """Starts processes, by the nursery if it runs."""
+    """Starts processes, through the nursery if it runs."""
 
     def __init__(self) -> None:
         self._environment = blas_environment() | ENVIRONMENT
@@ -73,7 +73,7 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Descriptor that becomes readable when the nursery sends or ends; None without it."""
+        """Descriptor that becomes readable if the nursery sends or ends; None without one."""
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:

@@ -1,4 +1,4 @@
-"""The state of one process of the table, kept across restarts."""
+"""State of one process of the table of processes, kept across restarts."""
 
 import os
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from uavrt.drone.supervisor.tree.waiting_records import Outbox
 
 @dataclass(slots=True)
 class Instance:
-    """One process of the table, running or not; kept across restarts."""
+    """One process of the table of processes, running or not; kept across restarts."""
 
     name: str
     row: ProcessRow

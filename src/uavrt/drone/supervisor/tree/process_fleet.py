@@ -1,4 +1,4 @@
-"""The running processes of the table: started, monitored, restarted and stopped."""
+"""The running processes of the table of processes: start, monitor, restart and stop them."""
 
 import asyncio
 import contextlib
@@ -34,7 +34,7 @@ SILENCE_REPORT_S = 4.0
 
 
 class Fleet:
-    """All instances of the table's rows.
+    """All instances of the rows in the table of processes.
 
     `rows`: in start order. `mission`: source of state, tags, flight, settings and clock.
     `launcher`: starts processes; its nursery is restarted here. `workers`: most detector

@@ -16,7 +16,7 @@ Predicate = Callable[[SystemState], bool]
 
 
 def always(state: SystemState) -> bool:
-    """True in every state."""
+    """Always true: the process runs in every state."""
     return state in SystemState
 
 
@@ -31,7 +31,7 @@ def while_receiving(state: SystemState) -> bool:
 
 
 def on_every_drone(settings: Settings) -> bool:
-    """True with any settings."""
+    """Always true: the process is needed with any settings."""
     return isinstance(settings, Settings)
 
 

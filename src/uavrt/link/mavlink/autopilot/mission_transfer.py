@@ -19,7 +19,7 @@ from uavrt.link.mavlink.message import Message
 MOST_ITEMS = 1000
 """Largest number of items in a download; ArduPilot holds some 700, PX4 2000."""
 RETRY_S = 1.0
-"""Time until a request is repeated [s]; longer than the queue of a full 57 600-baud link."""
+"""Time until a request is repeated [s], longer than a full queue at 57 600 baud."""
 TRIES = 12
 """Largest number of tries of a request; at 20 % loss each way all fail once in 200 000."""
 SILENCE_S = 6.0

@@ -34,7 +34,7 @@ class RoundTrip:
 
     remote_ns: int
     local_ns: int
-    """Local time half-way between sending and receiving [ns]."""
+    """Local time midway between sending and receiving [ns]."""
     round_trip_ns: int
 
 
@@ -106,7 +106,7 @@ class TimeSync:
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """True if the line is extrapolated without answers, or the offset has only a bound."""
+        """True if the line is extrapolated without answers, or the offset is only bounded."""
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 

@@ -66,14 +66,14 @@ _RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 
 
 def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
-    """Kind of an autopilot by its heartbeat; None for unknown ones and winged vehicles."""
+    """Kind of an autopilot by its heartbeat; None for an unknown kind or a winged vehicle."""
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
 def observations(
     message: Message, now_s: float, late_s: float | None = None
 ) -> Iterator[Observation]:
-    """Convert a message of the autopilot to observations; most messages give none.
+    """Convert a message of the autopilot to observations; most messages contain none.
 
     `now_s`: monotonic time of arrival [s]. `late_s`: delay of the message [s]; None if the
     autopilot's clock is unknown.
@@ -168,7 +168,7 @@ def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]
 
 
 def command_message(command: VehicleCommand, system_id: int) -> Message:
-    """Write a command to the autopilot.
+    """Make the message of a command to the autopilot.
 
     DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
     the others by COMMAND_LONG.

@@ -22,7 +22,7 @@ log = get_logger()
 
 
 class Parser(Protocol):
-    """Protocol of a parser that cuts bytes into frames and counts bytes outside of frames."""
+    """Protocol of a parser that splits bytes into frames and counts bytes outside of frames."""
 
     received: int
     bad_crc: int

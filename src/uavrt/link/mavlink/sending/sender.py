@@ -68,11 +68,11 @@ class PacedSender:
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Send messages of `source` with that priority; call `wake` when it has new ones."""
+        """Send messages of `source` with the given priority; call `wake` for new ones."""
         self._queue.add_source(source, priority)
 
     def put(self, item: Item, priority: Priority) -> None:
-        """Queue a message with that priority."""
+        """Queue a message with the given priority."""
         self._queue.put(item, priority)
         self.wake()
 
@@ -105,7 +105,7 @@ class PacedSender:
             self._pump()
 
     def _pump(self) -> None:
-        """Send the messages that may leave now; set a timer for the next one.
+        """Send the messages that may be sent now; set a timer for the next one.
 
         Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
         messages.
@@ -160,7 +160,7 @@ class LinkView:
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
-        """Return the next message; leave a copy for other links that carry it too."""
+        """Return the next message; queue a copy on other links that must carry it too."""
         if self._copies:
             return self._copies.popleft()
         if self._group.link != self._link:
@@ -183,7 +183,7 @@ class LinkView:
 
 
 class TunnelSender:
-    """Sends each message for the ground over the right link.
+    """Sends each message for the ground on the link that reaches its stations.
 
     An answer leaves by the link of its request. Messages to all ground stations leave by the
     fewest links that reach them (`uavrt.link.mavlink.sending.routes`), so that each station
@@ -203,7 +203,7 @@ class TunnelSender:
         self._unsent: deque[tuple[Item, Priority]] = deque(maxlen=UNSENT)
         self._text_id = 0
         self.changed: Callable[[], None] = lambda: None
-        """Function called when pulses leave by another link than before."""
+        """Function called when pulses are sent by another link than before."""
         self.changes = 0
         self.copies_dropped = self.unsent_dropped = 0
 
@@ -222,7 +222,7 @@ class TunnelSender:
         return self._senders[link].rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Send messages of `source` with that priority; call `wake` when it has new ones."""
+        """Send messages of `source` with the given priority; call `wake` for new ones."""
         if len(self._senders) == 1:
             self._senders[0].add_source(source, priority)
             return

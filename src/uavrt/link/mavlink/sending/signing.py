@@ -29,12 +29,12 @@ from uavrt.link.mavlink.dialect import MavComponent
 from uavrt.link.mavlink.frame import SIGNATURE_SIZE, Frame
 
 Unsigned = Literal["none", "autopilot", "all"]
-"""Senders whose unsigned frames are accepted: none, the autopilot's telemetry, all."""
+"""Senders whose unsigned frames are accepted: none, the autopilot for telemetry, or all."""
 
 KEY_SIZE = 32
 HASH_SIZE = 6
 EPOCH_S = 1_420_070_400
-"""Origin of signing times, 2015-01-01 UTC [s since 1970]."""
+"""Origin of signing times: 2015-01-01 UTC [s since 1970]."""
 TICK_NS = 10_000
 BEHIND_TICKS = 6_000_000
 """Largest age of a stream's first frame: one minute [10 µs]."""
@@ -72,7 +72,7 @@ def read_signing_key(path: str | Path) -> SigningKey:
 
 
 def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Signing | None":
-    """Make the signing of the settings; raises `ConfigError` when the key cannot be read."""
+    """Make the signing set in the settings; raises `ConfigError` for an unreadable key."""
     if settings.signing_key_file is None:
         return None
     key = read_signing_key(settings.signing_key_file)
@@ -84,7 +84,7 @@ class SigningTimes:
     """The newest signing times that were accepted [10 µs since 2015]."""
 
     newest: int
-    """Newest time of all streams, and of this side's own frames [10 µs since 2015]."""
+    """Newest signing time of all streams and of this side's own frames [10 µs since 2015]."""
     streams: tuple[tuple[int, int, int, int], ...] = ()
     """System id, component id, link id and time of each stream."""
 

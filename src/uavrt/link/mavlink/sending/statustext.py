@@ -44,7 +44,7 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Limits texts: ten at once, then one every two seconds, no repetition within 10 s.
+    """Limits the rate of texts: ten at once, then one every 2 s, no repetition within 10 s.
 
     A fault that repeats must not fill the radio link. Critical and worse texts always go.
     """

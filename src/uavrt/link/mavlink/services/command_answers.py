@@ -59,7 +59,7 @@ def answer_command(
 
 
 def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | None:
-    """Message id that a request for a message names."""
+    """Id of the message that a command requests."""
     match message.command:
         case MavCmd.REQUEST_MESSAGE:
             param1 = message.param1

@@ -191,17 +191,17 @@ class FileServer:
         return trip_s
 
     def on(self, link: int) -> "FilesOnLink":
-        """Return the source of the replies that leave by link number `link`."""
+        """Return the source of the replies that are sent by link number `link`."""
         return FilesOnLink(self, link)
 
     def wait_ns(self, now_ns: int, link: int | None = None) -> int | None:
-        """Time until a reply may leave by link number `link` [ns]; None if none waits."""
+        """Time until a reply may be sent by link number `link` [ns]; None if none waits."""
         waiting = [peer for peer, _ in self._replies]
         waiting += [burst.peer for burst in self._bursts.values()]
         return 0 if any(link in (None, peer.link) for peer in waiting) else None
 
     def take(self, now_ns: int, rate_bytes_s: float, link: int | None = None) -> Message | None:
-        """Return the next reply that leaves by link number `link`."""
+        """Return the next reply for link number `link`."""
         here = [reply for reply in self._replies if link in (None, reply[0].link)]
         bursts = [b for b in self._bursts.values() if link in (None, b.peer.link)]
         if here:
@@ -434,7 +434,7 @@ class FileServer:
             self._replies.popleft()  # its client asks again
 
     def _repeat(self, peer: Peer, client: Client) -> None:
-        """Send the reply again to a repeated request; the request is not run twice."""
+        """Answer a repeated request with the same reply; the request is not run twice."""
         self.repeated += 1
         reply = client.reply
         if reply is not None and (peer, reply) not in self._replies:
@@ -498,7 +498,7 @@ class FilesOnLink:
         self._files, self._link = files, link
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a reply may leave [ns]; None if none waits."""
+        """Time until a reply may be sent [ns]; None if none waits."""
         return self._files.wait_ns(now_ns, self._link)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Message | None:

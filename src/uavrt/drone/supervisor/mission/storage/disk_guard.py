@@ -39,7 +39,7 @@ class DiskGuard:
         """Faults found by the last check, reported or not."""
 
     def flying(self, flight: Path | None) -> None:
-        """Set the flight being written, which is never removed; None if there is none."""
+        """Set the flight being written, which is never removed; None without one."""
         self._flight = flight
         self._to_note = flight or self._to_note
         if flight is not None:
