@@ -32,7 +32,7 @@ class FlightLayout:
 
     @property
     def write_ahead_log(self) -> Path:
-        """Committed records that SQLite has not yet folded into the database."""
+        """Log of committed records that SQLite has not yet folded into the database."""
         return self.root / "flight.sqlite-wal"
 
     @property
@@ -86,7 +86,7 @@ class FlightLayout:
         return self.root / directory / f"{name}.log"
 
     def make(self, tag_ids: list[int]) -> None:
-        """Make all directories; raises `RecordingError` if the disk is full or read-only."""
+        """Make all directories; raises `RecordingError` on a full or read-only disk."""
         directories = [self.root / "airspy_csdr_netcat_log", self.root / "channelizer_log"]
         directories.append(self.root / "process_log")
         for tag_id in tag_ids:
@@ -117,7 +117,7 @@ def new_flight_directory(
 
 
 def require_writable(directory: Path) -> None:
-    """Make a directory for flights; raises `RecordingError` if it cannot be written."""
+    """Make a directory for flights; raises `RecordingError` for an unwritable one."""
     with os_errors_as(
         RecordingError,
         f"flights cannot be saved in {directory}",

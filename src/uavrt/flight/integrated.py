@@ -60,7 +60,7 @@ class SearchedFor:
     antenna: str
     """Name of the antenna pattern used."""
     antenna_assumed: bool
-    """True if the antenna was not specified, so that one was assumed."""
+    """True if no antenna was specified, so that a pattern was assumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +84,7 @@ class IntegratedVerdict:
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """Probability that noise alone gives such a result."""
+    """Probability that noise alone gives such a detection."""
     interval_s: float
     frequency_hz: float
     level_db: float | None = None

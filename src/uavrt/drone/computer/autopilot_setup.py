@@ -41,7 +41,7 @@ def examine_autopilot(
 
 
 def armed_by_link(address: str) -> bool | None:
-    """True if the autopilot on an unused link is armed; None if none answers."""
+    """True if the autopilot on an unused link is armed; None if no autopilot answers."""
 
     async def ask() -> bool:
         async with ParameterClient.connected(parse_address(address), LISTEN_S) as client:

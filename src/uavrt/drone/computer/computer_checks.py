@@ -158,7 +158,7 @@ def _listen(settings: Settings) -> tuple[bool, str]:
 
 
 def check_clock() -> Finding:
-    """Check that the clock is set; it dates the flights."""
+    """Check that the computer's clock, which dates the flights, is set."""
     kept = check_kept_time()
     if not kept.ok or not (synchronized := _timedatectl()):
         return kept

@@ -1,4 +1,4 @@
-"""Result of a check; without imports, for ground stations on any computer."""
+"""Result of a check. The module has no imports, for ground stations on any computer."""
 
 from dataclasses import dataclass
 

@@ -157,7 +157,7 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """The drone's command key, for a laptop that will command it; only during set-up."""
+        """Command key of the drone, for a laptop that will command it; only during set-up."""
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:

@@ -35,14 +35,14 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Records that a working version must produce."""
+    """Records that a working version must produce, as requirements of a trial."""
 
     heartbeat: bool
     poses: bool
 
     @classmethod
     def of(cls, settings: Settings) -> "Needs":
-        """Records that a drone or ground station with these settings must produce."""
+        """Records that a drone or ground station with the given settings must produce."""
         own = settings.pose.source != "autopilot"
         heartbeat = bool(settings.mavlink.address) and not own
         return cls(heartbeat=heartbeat, poses=heartbeat or own)
@@ -114,7 +114,7 @@ class Trial:
         self._good_from_s: float | None = None
         self.seen = Seen()
         self.fault = "nothing was heard of the service"
-        """Text on what was missing last."""
+        """Text on what was missing at the last check."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
         """Add new records; return the decision."""

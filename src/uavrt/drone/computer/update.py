@@ -105,7 +105,7 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Command that runs a module of an environment as root.
+    """Make the command that runs a module of an environment as root.
 
     ``-I`` prevents imports from the working directory, which may belong to the service's user.
     """

@@ -74,7 +74,7 @@ class Update:
     path: Path
     version: str
     name: str
-    """Version and first digits of its hash; two builds of a version differ."""
+    """Version and first digits of the content's hash, so that two builds differ."""
     alone: bool
     """True if the update contains no libraries."""
     manifest: Manifest | None
@@ -172,7 +172,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:
-    """Write the wheels of a ``.tar``; raises `FormatError` if one differs from the manifest."""
+    """Write the wheels of a ``.tar``; raises `FormatError` if one differs from its entry."""
     assert update.manifest is not None
     with _opened(update.path) as archive:
         for wheel in update.manifest.files:
@@ -257,7 +257,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
 
 
 def split_keys(text: str) -> list[str]:
-    """Separate the public keys of a text: its PEM blocks."""
+    """Separate a text into its PEM blocks, each a public key."""
     return _KEY.findall(text)
 
 

@@ -38,7 +38,7 @@ class Installation:
 
     @classmethod
     def of(cls, executable: str) -> "Installation | None":
-        """Find the installation of a Python; None if it does not belong to one."""
+        """Find the installation that a Python belongs to; None if it belongs to none."""
         environment = Path(executable).parent.resolve().parent
         prefix = environment.parent.parent
         if environment.parent.name != "versions" or not (prefix / "venv").is_symlink():

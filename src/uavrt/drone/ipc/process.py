@@ -117,7 +117,7 @@ class ProcessFrame:
         )
 
     def idle(self, reason: str) -> None:
-        """Run without work until the end, because a restart would change nothing."""
+        """Idle until the end, when a restart would change nothing."""
         while self.running:
             self.receive(timeout_s=0.5)
             self.report(reason, ok=False)

@@ -36,7 +36,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 RECORD: Final = struct.Struct("<12d")
 DEFAULT_PORT: Final = 50_000
 HEARTBEAT_S: Final = 1.0
-"""Time between two heartbeats [s], as in the successor; the original sends one every 3.6 s."""
+"""Time between two heartbeats [s]; the original detector sends one every 3.6 s."""
 
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3
@@ -73,7 +73,7 @@ class PulseRecord:
 
     @classmethod
     def decode(cls, payload: bytes) -> "PulseRecord":
-        """Read 96 bytes, infinite numbers included; raises `FormatError` for another size."""
+        """Decode 96 bytes, infinite numbers included; raises `FormatError` for another size."""
         if len(payload) != RECORD.size:
             raise FormatError(
                 f"a pulse record has {RECORD.size} bytes, this one {len(payload)}",

@@ -148,7 +148,7 @@ class ChannelReceiver:
         self._sock = sock
         self._next_index: dict[int, int] = {}
         self.refused = 0
-        """Number of received datagrams that hold no blocks."""
+        """Number of received datagrams without valid blocks."""
         self.complete = True
         """True if the last radio block was received in full."""
 

@@ -54,7 +54,7 @@ def undelivered(
 
 
 def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
-    """Record deliveries in a closed flight; raises `RecordingError` if not writable."""
+    """Record deliveries in a closed flight; raises `RecordingError` if it cannot be written."""
     rows = [
         (delivered.store, delivered.time_ns, tag_id, start_time_ns)
         for tag_id, start_time_ns in delivered.pulses

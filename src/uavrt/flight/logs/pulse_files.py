@@ -40,7 +40,7 @@ _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
 
 def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
-    """Fields of a pulse by name, ready for JSON."""
+    """Fields of a pulse by name, with values for JSON."""
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
     record: dict[str, Any] = {name: _known(getattr(pulse, name)) for name in PULSE_FIELDS}
     for name in POSE_FIELDS:

@@ -1,4 +1,4 @@
-"""Cache what was read of flights until their files change."""
+"""Cache values read from flights until the flights' files change."""
 
 from collections.abc import Callable, Mapping
 from typing import Generic, TypeVar
@@ -21,7 +21,7 @@ class FlightCache(Generic[T]):
         self.kept = dict(kept or {})
 
     def get(self, directory: str) -> T:
-        """Value of a flight, read only if its files changed; raises what `read` raises."""
+        """Value of a flight, read only if its files changed; raises the errors of `read`."""
         stamp = stamp_of(directory)
         found = self.kept.get(directory)
         if found is None or found[0] != stamp:

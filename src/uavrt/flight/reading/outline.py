@@ -44,7 +44,7 @@ class FlightOutline:
     all_pulses: int
     """Number of pulses of any status, ghosts included."""
     of_ground: bool
-    """True if a ground station recorded the flight, false if the drone did."""
+    """True if a ground station recorded the flight, False if the drone did."""
     vehicle: str | None
     """Number and name of the vehicle; None unless a ground station recorded them."""
     battery_percent: tuple[int, ...]
@@ -62,7 +62,7 @@ class FlightOutline:
 
 
 def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
-    """Read a flight's summary; raises `FormatError` if it is missing or damaged."""
+    """Read a flight's summary; raises `FormatError` for a missing or damaged flight."""
     with flight_database(Path(directory)) as database:
         database.execute("BEGIN")  # one lock for all that follows
         info = flight_info(database, Path(directory))

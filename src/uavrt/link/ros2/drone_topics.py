@@ -59,11 +59,11 @@ class DroneTopics:
         self._bus.publish("pulse_pose", convert.pulse_pose_to_ros(record, directory))
 
     def pose(self, pose: Pose) -> None:
-        """Set the pose that `tick` publishes next."""
+        """Store the pose that `tick` publishes next."""
         self._pose = pose
 
     def status_changed(self) -> None:
-        """Discard the component states; `tick` publishes those of the new status."""
+        """Discard the component states; `tick` publishes those of the latest status."""
         self._parts.clear()
 
     def flight_changed(self, *, started: bool) -> None:
@@ -106,7 +106,7 @@ class DroneTopics:
         self._detectors = frozenset(tag_ids)
 
     def command(self, command: Command) -> None:
-        """Publish a command of the ground station, as the original did."""
+        """Publish a command of the ground station, as the original system did."""
         match command.name:
             case "add_tag" if command.tag is not None and command.tag.coded:
                 coded = convert.coded_tag_to_ros(command.tag)
@@ -133,7 +133,7 @@ class DroneTopics:
             self._control("detector", self._order("start", f"tag_id_{tag.tag_id}", values))
 
     def _control(self, component: str, order: DiagnosticArray) -> None:
-        """Publish a command to a component and its echo."""
+        """Publish a command to a component, and the component's echo."""
         self._bus.publish(f"control_{component}_subprocess", order)
         self._bus.publish(f"status_{component}_subprocess", order)
 

@@ -113,7 +113,7 @@ class Gateway:
         self._topics.tick(now_ns)
 
     def _receive(self, arrival: Arrival) -> None:
-        """Handle one message from the network; invalid ones are refused and counted."""
+        """Handle one message from the network; an invalid one is refused and counted."""
         try:
             message = decode(arrival.topic.message, arrival.cdr)
         except FormatError as error:
@@ -175,7 +175,7 @@ class Gateway:
             self._send("pulse", pulse)
 
     def _check_pulse(self, pulse: Pulse) -> None:
-        """Raise `FormatError` for a pulse that is not of this flight."""
+        """Raise `FormatError` for a pulse that does not belong to this flight."""
         flight = self._drone.flight
         if flight is None:
             raise FormatError(f"pulse of tag {pulse.tag_id} refused: no flight")

@@ -31,12 +31,12 @@ class Inbox:
         self._allowed: dict[str, Allowance] = {}
         self._dropped: dict[str, int] = {}
         self.of_gateways = 0
-        """Number of messages of other gateways, which are not for this one."""
+        """Number of messages from other gateways, which are ignored."""
         self.gateways: set[str] = set()
         """Keys of the participants that sent messages as other gateways."""
 
     def put(self, arrival: Arrival) -> None:
-        """Queue a message, or drop and count it."""
+        """Queue a message, or drop it and count it as dropped."""
         topic = arrival.topic
         if arrival.sender.gateway:
             self.of_gateways += 1

@@ -71,7 +71,7 @@ class RosCommands:
             self._upload.forget()
 
     def receive(self, arrival: Arrival, message: RosMessage) -> None:
-        """Handle a message; raises `FormatError` or `ConfigError` if it is refused."""
+        """Handle a message; raises `FormatError` or `ConfigError` for a refused one."""
         topic = arrival.topic.name
         match message:
             case ServiceMessage():
@@ -102,7 +102,7 @@ class RosCommands:
         return "its sender is not known to DDS" if arrival.sender == UNKNOWN else None
 
     def resume(self) -> None:
-        """Continue the upload that was open when an earlier gateway process ended."""
+        """Continue the upload that was in progress when an earlier gateway process ended."""
         status = self._drone.status
         if self._resumed or status is None:
             return

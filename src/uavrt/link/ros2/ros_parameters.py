@@ -179,7 +179,7 @@ def _below(name: str, prefixes: tuple[str, ...]) -> bool:
 
 
 def _number(wanted: RosParameter) -> float:
-    """Number in a value, also an integer for a real; raises `ConfigError` for a wrong type."""
+    """Number in a parameter value, also an integer for a real; `ConfigError` if neither."""
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
         raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")

@@ -44,7 +44,7 @@ def time_to_ros(time_ns: int | None) -> Time:
 
 
 def time_from_ros(time: Time) -> int | None:
-    """Convert a time to ns, UTC; zero becomes None."""
+    """Convert a time to nanoseconds UTC; zero becomes None."""
     return time.sec * NANOSECONDS_PER_SECOND + time.nanosec or None
 
 

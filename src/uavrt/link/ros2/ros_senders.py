@@ -30,7 +30,7 @@ V = TypeVar("V")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """Participant that sent a message."""
+    """A DDS participant that sent a message."""
 
     key: str = ""
     """Identifier of the participant; empty if unknown."""
@@ -53,7 +53,7 @@ class Arrival:
 
 
 class Senders:
-    """Publishers that are present or just gone."""
+    """Publishers that are present or have just left."""
 
     def __init__(self) -> None:
         self._marked: _Newest[str, bool] = _Newest()

@@ -34,7 +34,7 @@ class RequestCache:
     def repeated(
         self, asker: Asker, request_id: int, payload: bytes, now_s: float
     ) -> bytes | bool:
-        """Check whether a request is a repetition, and remember it if it is new.
+        """Check whether a request is a repetition; store a new one.
 
         Returns the acknowledgement to send again, True for a repetition in progress, False for
         a new request. Raises `TunnelError` if another request had the same id.
@@ -54,7 +54,7 @@ class RequestCache:
         return False
 
     def answered(self, asker: Asker, request_id: int, answer: bytes) -> None:
-        """Remember the acknowledgement of a request."""
+        """Store the acknowledgement of a request."""
         known = self._requests.get((asker, request_id))
         if known is not None:
             known.answer = answer

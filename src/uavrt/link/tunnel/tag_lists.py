@@ -22,7 +22,7 @@ def tag_list_digest(tags: Iterable[Tag]) -> str:
 
 
 def _of_code(tag: Tag) -> bytes:
-    """Bytes that identify a coded tag; its times are in microseconds."""
+    """Bytes that identify a coded tag; the tag's times are in microseconds."""
     times_s = (*tag.gaps_s, *tag.pulse_intervals_s, tag.pulse_width_s)
     numbers = (tag.tag_id, round(tag.frequency_hz), *(round(1e6 * one) for one in times_s))
     return b"coded" + repr(numbers).encode()

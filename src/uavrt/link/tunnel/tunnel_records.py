@@ -191,7 +191,7 @@ def detector_heartbeat(tag_id: int, time_ns: int) -> PulseG1:
 def pulse_from_wire(
     message: PulseG0 | PulseG1, tag: Tag | None = None
 ) -> PulsePose | SearchReport | None:
-    """Convert a message to a pulse; None if it is a detector's heartbeat.
+    """Convert a message to a pulse; None if the message is a detector's heartbeat.
 
     Fields missing on the wire: the end follows from the tag's pulse width (without a tag it is
     the start), the other altitude and noise of G0 are NaN. The rate is the one whose next pulse
@@ -244,7 +244,7 @@ def pulse_from_wire(
 
 
 def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
-    """Find the listed tag with the number in a message; None if it is not listed.
+    """Find the listed tag with the number in a message; None if no listed tag has it.
 
     For a tag with a second rate, the original runs a second detector under the number after the
     tag's. So its tags have even numbers.

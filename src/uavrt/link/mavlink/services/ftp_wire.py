@@ -95,7 +95,7 @@ class FtpPacket:
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """Bytes of the payload, always 251."""
+        """Encode the packet as payload bytes, always 251."""
         size = len(self.data) if self.size is None else self.size
         head = _LAYOUT.pack(
             self.sequence & 0xFFFF,
@@ -110,7 +110,7 @@ class FtpPacket:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read a payload of 251 bytes; any content is valid."""
+        """Decode a payload of 251 bytes; any content is valid."""
         sequence, session, opcode, size, request, complete, offset = _LAYOUT.unpack_from(
             payload
         )

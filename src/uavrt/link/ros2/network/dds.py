@@ -381,7 +381,7 @@ class Participant:
     # ---------------------------------------------------------------- receiving
 
     def _read(self) -> None:
-        """Read messages until the end, in the only thread that reads."""
+        """Read messages until the end; runs in the only thread that reads."""
         while not self._closing.is_set():
             try:
                 if self._in_order or self._waitset.wait(duration(milliseconds=200)):
@@ -433,7 +433,7 @@ class Participant:
         return found
 
     def _learn_senders(self) -> None:
-        """Register announced publishers; DDS reports one before its messages."""
+        """Register announced publishers; DDS announces a publisher before its messages."""
         for participant in self._announced(self._participants):
             data = _user_data(participant.qos)
             self._senders.add_participant(str(participant.key), data)
@@ -458,7 +458,7 @@ class Participant:
                 yield samples[0]
 
     def _note_fault(self, error: Exception) -> None:
-        """Count and rarely log a fault that must not end the reading."""
+        """Count a fault that must not end the reading, and log it rarely."""
         self.faults += 1
         log.seldom(self.faults, "ROS 2 network: cannot be read", error=repr(error)[:200])
 
@@ -550,7 +550,7 @@ class Participant:
         )
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Keep one publishing node for each of these tags' detectors; raises `LinkError`."""
+        """Keep one publishing node for each given tag's detector; raises `LinkError`."""
         topic = TOPICS["pulse"]
         own = {n for n, name in self._writers if name == topic.name and n not in self._nodes}
         for node in own.difference(nodes):

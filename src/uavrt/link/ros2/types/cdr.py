@@ -1,4 +1,4 @@
-"""Messages to CDR bytes and back, as ROS 2 has them on the wire and in recordings.
+"""Convert messages to CDR bytes and back, the encoding of ROS 2 on the wire and in recordings.
 
 Plain CDR (version 1 of XCDR) in the writer's byte order behind a header of four bytes::
 
@@ -39,7 +39,7 @@ Encoder = Callable[[bytearray, Any], None]
 
 
 def encode(message: RosMessage) -> bytes:
-    """Write a message as little-endian CDR; raises `FormatError` if a number does not fit."""
+    """Encode a message as little-endian CDR; raises `FormatError` if a number does not fit."""
     data = bytearray(_LITTLE)
     try:
         _encoder(type(message))(data, message)
@@ -168,7 +168,7 @@ def _write_string(data: bytearray, value: str) -> None:
 
 
 def decode(message: type[M], data: bytes) -> M:
-    """Read a message from CDR of either byte order; raises `FormatError` if it is invalid."""
+    """Decode a message from CDR of either byte order; raises `FormatError` if it is invalid."""
     if data[:2] not in (_LITTLE[:2], _BIG[:2]):
         raise FormatError(f"not CDR: begins with {data[:4].hex()}")
     reader = _Reader(data, "<" if data[:2] == _LITTLE[:2] else ">")

@@ -50,7 +50,7 @@ _HASHES: dict[type, str] = {}
 
 
 def fields_of(message: type[RosMessage]) -> tuple[Field, ...]:
-    """Fields of a message, in order."""
+    """Fields of a message class, in order."""
     if message not in _FIELDS:
         hints = typing.get_type_hints(message, include_extras=True)
         kind: Any = message

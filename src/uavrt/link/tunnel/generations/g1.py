@@ -196,7 +196,7 @@ class StartDetection(CommandMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawCapture(CommandMessage):
-    """Raw capture with a gain; the frequency is None if an older sender left it out."""
+    """Raw capture with a gain; the frequency is None if an older sender omitted it."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
     gain: int

@@ -98,7 +98,7 @@ def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> 
 
 
 def command_name(number: int) -> str:
-    """Name of a command for people: ``"stop detection"``; an unknown number stays a number."""
+    """Name of a command for the operator: ``"stop detection"``; else its number as text."""
     try:
         return CommandId(number).name.lower().replace("_", " ")
     except ValueError:
@@ -106,7 +106,7 @@ def command_name(number: int) -> str:
 
 
 def command_of(number: int, payload: bytes) -> CommandId:
-    """Command with a number on the wire; raises `TunnelError` if it is unknown."""
+    """Command with a number on the wire; raises `TunnelError` for an unknown number."""
     try:
         return CommandId(number)
     except ValueError:

@@ -104,7 +104,7 @@ def prove_answer(state: bytes, key: Key, session: Session, station: Ids) -> byte
 def proven_answer(
     payload: bytes, key: Key, session: Session, station: Ids, request_ids: Iterable[int]
 ) -> bytes:
-    """Check an answer's proof and remove it; raises `TunnelError` if it is forged."""
+    """Check an answer's proof and remove the proof; raises `TunnelError` if it is forged."""
     first = payload[0] if payload else 0
     for request_id in request_ids:
         number = request_id.to_bytes(4, "little")

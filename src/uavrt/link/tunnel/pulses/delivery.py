@@ -15,7 +15,7 @@ MOST_UNRECORDED = 20_000
 
 
 class PulseDelivery:
-    """Decides whether a pulse is sent, so that each is sent once."""
+    """Decides whether a pulse is sent, so that each pulse is sent once."""
 
     def __init__(self) -> None:
         self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()
@@ -23,11 +23,11 @@ class PulseDelivery:
         self._recorded = set[PulseKey]()
         """Keys of the pulses in `_recent`, for quick look-up."""
         self._news = set[PulseKey]()
-        """Pulses that were not recorded yet when a new ground station appeared."""
+        """Pulses that were not yet recorded when a new ground station appeared."""
 
     @property
     def unrecorded(self) -> int:
-        """Number of pulses sent that the recorder has not confirmed yet."""
+        """Number of sent pulses that the recorder has not confirmed yet."""
         return len(self._unrecorded)
 
     def may_send(self, key: PulseKey) -> bool:

@@ -38,7 +38,7 @@ class PulseMemory(Generic[T]):
         self._entries: dict[EntryKey, Entry[T]] = {}
         self._waiting: list[tuple[int, EntryKey]] = []
         self._probes: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
-        """Pulses that only stores without any acknowledgement lack."""
+        """Pulses lacking only at stores that have never acknowledged one."""
         self._probed_ns = -PROBES * PROBE_NS
         self._sent_plain: list[ItemKey] = []
         self.underway: Underway[T] = Underway()
@@ -100,7 +100,7 @@ class PulseMemory(Generic[T]):
         self._bound()
 
     def add_inside(self, entry: Entry[T], store: int) -> bool:
-        """Queue a burst's content for a store that has the pulse; False without content."""
+        """Queue a burst's content for a store that has the pulse; False if there is none."""
         payload = self.inside(entry.item)
         if payload is None:
             return False
@@ -138,7 +138,7 @@ class PulseMemory(Generic[T]):
                 self.wait(entry)
 
     def wait(self, entry: Entry[T]) -> None:
-        """Queue a pulse; as a probe if only stores without any acknowledgement lack it."""
+        """Queue a pulse; as a probe if only unconfirmed stores lack it."""
         self.underway.remove(entry)
         entry.state = "waiting"
         new = entry.live and not entry.sends

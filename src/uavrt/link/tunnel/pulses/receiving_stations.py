@@ -42,7 +42,7 @@ class Store:
     on_disk: bool = True
     """True if pulses that the store lacks may be on disk and not in memory."""
     acknowledges: bool = False
-    """True once the store has acknowledged a pulse, and so exists."""
+    """True once the store has acknowledged a pulse, which proves that it exists."""
     sends: int = 0
     """Number of messages sent to the store."""
     reads_contents: bool = False
@@ -73,7 +73,7 @@ class Stores:
         """Time since which a store that acknowledged nothing is ignored [ns], by number."""
         self._plain_on_disk = False
         self.refused = 0
-        """Number of receipts refused from new stores."""
+        """Number of receipts from new stores that were refused."""
 
     def __len__(self) -> int:
         return len(self._stores)
@@ -91,7 +91,7 @@ class Stores:
 
     @property
     def confirmed(self) -> frozenset[int]:
-        """Numbers of the stores that have acknowledged a pulse, and so exist."""
+        """Numbers of the stores that have acknowledged a pulse, proving that they exist."""
         return frozenset(n for n, store in self._stores.items() if store.acknowledges)
 
     def any_confirmed(self, numbers: Collection[int]) -> bool:

@@ -111,7 +111,7 @@ class ReliableSender(Generic[T]):
         return new
 
     def _add_store(self, store: int, place: Ids, now_ns: int) -> None:
-        """Add a new store; it replaces another if there are too many."""
+        """Add a new store; if there are too many, the new store replaces another."""
         replaced = self.stores.to_replace()
         if replaced is not None:
             self._drop_store(replaced)
@@ -133,7 +133,7 @@ class ReliableSender(Generic[T]):
         return [done.pulse]
 
     def _confirm(self, store: int) -> None:
-        """Record that a store has acknowledged a pulse, and so exists."""
+        """Record that a store has acknowledged a pulse, which proves that it exists."""
         if not self.stores[store].acknowledges:
             self.stores[store].acknowledges = True
             self.pulses.promote_probes(store)
@@ -155,7 +155,7 @@ class ReliableSender(Generic[T]):
         return None if due_ns == math.inf else max(0, int(due_ns) - now_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
-        """Return the payload to send now, by the link's rate; None if there is none."""
+        """Return the payload to send now, at the link's present rate; None without any."""
         self._expire(now_ns)
         may_go = self.wait_ns(now_ns) == 0
         entry = self.pulses.next(now_ns, rate_bytes_s) if may_go else None

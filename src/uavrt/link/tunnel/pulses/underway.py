@@ -70,7 +70,7 @@ class Underway(Generic[T]):
         self._trips = RoundTrips()
         self._unanswered_since_ns: int | None = None
         self.fresh_trip_s: float | None = None
-        """Round trip that the last receipt showed [s]; None if it showed none."""
+        """Round trip measured by the last receipt [s]; None if it measured none."""
 
     def __len__(self) -> int:
         return len(self._sent)
