@@ -45,7 +45,7 @@ class _ExistenceRules:
     rival_nats: float = 7.0
     """Largest log odds of an interferer [nats]."""
     tag_nats: float = 25.0
-    """Largest evidence that a tag is there [nats], so that its loss is noticed."""
+    """Upper limit of the evidence for a tag [nats], so that its later loss is noticed."""
     known_share: float = 0.5
     """Largest position spread of a located interferer, as a share of its area's width."""
 

@@ -25,7 +25,7 @@ class _Sharing:
     existence: float = 0.95
     """Smallest probability of existence at which a tag informs other tags."""
     news: float = 1.25
-    """Growth of a tag's precision after which it sends its next message."""
+    """Growth of a tag's precision at which its next message is sent [ratio]."""
     placed_m: float = 50.0
     """Largest rms position spread of a tag that counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2

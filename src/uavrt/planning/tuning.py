@@ -36,7 +36,7 @@ class PlanningTuning:
     """Vertical speed of the descent to the landing [m/s]."""
 
     farthest_m: float = 100_000.0
-    """Longest range of a tag that is computed [m]."""
+    """Longest range computed for a tag [m]."""
     range_places: int = 4000
     """Number of distances at which the range is evaluated."""
     table_step_m: float = 0.5

@@ -57,7 +57,7 @@ class Path:
     yaw_deg: _Floats
 
     def state(self, number: int) -> VehicleState:
-        """State of the drone at the time step of this number."""
+        """State of the drone at the time step with this number."""
         return VehicleState(
             time_s=float(self.time_s[number]),
             east_m=float(self.east_m[number]),

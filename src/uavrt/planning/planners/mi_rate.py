@@ -213,7 +213,7 @@ class MiRate:
         return here(situation).refused[0] is None
 
     def _least_disturbing(self, situation: Situation, ways: CandidatePaths) -> Decision:
-        """Choose the least disturbing path, if the area allows any, when none is allowed."""
+        """Choose the path that disturbs animals least, if the area allows one."""
         stays = self._wait_or_turn(situation)
         if stays is not None:
             return stays

@@ -32,7 +32,7 @@ class CandidatePaths:
         return np.array([reason is None for reason in self.refused])
 
     def action(self, number: int) -> FlyTo:
-        """Convert the path of this number to an action."""
+        """Convert the path with the given number to an action."""
         return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
 
 

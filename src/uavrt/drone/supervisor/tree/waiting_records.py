@@ -35,7 +35,7 @@ class Outbox:
         self._keeps = keeps
         self._lines: deque[Line] = deque()
         self._kept: deque[Line] = deque()
-        """Lines sent to the present run and not yet taken."""
+        """Lines sent to the present run of the process that it has not yet taken."""
         self._taken = 0
         self._runs_without_progress = 0
         self._flight: bytes | None = None

@@ -89,7 +89,7 @@ def decoders_of(*kinds: type[Fixed]) -> Decoders:
 
 
 def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:
-    """Make one decoder for all commands without fields of a generation."""
+    """Make one decoder for all commands without fields of a protocol generation."""
     return {
         (row.number, length): decode
         for row in COMMANDS.values()
