@@ -69,7 +69,7 @@ def _extension() -> ModuleSpec:
                 found = importlib.util.spec_from_file_location("pypocketfft", path)
                 if found is not None and found.loader is not None:
                     return found
-    raise ImportError("no pypocketfft in SciPy")
+    raise ImportError("SciPy has no pypocketfft")
 
 
 def _load(spec: ModuleSpec) -> Any:

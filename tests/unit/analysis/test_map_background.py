@@ -188,7 +188,7 @@ def test_the_command_takes_maps_beside_the_flight(
 def test_what_is_no_map_and_what_was_damaged_is_named(tmp_path: Path) -> None:
     broken = tmp_path / "broken.pmtiles"
     broken.write_bytes(b"nothing of the kind")
-    with pytest.raises(FormatError, match="not a PMTiles file"):
+    with pytest.raises(FormatError, match="not PMTiles version 3"):
         read_map(broken)
     made = write_pmtiles(tmp_path / "valley.pmtiles", *PLACE)
     content = bytearray(made.path.read_bytes())

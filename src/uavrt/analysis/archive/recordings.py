@@ -345,7 +345,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
 def _recording_of(folder: Path, line: Mapping[str, str | None]) -> Recording:
     cells = {name: (line.get(name) or "").strip() for name in MANIFEST_COLUMNS}
     if not cells["path"]:
-        raise ValueError("no path")
+        raise ValueError("the path is missing")
     stored = is_url(cells["path"])
     one = _recording_at(cells["path"]) if stored else _recording(folder / cells["path"])
     track = folder / cells["track"] if cells["track"] else one.track

@@ -216,7 +216,7 @@ def _header(path: Path) -> bytes:
     with path.open("rb") as file:
         header = file.read(_HEADER)
     if header[:8] != b"PMTiles\x03" or len(header) < _HEADER:
-        raise ValueError("not a PMTiles file of version 3")
+        raise ValueError("the file is not PMTiles version 3")
     return header
 
 

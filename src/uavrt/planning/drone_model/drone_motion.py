@@ -144,7 +144,7 @@ class Multirotor:
         if min(self.speed_m_s, self.acceleration_m_s2, self.yaw_rate_deg_s) <= 0.0:
             raise ConfigError(
                 "a multirotor's speed, acceleration and yaw rate must be above 0",
-                remedy="Give what the autopilot is set to",
+                remedy="Give the autopilot's settings",
             )
 
     @property
@@ -239,7 +239,7 @@ class FixedWing:
         if min(self.speed_m_s, self.turn_radius_m) <= 0.0:
             raise ConfigError(
                 "a fixed wing's speed and turn radius must be above 0",
-                remedy="Give what the autopilot is set to",
+                remedy="Give the autopilot's settings",
             )
 
     @property

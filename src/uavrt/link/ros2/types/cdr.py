@@ -170,7 +170,7 @@ def _write_string(data: bytearray, value: str) -> None:
 def decode(message: type[M], data: bytes) -> M:
     """Decode a message from CDR of either byte order; raises `FormatError` if it is invalid."""
     if data[:2] not in (_LITTLE[:2], _BIG[:2]):
-        raise FormatError(f"not CDR: begins with {data[:4].hex()}")
+        raise FormatError(f"the data are not CDR: first bytes {data[:4].hex()}")
     reader = _Reader(data, "<" if data[:2] == _LITTLE[:2] else ">")
     try:
         value: M = reader.message(message)

@@ -130,7 +130,7 @@ def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
 def read_keepalive(inside: bytes) -> tuple[int, bool]:
     """Decode a keepalive: nonce, and whether files are requested; raises `TunnelError`."""
     if len(inside) != _ALIVE.size:
-        raise TunnelError(f"a sign of life has 9 bytes, not {len(inside)}", inside)
+        raise TunnelError(f"a heartbeat has 9 bytes, not {len(inside)}", inside)
     nonce, flags = _ALIVE.unpack(inside)
     return nonce, bool(flags & 1)
 
