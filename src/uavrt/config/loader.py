@@ -194,7 +194,7 @@ def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
 
 
 def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
-    """Lines of one setting: comment, then default; commented out if there is none."""
+    """Lines of one setting: comment, then default, commented out if there is none."""
     comment = [f"# {line}" for line in _plain(str(entry.get("description", ""))).split("\n")]
     default = entry.get("default")
     if default is None:
@@ -212,7 +212,7 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Text of a custom rule, of which pydantic only gives the function's name."""
+    """Text of a custom rule; pydantic reports only the name of the rule's function."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

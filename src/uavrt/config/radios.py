@@ -1,4 +1,4 @@
-"""The table of radios, one row each.
+"""Table of supported radios, one row each.
 
 Gain ranges, kinds in ``uavrt.toml``, programs, names in logs and the service's device
 permissions derive from it. A new radio needs a row here, and its program's arguments
@@ -21,9 +21,9 @@ class RadioRow:
     kind: str
     title: str
     gains: tuple[int, int]
-    """Lowest and highest gain in the radio's own steps."""
+    """Lowest and highest gain [steps of the radio]."""
     default_gain: int | None = None
-    """Usual gain in the radio's own steps; None: the driver's default."""
+    """Usual gain [steps of the radio]; None: the driver's default."""
     package: str
     """Debian package with the radio's programs."""
     receive: str = ""
@@ -48,7 +48,7 @@ class RadioRow:
     """Program that lists the devices with index and serial number. Needed if `receive` takes a
     serial number of digits for an index."""
     serial_prefix: str = ""
-    """Prefix that its program requires before the hexadecimal serial number reported by USB."""
+    """Prefix that the program needs before the hexadecimal serial number from USB."""
     usb: tuple[tuple[str, str, str], ...] = ()
     """USB vendor id, product id and name of each model."""
 
@@ -57,7 +57,7 @@ class RadioRow:
         return any(low <= rate_hz <= high for low, high in self.rates_hz)
 
     def rates_text(self, unit_hz: float = 1.0) -> str:
-        """Supported sample rates as text, in a given unit."""
+        """Text that lists the supported sample rates, in a given unit."""
         note = f" ({self.rates_note})" if self.rates_note else ""
         return _spans([(a / unit_hz, b / unit_hz) for a, b in self.rates_hz]) + note
 
@@ -66,7 +66,7 @@ class RadioRow:
         return any(low <= frequency_hz * 1e-6 <= high for low, high in self.receives_mhz)
 
     def receives_text(self) -> str:
-        """Supported radio frequencies as text."""
+        """Text that lists the supported radio frequencies."""
         return f"{_spans(self.receives_mhz)} MHz"
 
     def tuned_hz(self, frequency_hz: float, correction_ppm: float = 0.0) -> float:

@@ -36,7 +36,7 @@ class Clock:
         return cls(wall - (before + after) // 2)
 
     def now_ns(self) -> int:
-        """Time now [ns, UTC]."""
+        """Present time [ns, UTC]."""
         return time.monotonic_ns() + self.offset_ns
 
     def wall_correction_ns(self) -> int:
@@ -114,7 +114,7 @@ def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
 
 
 def flight_stamp(time_ns: int) -> str:
-    """Name part of a flight directory: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
+    """Start of a flight directory's name: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
     return (
         f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%Y-%m-%d_%H-%M-%S}"
     )

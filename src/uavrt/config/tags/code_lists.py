@@ -1,4 +1,4 @@
-"""Lists of coded tags as CSV with a heading, or as a YAML list.
+"""Read lists of coded tags: CSV with a heading, or a YAML list.
 
 The heading names the columns, also by common variants: ``tagFreq``, ``g1`` to ``g7`` and
 ``bi``. Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz. A YAML

@@ -1,4 +1,4 @@
-"""Plausibility checks for the codes of coded tags, and a search for similar codes.
+"""Check the codes of coded tags for plausibility, and find similar codes.
 
 A code consists of the gaps between a burst's pulses. Tolerances are those of tag registration:
 all gaps together within 1.5 ms, the burst interval within 4 ms.
@@ -12,18 +12,18 @@ from uavrt.config.tags.tag_drafts import Entry, Fault, TagDraft
 from uavrt.core.messages import Tag
 
 MAX_CODES = 500
-"""Most codes in a list; a core can search this many in addition to a flight's other work."""
+"""Maximum number of codes in a list; one core can search this many besides its other work."""
 MOST_NEAR = 50
-"""Most pairs of similar codes that are printed."""
+"""Maximum number of pairs of similar codes that are printed."""
 MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
 CODED_K = 10
 GAP_TOLERANCE_S = 1.5e-3
-"""Largest sum of the gaps' errors in a burst that still has the code [s]."""
+"""Maximum sum of a burst's gap errors for the burst to match a code [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Difference below which two gaps count as equal [ms]."""
+"""Minimum difference between two gaps to be distinct [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -115,7 +115,7 @@ class _Code:
 
 
 class _Codes:
-    """Codes found so far, for a fast search of equal ones."""
+    """Codes found so far, indexed for finding equal ones quickly."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}

@@ -64,7 +64,7 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Check tags of other origin by the rules of tag files; empty if all are valid."""
+    """Check tags from other sources by the rules of tag files; returns the faults."""
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
     # The same fault of the same place, which here is the tag's, once.

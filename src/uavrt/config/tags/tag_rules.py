@@ -1,4 +1,4 @@
-"""Plausibility checks for tags, with messages in the units of the file.
+"""Check tags for plausibility, with messages in the units of the file.
 
 Both tag file formats are read into `TagDraft` and checked here, as are tags received over the
 radio (`uavrt.config.tags.tag_files.faults_of_tags`). Limits are those of wildlife tags with a
@@ -39,7 +39,7 @@ _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 
 
 def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
-    """Check drafts, adding to `faults`, and convert them to tags; with any fault to none."""
+    """Check drafts, adding to `faults`, and convert them to tags; none if any is faulty."""
     first_lines: dict[int, int] = {}
     for draft in drafts:
         _check(draft, faults)

@@ -1,4 +1,4 @@
-"""Returns free heap memory to the system from time to time."""
+"""Return free heap memory to the system from time to time."""
 
 import ctypes
 import gc
@@ -15,13 +15,13 @@ _POOL_BYTES, _STEP_BYTES, _LARGEST_BYTES = 16_384, 16, 512
 share a pool; larger ones use malloc (``Objects/obmalloc.c`` of CPython 3.11 and later; with
 other values less is filled)."""
 _MOST_BLOCKS = 40_000
-"""Largest number of filled blocks; after the imports of a flight it takes 4000."""
+"""Maximum number of filled blocks; after the imports of a flight 4000 are needed."""
 
 
 def fill_pools() -> list[object]:
-    """Fill the free places between Python's objects, before a process is forked.
+    """Fill the free slots between Python's objects, before a process is forked.
 
-    New objects use free places between old ones first, and each makes an inherited memory page
+        Otherwise new objects use these slots first, and each makes an inherited memory page
     private: ten pages a minute, for hours. Once filled, new objects stay together. Takes 10 ms
     and 0.4 MB, once. Returns the filling objects, which must be kept.
     """
@@ -106,7 +106,7 @@ class HeapKeeper:
         self._next_s = now_s + period_s
 
     def keep(self, now_s: float) -> bool:
-        """Trim the heap if it is due; True if trimmed."""
+        """Trim the heap if a trim is due; returns True if trimmed."""
         if now_s < self._next_s:
             return False
         self._next_s = now_s + self._period_s
