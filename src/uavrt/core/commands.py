@@ -165,7 +165,7 @@ class CommandRow:
 
 
 BARE, BARE_G2 = (4,), (8,)
-"""Length of a payload without parameters [bytes]: before G2, and from G2 on with a request"""
+"""Lengths of a payload without parameters [bytes]; from G2 on, a request id is included."""
 
 _ROWS = (
     CommandRow(

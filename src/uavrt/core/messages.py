@@ -746,7 +746,7 @@ class VehicleSeen:
     turned_deg: float
     ground_silent_s: float
     settling: bool = False
-    """True if the vehicle is near its target and still moving; only return and stop are then"""
+    """True if the vehicle is still moving near its target; only return and stop are allowed."""
     heading_rests: bool = True
     """True if the heading is steady; a turn in place may begin."""
 
@@ -811,7 +811,7 @@ Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleWish:
-    """The guide's requested motion; `uavrt.guidance.control.authority` permits or refuses"""
+    """The guide's requested motion; permitted or refused by `uavrt.guidance.control`."""
 
     order_id: int | None
     wish: Wish | None = None

@@ -20,10 +20,10 @@ from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Most samples per matrix product: a block of 262 144 at once; smaller ones take longer."""
+"""Maximum samples per matrix product: a block of 262 144 at once; smaller ones are slower."""
 
 DIRECT_OUTPUTS = 1024
-"""Most outputs per pass of the direct sum, which bounds its memory."""
+"""Maximum outputs per pass of the direct sum, which bounds its memory."""
 
 
 class Decimator:

@@ -1,4 +1,4 @@
-"""Prototype filters, designed with NumPy alone.
+"""Design prototype filters with NumPy alone.
 
 All are linear-phase, odd in length and unity at 0 Hz, so a delay is a whole number of input
 samples. ``scipy.signal`` is not used: it costs 0.7 s and 100 MB per process.

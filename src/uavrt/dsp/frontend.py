@@ -1,4 +1,4 @@
-"""From the radio's samples to the channels of the tags: decimator, channelizer, times, gaps.
+"""Convert the radio's samples to tag channels: decimator, channelizer, times, gaps.
 
 All outputs are on one grid of absolute sample indices: band sample n is at input ``D n``,
 channel sample n at band sample ``H n``. So neither a late start nor a gap shifts times or
@@ -29,7 +29,7 @@ from uavrt.dsp.plan import (
 )
 
 LONGEST_FILLED_GAP_S = 1.0
-"""Longest gap filled with zeros [s]; after longer ones the channelizer restarts."""
+"""Longest gap filled with zeros [s]; the channelizer restarts after longer ones."""
 
 
 class FrontEnd:

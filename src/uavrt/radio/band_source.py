@@ -1,4 +1,4 @@
-"""Samples of a frequency band received as UDP datagrams of any size.
+"""Receive the samples of a frequency band as UDP datagrams of any size.
 
 The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
 sends what it happens to read, so datagrams are pieces of one stream of bytes and often end
@@ -101,7 +101,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins bytes to complex64 samples, and keeps the place of one gap."""
+    """Joins bytes to complex64 samples, and stores the position of one gap."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []

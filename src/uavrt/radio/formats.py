@@ -1,4 +1,4 @@
-"""Formats of complex samples, and their conversion to complex64 without new arrays.
+"""Convert complex samples of all formats to complex64, without allocating arrays.
 
 Full scale is 1.0 in every format, so cs16 and cf32 recordings of one radio give the same pulses
 and noise density.
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from uavrt.core.errors import FormatError
 
 _ABSURD_POWER = 1e20
-"""Mean square above which data are not floats; 32-bit integers read as floats give 5e18 and
-more."""
+"""Mean square above which data are not float32 samples; 32-bit integers read as floats give
+5e18 and more."""
 _INVALID_SHARE = 0.01
 """Fraction of non-finite values above which data are in another format."""
 
@@ -28,12 +28,12 @@ class SampleFormat:
     """A format of interleaved I and Q values."""
 
     name: str
-    """``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
+    """Name of the format: ``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
     dtype: np.dtype[Any]
     zero: float
     """Stored value that represents 0."""
     full_scale: float
-    """Difference between the stored value of 1 and that of 0."""
+    """Difference between the stored values for 1 and for 0."""
 
     @property
     def bytes_per_sample(self) -> int:
@@ -46,7 +46,7 @@ class SampleFormat:
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
     def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
-        """Allocate memory for samples and for their stored bytes; one buffer where possible."""
+        """Allocate memory for samples and for stored bytes; one buffer where possible."""
         made = np.zeros(samples, np.complex64)
         if self.in_place:
             return made, made.view(np.uint8)

@@ -1,4 +1,4 @@
-"""Opens any source of samples: a radio, a pipe or a recording."""
+"""Open any source of samples: a radio, a pipe or a recording."""
 
 from collections.abc import Callable
 from pathlib import Path, PurePath

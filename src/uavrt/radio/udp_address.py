@@ -1,4 +1,4 @@
-"""UDP addresses as typed by the user, and sockets with room for bursts."""
+"""Parse UDP addresses as typed by the user, and open sockets with buffers for bursts."""
 
 import errno
 import socket

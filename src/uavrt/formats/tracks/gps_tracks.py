@@ -77,7 +77,7 @@ def read_nmea(path: Path) -> VehicleTrack:
 
 
 def _true_heading_deg(fields: list[str], place: PositionSample) -> float:
-    """True heading of HDG or HDM: deviation and variation are added, east positive.
+    """Convert an HDG or HDM heading to true [°]: add deviation and variation, east positive.
 
     If the sentence has no variation, the World Magnetic Model's is used.
     """

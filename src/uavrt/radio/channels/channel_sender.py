@@ -1,4 +1,4 @@
-"""Sends channels to UDP ports in the format of the original channelizer."""
+"""Send channels to UDP ports in the format of the original channelizer."""
 
 import socket
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ class _Frame:
 class ChannelDatagramSender:
     """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
 
-    It never waits; frames are dropped and counted if the system's buffer is full.
+        Sending never waits; frames are dropped and counted if the system's buffer is full.
 
     `ports`: ports of each channel; blocks of other channels are ignored. `style`: format of the
     time stamp.

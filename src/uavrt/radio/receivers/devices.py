@@ -1,7 +1,7 @@
-"""The radios that are plugged in, as listed by the kernel (sysfs-bus-usb).
+"""List the radios that are plugged in, as reported by the kernel (sysfs-bus-usb).
 
-With two radios of one kind, a program opens the first it finds, perhaps one without antenna. So
-two are reported as an error, and `[radio] serial` chooses one.
+With two radios of one kind, a program opens the first one found, which may have no antenna. So
+two radios are an error, and `[radio] serial` chooses one.
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Command lines of radio programs; the table of radios is in `uavrt.config.radios`.
+"""Build command lines of radio programs; the table of radios is in `uavrt.config.radios`.
 
 The programs are run as separate processes; none is linked.
 """

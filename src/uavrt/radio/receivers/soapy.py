@@ -1,4 +1,4 @@
-"""Any radio with a SoapySDR driver, if SoapySDR's Python module is installed.
+"""Read any radio with a SoapySDR driver, if SoapySDR's Python module is installed.
 
 The module comes from the system (Debian ``python3-soapysdr``) or from the driver's maker, not
 from PyPI, so it is imported on demand.
@@ -27,10 +27,10 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Rounding error of drivers' time stamps, below which there is no gap [s]."""
+"""Largest time step that counts as rounding of drivers' time stamps and not as a gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
-"""Largest difference between requested and actual frequency [Hz]."""
+"""Maximum difference between requested and actual frequency [Hz]."""
 
 log = get_logger()
 
@@ -81,7 +81,7 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Set up the device, and check the values chosen, because drivers take the nearest."""
+        """Set up the device; check the values in effect, because drivers choose the nearest."""
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:

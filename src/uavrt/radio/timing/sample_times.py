@@ -27,15 +27,15 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 
 _BIN_S = 0.5
-"""Period for which the earliest arrival is stored [s]."""
+"""Period; its earliest arrival is stored [s]."""
 _BINS = 600
 """Number of stored periods: 5 min, over which a clock's rate is constant to below 1 ppm."""
 _FIT_BINS = 8
-"""Smallest number of periods for fitting a slope."""
+"""Minimum number of periods for fitting a slope."""
 _MEASURED_AFTER_S = 30.0
-"""Time until which the nominal rate is reported, because the slope is mostly jitter [s]."""
+"""Duration at the start in which the nominal rate is reported, because jitter dominates [s]."""
 _MAX_RATE_ERROR = 500e-6
-"""Largest relative rate error of a clock; more means a wrong nominal rate."""
+"""Maximum relative rate error of a clock; more means a wrong nominal rate."""
 _PRIOR_RATE_ERROR = 30e-6
 """Standard deviation of the relative rate error of radios (Airspy 0.5, HackRF 20, RTL 50 ppm).
 """
@@ -46,7 +46,7 @@ _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
 """Time in which a delayed writer catches up at the start [s]; later it is a replay."""
 _NOT_LIVE_S = 0.5
-"""Earliness of arrivals that shows a replayed stream [s]."""
+"""Earliness of arrivals above which a stream is replayed and not live [s]."""
 _REPORT_DELAY_S = 3.0
 """Longest delay between a loss seen in arrival times and the program's report of it [s]."""
 _SLOPE_PAUSE_S = 1.0
@@ -54,9 +54,8 @@ _SLOPE_PAUSE_S = 1.0
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Earliness of the measured line above which times are corrected faster [s], time of that
-correction [s], and time after a loss in which it applies [s]. The loss was then overestimated.
-"""
+"""Three limits [s]: earliness of the measured line above which times are corrected faster, time
+of that correction, and time after a loss in which it applies."""
 
 
 class NominalTimes:
@@ -101,7 +100,7 @@ class TimeKeeper:
         """Duration of losses found and not yet returned by `lost_samples` [s]."""
         self._unsure_s = 0.0
         self.unsure_samples = 0
-        """Number of samples returned as lost that a wrong clock rate would explain as well."""
+        """Number of samples returned as lost that may be a wrong clock rate instead."""
         self.inside = 0
         """Length of the late transfer [samples] that contains the last loss; 0 if it lies
         before."""
@@ -193,12 +192,12 @@ class TimeKeeper:
 
     @property
     def undecided(self) -> bool:
-        """True if the next few arrivals will show whether samples were lost."""
+        """True if the next few arrivals will show if samples were lost."""
         return self._follow and self._finder.undecided
 
     @property
     def may_suspect(self) -> bool:
-        """True if the newest arrivals are late, but too few for such a decision."""
+        """True if the newest arrivals are late, but too few to suspect a loss."""
         return self._follow and self._finder.may_suspect
 
     @property
@@ -207,7 +206,7 @@ class TimeKeeper:
         return round((self._finder.suspect_s or 0.0) * self._nominal_hz)
 
     def expect_losses(self) -> None:
-        """Note that the radio reports losses without their number."""
+        """Record that the radio reports losses without their number."""
         self._finder.expect(self._given_s)
 
     def _apply_loss(self, loss: Loss, nominal_s: float) -> None:
@@ -250,7 +249,7 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples known to be lost; return how many arrivals have not yet shown."""
+        """Skip samples known to be lost; return how many of them arrivals do not show yet."""
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _REPORT_DELAY_S:
             self._credit_s = 0.0
@@ -294,7 +293,7 @@ class TimeKeeper:
         return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
     def _forget(self, why: str) -> None:
-        """Use only the start time and the nominal rate from now on."""
+        """Discard the measured clock; use the start time and the nominal rate from now on."""
         self.unseen = why
         self._follow = False
 
