@@ -1,4 +1,4 @@
-"""How a detector uses a tag's frequency once found.
+"""Modes that define how a detector uses a tag's frequency once found.
 
 Names as in the original's configuration file, where they had no effect.
 """
@@ -10,7 +10,7 @@ LOCK_HALF_WIDTH_HZ = 100.0
 
 
 class OperatingMode(StrEnum):
-    """How far the search follows a found frequency."""
+    """Mode that defines how the search follows a found frequency."""
 
     SEARCH_HARD_LOCK = "freqSearchHardLock"
     """Search the window; once two groups are received, search only ± 100 Hz around their

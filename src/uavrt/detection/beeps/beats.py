@@ -1,4 +1,4 @@
-"""Find the intervals in a set of pulse times: which pulses belong to a tag, and its interval.
+"""Find the intervals in a set of pulse times, and the pulses that follow each interval.
 
 Every pair of pulses votes for its distance. A tag with interval T makes votes at T, 2 T, 3 T …;
 the first strong one is its interval. A chain may run on through the tag's other rate, since
@@ -28,7 +28,7 @@ class FoundBeat:
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
-    """Find intervals in ascending times (n,) at one frequency, that with most pulses first."""
+    """Find intervals in ascending times (n,) at one frequency, the most frequent first."""
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []
     while len(found) < most and left.size >= INTERVALS.fewest_pulses:
@@ -91,7 +91,7 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove pulses at an end of a chain behind a gap with other pulses in it.
+    """Remove end pulses of a chain that are beyond a gap with other pulses in the gap.
 
     If the first pulse after a change of rate is lost, the chain meets the other rate later.
     """
@@ -134,13 +134,13 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses less half of the missing ones, so that half an interval loses."""
+    """Number of pulses minus half of the missing ones; half an interval then scores less."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
 
 def _candidates(times_s: NDArray[np.float64]) -> list[float]:
-    """Distances with votes from many pairs of pulses, most votes first [s]."""
+    """Time differences between many pairs of pulses, the most frequent first [s]."""
     step_s = 0.25 * INTERVALS.tolerance_s
     votes = np.zeros(int((INTERVALS.longest_s + 1.0) / step_s), dtype=np.float64)
     for shift in range(1, min(times_s.size, 200)):
@@ -169,7 +169,7 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 
 
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
-    """Expected number of such chains among random pulses.
+    """Expected number of chains as good as this one among random pulses.
 
     After two pulses that set the interval, each further place contains a pulse with probability
     p = density × tolerance. `pairs`: choices of the first two; missed places add further ones.

@@ -51,7 +51,7 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
 
 
 def fit_beat(times_s: NDArray[np.float64], interval_s: float) -> Beat:
-    """Fit the interval of two or more ascending times (n,) of pulses by least squares."""
+    """Fit the interval of two or more ascending pulse times (n,) by least squares."""
     numbers = number_pulses(times_s, interval_s)
     centred = numbers - numbers.mean()
     spread = float((centred**2).sum())

@@ -86,7 +86,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Remove ids of tags found at their own frequency; add those of an image's original."""
+    """Remove ids of tags found at their own frequency; add ids of the tag behind an image."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:
@@ -143,7 +143,7 @@ def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Intervals of a train: that with the most pulses, then others that are certain [s]."""
+    """Intervals of a train, the one with most pulses first, then other certain ones [s]."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

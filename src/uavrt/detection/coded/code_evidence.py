@@ -1,8 +1,8 @@
-"""Evidence that the pulses at a listed code's places are that code's.
+"""Compute the evidence that the pulses at the positions of a listed code are that code's.
 
 The listed code, whose pulses are equally strong, is compared with an unlisted one that has some
-pulses at these places by chance, and with noise. An unlisted code explains all places but one
-at the price of the coincidences; that place must show a pulse by itself.
+pulses at these positions by chance, and with noise. An unlisted code explains all positions but
+one at the price of the coincidences; that position must show a pulse by itself.
 """
 
 import math
@@ -19,13 +19,13 @@ class Evidence:
     """Log-likelihood ratios of the listed code against other explanations."""
 
     over_noise: NDArray[np.float64]
-    """(n,) the code's own pulses against noise."""
+    """(n,) log-likelihood of the code's pulses against noise."""
     over_unlisted: NDArray[np.float64]
-    """(n,) the listed code against unlisted codes."""
+    """(n,) log-likelihood of the listed code against unlisted codes."""
     alone: NDArray[np.float64]
-    """(n, places) each place against noise or a pulse of another burst there."""
+    """(n, pulses) each pulse position against noise or a pulse of another burst there."""
     own: NDArray[np.bool_]
-    """(n, places) True for places with the code's pulse rather than a stronger signal."""
+    """(n, pulses) True where the code's pulse is received rather than a stronger signal."""
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:

@@ -1,4 +1,4 @@
-"""Sum several bursts to find what no single burst shows.
+"""Sum several bursts of a code to find those too weak to find singly.
 
 A seed is a single burst that stands out slightly. It waits until the following bursts have
 arrived; then the best sum of three, and of K bursts, that includes it is examined.
@@ -46,7 +46,7 @@ class Waiting:
         self._calls = 0
 
     def add(self, seeds: NDArray[np.int32], ends: NDArray[np.float64]) -> None:
-        """Add seeds, each with the column at which it is due."""
+        """Add seeds, each with the column at which its sum can be computed."""
         self._calls += 1
         columns = np.floor(ends).astype(np.int32)
         call = np.full(len(seeds), self._calls, np.int32)
@@ -74,7 +74,7 @@ class Waiting:
 class Folds:
     """Sums several bursts of the codes with equal numbers of pulses.
 
-    `kept_s`: duration for which cells are kept [s].
+    `kept_s`: duration for which cells are stored [s].
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Folds:
         }
 
     def note(self, first: int, count: int) -> None:
-        """Find seeds among bursts that begin at some columns."""
+        """Find seeds among bursts that begin at the given columns."""
         pulses = self._book.pulses
         seeds = find_seeds(
             *(self._cells, self._book, first, count),
@@ -123,7 +123,7 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Sum around the seeds whose later bursts have all arrived.
+        """Compute the sums around seeds whose later bursts have all arrived.
 
         `whole`: column before which all bursts are complete.
         """
@@ -218,7 +218,7 @@ class Folds:
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Select the best of hits with common pulses; add the tags of hits nearly as good."""
+        """Select the best of hits with common pulses; add the tags of nearly equal hits."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

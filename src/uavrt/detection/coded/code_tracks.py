@@ -23,7 +23,7 @@ class BurstTrack:
     error_s: float
 
     def add(self, time_ns: int, row: int) -> None:
-        """Update the prediction with a burst after the newest."""
+        """Update the prediction with a burst later than the newest."""
         passed_s = (time_ns - self.time_ns) / NANOSECONDS_PER_SECOND
         count = round(passed_s / self.interval_s)
         if count >= 1:

@@ -1,4 +1,4 @@
-"""Sum cells at the gaps of many codes: the search of all codes of a channel.
+"""Sum cells at the gaps of many codes to search all codes of a channel.
 
 A burst is the noncoherent sum of the cells of its pulses at the gaps of its code. The tag's
 crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
@@ -126,8 +126,8 @@ def fold(
 ) -> NDArray[np.int32]:
     """Sum the bursts around seeds at the burst interval.
 
-    `bursts`: number of consecutive ones, including the seed. `reach`: columns by which the
-    interval may be off. `steps`: number of intervals tried on either side. Returns (n, 3): sum,
+    `bursts`: number of consecutive bursts, including the seed. `reach`: largest error of the
+    interval [columns]. `steps`: number of intervals tried on either side. Returns (n, 3): sum,
     index of the interval (from -steps), position of the first burst (0: the seed).
     """
     own = np.ascontiguousarray(seeds, np.int32).copy()

@@ -34,13 +34,13 @@ class AnchorSearch(RateSearch):
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
-        """(places, k - 1, intervals): columns of pulses from their first possible one."""
+        """(places, k - 1, intervals) columns of the pulses after their earliest column."""
         self.lows = first[:, :, 0] - reach
-        """(places, k - 1): columns from the anchor to the first column searched for a pulse."""
+        """(places, k - 1) columns from the anchor to the first column searched for a pulse."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Number of columns searched for one other pulse."""
         self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns
-        """Number of columns kept in the ring buffer; column c is at c modulo this."""
+        """Number of columns stored in the ring buffer; column c is at c modulo this number."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
         """Number of columns of the ring buffer, including the repeated ones."""
         self.base = 0
@@ -56,7 +56,7 @@ class AnchorSearch(RateSearch):
         """(places,) number of anchors tested at each place."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
-        """Count groups at intervals that no tag has; the excess raises the threshold."""
+        """Count groups at intervals that no tag has; an excess raises the threshold."""
         if self.k > 1:
             self.null = NullLattices(
                 lows=self.lows,
@@ -74,7 +74,7 @@ class AnchorSearch(RateSearch):
         return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream, with this number for the first column."""
+        """Begin in mid-stream; the first column gets this number."""
         super().begin_at(column)
         self.pushed = column
 
@@ -173,7 +173,7 @@ class AnchorSearch(RateSearch):
     ) -> list[Candidate]:
         """Make candidates of the tested anchors in `part`, all of this search.
 
-        `least`: least sum of a candidate. `shorter`: columns by which intervals were shortened.
+        `least`: minimum sum of a candidate. `shorter`: reduction of the intervals [columns].
         """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]

@@ -23,7 +23,7 @@ from uavrt.detection.search.tuning import GRID
 HOPS_PER_PULSE = 8
 """Number of columns per pulse width."""
 ROWS_PER_BIN = 4
-"""Number of rows per bin, the inverse of the pulse width."""
+"""Number of rows per frequency bin; a bin is the inverse of the pulse width."""
 OUTPUTS_PER_ROW = 8
 """Number of narrow-band samples in one row of the filter's matrix product."""
 
@@ -204,7 +204,7 @@ class Spectrogram:
         return (self.consumed - len(self.band)) * self.grid.decimation // self.grid.hop
 
     def needed(self) -> int:
-        """Index of the first channel sample of the next call; may be negative."""
+        """Index of the first channel sample needed by the next call; may be negative."""
         return self.consumed * self.grid.decimation - self.grid.reach
 
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
@@ -216,7 +216,7 @@ class Spectrogram:
         return power
 
     def lengthened(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Narrow-band samples not used yet, extended by those of new channel samples."""
+        """Append new channel samples to the unused narrow-band samples."""
         grid, native = self.grid, kernels()
         if native is None or grid.filter is None or grid.pairs is None:
             return np.concatenate((self.band, self.decimate(samples)))

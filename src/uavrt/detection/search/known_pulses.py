@@ -1,4 +1,4 @@
-"""Pulses already known, and the search candidates that they explain."""
+"""Find the search candidates that already known pulses explain."""
 
 import math
 

@@ -1,12 +1,12 @@
-"""Follow sudden changes of the noise: throttle, a transmitter near by.
+"""Follow sudden changes of the noise level, as from throttle or a transmitter nearby.
 
 A rise common to many rows is detected within a tenth of a second. Cells are divided by the
-level before any sum, so that pulses in quiet and in loud noise get their proper weight.
+level before any sum, so that pulses in weak and in strong noise get their proper weight.
 
 A slot of time is half a pulse, a band of frequency one bin. A level is a mean over the longest
 stretch of slots that agrees with all shorter ones (the intersection of confidence intervals:
 Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997), backward and forward
-separately. Where they disagree there is a step, and the louder one is used.
+separately. Where they disagree there is a step, and the higher one is used.
 """
 
 import math
@@ -21,7 +21,7 @@ from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
 from uavrt.detection.search.tuning import LEVEL
 
 SLOT = HOPS_PER_PULSE // 2
-"""Number of columns in a slot."""
+"""Number of columns in a slot, the time step of the level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
 """Mean of a unit exponential that is limited to `LEVEL.most_power`."""
 
@@ -33,7 +33,7 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) level of each band over the common one; None where bands do not differ."""
+    """(bands, slots) ratio of each band's level to the common one; None if all are equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,9 +43,9 @@ class _Followed:
     divisor: NDArray[np.float32]
     """(new slots,) common level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) level of each band over `divisor`; None where bands do not differ."""
+    """(bands, new slots) ratio of each band's level to `divisor`; None if all are equal."""
     measured: NDArray[np.float32]
-    """(slots,) common level for measuring pulses."""
+    """(slots,) common level used to measure pulses."""
     measured_bands: NDArray[np.float32] | None
 
 
@@ -57,11 +57,11 @@ class _Levels:
     margin: NDArray[np.float32]
     """(slots,) factor on `common` for the search, because the level is uncertain."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) level of each band over `common`; None where bands do not differ."""
+    """(bands, new slots) ratio of each band's level to `common`; None if all are equal."""
 
 
 class _LevelRecord:
-    """Noise levels of the last columns. `keep`: number of columns kept."""
+    """Noise levels of the last columns; `keep` is the number of columns stored."""
 
     def __init__(self, band_of: NDArray[np.intp], keep: int) -> None:
         self._band_of, self._keep = band_of, keep
@@ -237,7 +237,7 @@ class Leveller:
         both: NDArray[np.float32],
         past: int,
     ) -> NDArray[np.float32]:
-        """(bands, slots) means of each band's new cells, limited by neighbouring ones."""
+        """(bands, slots) means of each band's new cells, which neighbouring cells limit."""
         width, most = LEVEL.median_slots, np.float32(LEVEL.most_power)
         half = width // 2
         lead = min(past, half)
@@ -408,7 +408,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Stretch of each slot: past and future where they agree; else the louder."""
+    """Join the past and future stretch of each slot if they agree; else take the higher."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -421,7 +421,7 @@ def _agreed(
 def _segments(
     ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
 ) -> NDArray[np.float32]:
-    """Split the bands where their levels differ, and widen the louder side by one band.
+    """Split the bands where their levels differ, and widen the stronger side by one band.
 
     The likeliest split comes first: fitting two means of exponentials instead of one raises the
     log-likelihood by the sum of cells × ln(mean). `ratio` (bands, slots): mean of each band
@@ -522,7 +522,7 @@ def _level_alike(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Level searches with the same bands and the same number of past slots."""
+    """Level several searches that have the same bands and the same number of past slots."""
     one = levellers[0]
     columns = power.shape[2]
     cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]

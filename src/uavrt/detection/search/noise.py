@@ -1,4 +1,4 @@
-"""Noise power of each row, estimated from the same statistic that is searched.
+"""Estimate the noise power of each row from the same statistic that is searched.
 
 The original estimates noise in whole bins and interpolates to the half bins. A carrier on a
 whole bin then raises the half bins but not their threshold, and every segment gives a false
@@ -27,7 +27,7 @@ _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Fixed-point step of the truncated mean, and the share of cells kept."""
+    """Fixed-point iteration of the truncated mean, and the share of cells below the limit."""
     kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
         np.float32
     )
@@ -87,18 +87,18 @@ class RowNoise:
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
-        """True while rows rise differently: estimates, biased near edges, may only rise."""
+        """True while rows rise unequally; estimates, biased near edges, may only rise."""
         self.ragged = False
-        """True while many carriers are removed: the rows between exceed the median."""
+        """True while many carriers are removed; the rows between them exceed the median."""
 
     @property
     def ready(self) -> bool:
-        """True once there is an estimate."""
+        """True once the noise was estimated."""
         return self._long is not None
 
     @property
     def level(self) -> NDArray[np.float32]:
-        """(rows,) noise power of each row by which the search divides."""
+        """(rows,) noise power of each row; the search divides by it."""
         return self._level
 
     @property
@@ -140,7 +140,7 @@ class RowNoise:
         *,
         risen: bool,
     ) -> bool:
-        """Store new averages; return whether the level must be recomputed."""
+        """Store new averages; returns True if the level must be recomputed."""
         self._long, self._exceeding = long, exceeding
         self._seen_s += span_s
         if not risen:
@@ -157,7 +157,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Replace a row's estimate by its neighbours' median where it does not stand out."""
+        """Replace a row's estimate by the median of the rows around it unless it stands out."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
@@ -183,7 +183,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """Padding beyond the last row: mirrored, as a repeated row is its own median."""
+        """Padding mode beyond the last row: mirrored; a repeated row is its own median."""
         return "wrap" if self._circular else "reflect"
 
     @property
@@ -192,7 +192,7 @@ class RowNoise:
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
     def _shaped(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-        """Noise of a spectrum that is not flat, from the medians of the neighbours."""
+        """Estimate the noise of a sloped spectrum: for each row, from medians nearby."""
         assert self._long is not None
         straight = self._straight(smooth, reach) if self._seen_s < NOISE.young_s else None
         if straight is not None:

@@ -1,4 +1,4 @@
-"""Time, frequency and energy of single pulses, by local maximum likelihood on the samples.
+"""Measure time, frequency and energy of single pulses, by local maximum likelihood.
 
 For a rectangular pulse of unknown phase in white noise the likelihood is the squared magnitude
 of the matched filter. It is evaluated at every sample and, around the best, at a continuous
@@ -25,7 +25,7 @@ class Measured:
     """Time, frequency and power of one pulse, as measured in the samples."""
 
     start: float
-    """Index of its first sample."""
+    """Index of the first sample of the pulse."""
     offset_hz: float
     """Frequency from the channel's centre [Hz]."""
     power: float
@@ -35,11 +35,11 @@ class Measured:
     contrast: float
     """Power over the mean power of the windows 1.5 to 3 pulse widths away."""
     received: float = 1.0
-    """Share of its samples that were not lost; `power` refers to these."""
+    """Share of the pulse's samples that were not lost; `power` refers to these."""
 
     @property
     def enr(self) -> float:
-        """Energy of the whole pulse over noise density, without noise; at least 0.1."""
+        """Energy of the whole pulse without noise, over the noise density; at least 0.1."""
         return max((self.power - 1.0) / self.received, 0.1)
 
 
@@ -58,7 +58,7 @@ class Refiner:
         self.upto = 0
         """Index after the last clean sample."""
         self.leveller: Leveller | None = None
-        """Changes of the noise level; None: it is constant."""
+        """Tracker of the noise level; None if the level is constant."""
         self._moments = _moments(grid.window)
         self._bin_hz = grid.sample_rate_hz / grid.window
         offsets = grid.offsets_hz
@@ -150,7 +150,7 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse in whose middle samples are missing, so that its phase breaks there.
+        """Find a pulse with missing samples in its middle, where its phase breaks.
 
         Parameters as in `search`. Returns the pulse at the given frequency, since its own
         cannot be measured, with its power reduced by the gain from the free phase.
@@ -339,7 +339,7 @@ class Refiner:
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_around(self, pulse: Measured) -> float:
-        """Mean power around a pulse; if before and after differ, that at the pulse."""
+        """Mean power around a pulse; if it differs before and after, that at the pulse."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):

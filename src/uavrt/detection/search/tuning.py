@@ -11,9 +11,9 @@ class SpectrogramTuning:
     """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
-    """Largest matrix product on one thread in OpenBLAS; two may take 50 times as long."""
+    """Maximum matrix product for one OpenBLAS thread; two may take 50 times as long."""
     least_window: int = 24
-    """Least length of a pulse after decimation [samples]; with less, the hop is too coarse."""
+    """Minimum length of a pulse after decimation [samples]; below it the hop is too coarse."""
     stopband_db: float = 55.0
     """Attenuation of aliases by the band's filter [dB]."""
     kernel_window: int = 254
@@ -27,7 +27,7 @@ class NoiseTuning:
     """Constants for estimating the noise of each row of the grid."""
 
     excluded_ratio: float = 4.0
-    """Power above which cells are excluded: 1.8 % of noise, all of a pulse [noise powers]."""
+    """Power above which cells are excluded [noise powers]: 1.8 % of noise, all of a pulse."""
     step_gain: float = 1.31
     """Factor on a step of the fixed-point iteration: inverse of one minus its slope."""
     long_s: float = 20.0
@@ -35,25 +35,25 @@ class NoiseTuning:
     short_s: float = 1.0
     """Time constant of the average that shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of recent to steady noise at which the recent is used; 3 % of pulses give 1.3."""
+    """Ratio of recent to steady noise above which the recent counts; 3 % pulses give 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row with its neighbours [s]."""
     young_s: float = 8.0
-    """Duration at the start in which the rows are averaged over `young_reach` [s]."""
+    """Duration at the start in which rows are averaged over `young_reach` [s]."""
     young_reach: int = 24
-    """Number of rows averaged on each side at the start; 5 % of error double false alarms."""
+    """Number of rows averaged on each side at the start; 5 % error double the false alarms."""
     reach: int = 8
-    """Number of rows on each side, two bins, from which the broadband noise is taken."""
+    """Number of rows on each side, two bins, used to estimate the broadband noise."""
     flat_ratio: float = 1.2
-    """Spread of the medians over their error up to which a spectrum counts as flat. A tilt of
-    0.4 dB over the band may be missed, no more than the error of the medians."""
+    """Ratio of the medians' spread to their error up to which a spectrum counts as flat. A tilt
+    of 0.4 dB over the band may be missed, no more than the error of the medians."""
     steep_errors: float = 4.0
-    """Difference of the medians on both sides of a row that marks an edge [standard errors].
-    If all rows lie on a line there is none: the median is right there."""
+    """Difference of the medians on both sides of a row that marks an edge [standard errors]. If
+    all rows lie on a line there is no edge: the median is correct there."""
     least_steep: float = 0.15
-    """Least relative difference of the medians on both sides of an edge: 0.7 dB."""
+    """Minimum relative difference of the medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
-    """Spread of the rows on one side over the error of a row up to which that side is flat."""
+    """Ratio of one side's spread to a row's error up to which that side counts as flat."""
     hum_sigmas: float = 0.5
     """Excess over the median at which a row's own noise is used between lines of hum [standard
     deviations]: 3 to 5 % more noise than the median, which gave 3.4 times the false groups."""
@@ -72,11 +72,11 @@ class NoiseLevelTuning:
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
     """Numbers of slots over which a level is averaged; the shortest locates steps."""
     most_splits: int = 4
-    """Most divisions of the bands into groups of different levels."""
+    """Maximum number of divisions of the bands into groups of different levels."""
     split_log: float = 6.5
-    """Least log-likelihood ratio at which two groups of bands have different levels."""
+    """Minimum log-likelihood ratio for two groups of bands to have different levels."""
     differ_sigmas: float = 2.2
-    """Least difference between the means of different levels [standard deviations]."""
+    """Minimum difference between the means of different levels [standard deviations]."""
     slot_variance: float = 1.5
     """Variance of a slot in one bin over its squared mean; windows overlap by half."""
     doubt_sigmas: float = 3.0
