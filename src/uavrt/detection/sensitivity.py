@@ -1,4 +1,4 @@
-"""Pulse strength needed for the search to find a group.
+"""Compute the pulse strength needed for the search to find a group.
 
 Noncoherent square law (Marcum 1960, IRE Trans. IT-6): the power of a pulse's cell over the
 noise is half a noncentral chi-square of two degrees of freedom. A group is the sum of one such
@@ -33,11 +33,11 @@ class SensitivityTuning:
     """Measured differences between the computed sensitivity and that in experiments."""
 
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
-    """Numbers of pulses K of `gains_db`."""
+    """Numbers of pulses K for which `gains_db` are given."""
     gains_db: tuple[float, ...] = (0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05)
     """Gain per pulse in experiments from choosing the best of overlapping cells, by K [dB]."""
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
-    """Numbers of bursts of `losses_db`."""
+    """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
     """Loss of a coded tag's sums in experiment E23, by number of bursts [dB]."""
     step: float = 0.02
@@ -48,7 +48,7 @@ SENSITIVITY = SensitivityTuning()
 
 
 def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: float) -> float:
-    """Sum of K cells required of a group of the tag's first rate [noise powers].
+    """Minimum sum of K cells of a group at the tag's first rate [noise powers].
 
     `frequency_window_hz`: half-width of the search, limited by the sample rate.
     """
@@ -76,7 +76,7 @@ def detection_probability(
     frequency_window_hz: float = 500.0,
     sample_rate_hz: float = 3750.0,
 ) -> float:
-    """Chance that one group of K pulses, all of one strength, is found; or K coded bursts.
+    """Probability that one group of K equally strong pulses, or of K coded bursts, is found.
 
     Parameters
     ----------

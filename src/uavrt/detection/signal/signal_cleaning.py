@@ -33,7 +33,7 @@ class Cleaner:
         self._whitener: Whitener | None = None
         self._limiter: SparkLimiter | None = None
         self.occupancy: Occupancy | None = None
-        """Measures how much of the time the band's middle is free of other signals."""
+        """Counter of the time in which the band's middle is free of other signals."""
         self._ahead = self._steady_ahead = 0
         if band_hz is not None:
             offset_hz, half_width_hz = band_hz
@@ -76,7 +76,7 @@ class Cleaner:
 
     @property
     def many_lines(self) -> bool:
-        """True if so many carriers are removed as mains hum has."""
+        """True if many carriers are removed, as with mains hum."""
         return self._lines.frequencies_hz.size > CARRIERS.few_lines
 
     @property

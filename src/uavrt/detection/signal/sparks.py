@@ -1,4 +1,4 @@
-"""Divide the samples by the level of their instant where noise comes in bursts.
+"""Divide the samples by the noise level of their instant if the noise comes in bursts.
 
 Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
 It makes several times the false groups of steady noise. In noise whose power changes the
@@ -16,7 +16,7 @@ from uavrt.detection.signal.tuning import SPARKS
 
 
 class SparkLimiter:
-    """Makes noise steady that comes in bursts shorter than a pulse.
+    """Equalises noise that comes in bursts shorter than a pulse.
 
     `offset_hz`, `half_width_hz`: the searched band, from the channel's centre.
     """
@@ -44,7 +44,7 @@ class SparkLimiter:
         self._share = 0.0
         self._steps = 0
         self.active = False
-        """True while noise comes in bursts and the samples are divided by its level."""
+        """True while noise comes in bursts and the samples are divided by the noise level."""
 
     def limit(
         self,
@@ -52,7 +52,7 @@ class SparkLimiter:
         samples: NDArray[np.complex64],
         after: NDArray[np.complex64],
     ) -> None:
-        """Divide new samples in place where the noise sparks; see `Surroundings.of`."""
+        """Divide sparking new samples by the noise level, in place; see `Surroundings.of`."""
         self._steps += 1
         idle = not self.active and self._steps % SPARKS.check_every != 1
         if not self._filters or len(samples) <= 2 * self.reach or idle:
@@ -80,7 +80,7 @@ class SparkLimiter:
         )
 
     def _level(self, whole: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power outside the searched band, of all samples but `reach` at both ends."""
+        """Power outside the searched band, for all samples except `reach` at both ends."""
         sides = []
         for taps in self._filters:
             outside = np.convolve(whole, taps, "valid")

@@ -56,7 +56,7 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _AssignmentSoFar:
-    """The best assignment of the trains so far.
+    """Best assignment of the trains so far.
 
     Each tag has a price: no other tag, or none, gives a train more value above the price.
     """
