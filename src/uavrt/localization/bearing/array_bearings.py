@@ -1,4 +1,4 @@
-"""Bearings from switched antennas: phase or mode within one pulse.
+"""Estimate bearings from switched antennas: phase or mode within one pulse.
 
 A switch between receiver and antennas, stepped at known samples, lets one receiver measure
 several elements, or the sum and the difference of two, during a pulse of 20 ms. Comparing their
@@ -101,7 +101,7 @@ def amplitude_monopulse(
     The tag's strength and its fading are the same for all antennas at a pulse and cancel.
 
     `boresight_deg` (a,): direction of each antenna, clockwise from true north.
-    `snr_db` (p, a): SNR of each pulse at each antenna; NaN is a miss.
+    `snr_db` (p, a): SNR of each pulse at each antenna; NaN: not received.
     `fading_db`: standard deviation of other differences between antennas.
     Raises `UsageError`: no pulse was received by two antennas.
     """

@@ -26,7 +26,7 @@ class TurnPulses:
     yaw_deg: _Floats
     """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
     matched_power: _Floats
-    """(n,) power of each pulse over the noise power, noise included; NaN is a miss."""
+    """(n,) power of each pulse over the noise power, noise included; NaN: missed."""
 
 
 def learn_pattern(

@@ -1,4 +1,4 @@
-"""Likelihood of a bearing given the powers of a rotation, level and fading integrated out."""
+"""Likelihood of a bearing given the powers of a rotation; level and fading integrate out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class BearingLikelihood:
 def bearing_likelihood(
     tables: PowerTables, gain: Gain, noise_db: NDArray[np.float64]
 ) -> BearingLikelihood:
-    """Likelihood of all bearings on a coarse grid, and of those near the peak on a fine one.
+    """Likelihood of bearings on a coarse grid, and of those near the peak on a fine grid.
 
     `gain`: the antenna's gain at each pulse towards a bearing.
     `noise_db` (n,): noise of each pulse over the median noise [dB].

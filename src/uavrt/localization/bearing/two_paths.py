@@ -1,4 +1,4 @@
-"""Test whether a direct wave and a reflection explain a rotation's levels better than one wave.
+"""Test if a direct wave and a reflection explain a rotation's levels better than one wave.
 
 A reflection by a wall or a slope adds to the direct wave with some strength and phase. It turns
 a bearing by tens of degrees without a visible sign: one lobe, good signal. Only the shape of
@@ -45,7 +45,7 @@ def two_paths(
     fading_db: float,
     folds: int,
 ) -> TwoPaths | None:
-    """Fit two paths to a rotation; None where one path explains the levels, or with few pulses.
+    """Fit two paths to a rotation; None if one path explains the levels, or with few pulses.
 
     `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
     noise over its median, of received pulses.

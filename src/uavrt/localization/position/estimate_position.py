@@ -1,4 +1,4 @@
-"""`estimate_position`: the entry point to all position estimators."""
+"""Entry point to all position estimators: `estimate_position`."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -201,7 +201,7 @@ def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
 
 
 def _wider(share: float, stations: int) -> float:
-    """Factor by which a region widens because its scatter is estimated from n - 2 bearings.
+    """Factor on a region's radius because the scatter is estimated from n - 2 bearings.
 
     Hotelling: 2 F(2, n - 2) replaces chi-squared of 2 degrees; both have closed quantiles.
     """

@@ -1,4 +1,4 @@
-"""Decide whether a tag moved: check if bearings or powers rule out a fixed place."""
+"""Decide if a tag moved: check if bearings or powers rule out a fixed position."""
 
 from dataclasses import replace
 from typing import Literal
@@ -14,7 +14,7 @@ from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint
 
 Follow = Literal["never", "contradicted", "always"]
-"""Condition for computing a tag's path: never, if data contradict a fixed place, or always."""
+"""Condition for computing a tag's path: never, contradicted (data rule out rest), or always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
 _MOVES = "the tag moved; its path is estimated from bearings"
 """Reason given for receivers whose levels are unused because the tag moved."""

@@ -1,4 +1,4 @@
-"""Outlines of the regions that hold a tag with a given probability, for maps."""
+"""Draw outlines of the regions that hold a tag with a given probability, for maps."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Ground heights at places, interpolated from the rasters of any number of files.
+"""Interpolate ground heights from the rasters of any number of files.
 
 Rasters of one grid (tiles of one set) are joined before interpolation, so that no border shows,
 whether neighbours share a row, as SRTM's do, or not.
@@ -42,9 +42,9 @@ class Raster:
     rows: int
     columns: int
     datum: str | None
-    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None if the file has none."""
+    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None if not in the file."""
     read: Callable[[_Window], NDArray[np.float32]]
-    """Function that reads a window of rows and columns, first and end; NaN is unknown."""
+    """Function that reads a window of rows and columns (first, end); NaN: unknown height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,7 +91,7 @@ class Elevation:
         return tuple(said)
 
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
-        """Heights of places [m], of any shape; NaN where unknown.
+        """Heights of positions [m], of any shape; NaN if unknown.
 
         Raises `FormatError`: a file is damaged.
         Raises `UsageError`: the places are spread over too much ground.
@@ -116,7 +116,7 @@ class Elevation:
         return heights.reshape(shape)
 
     def covers(self, latitude_deg: float, longitude_deg: float) -> bool:
-        """True if the height of a place is known."""
+        """True if the height of a position is known."""
         return bool(np.isfinite(self.heights_m([latitude_deg], [longitude_deg]))[0])
 
 

@@ -1,4 +1,4 @@
-"""Reader of GeoTIFF elevation files (TIFF 6.0, BigTIFF, OGC 19-008r4).
+"""Read GeoTIFF elevation files (TIFF 6.0, BigTIFF, OGC 19-008r4).
 
 It reads strips or tiles of one band, int16 to float64, plain or packed by deflate, LZW or
 PackBits, with the predictors of either; on longitudes and latitudes or in UTM. Only the needed
@@ -27,9 +27,9 @@ _READ = frozenset(
     {256, 257, 258, 259, 273, 277, 278, 279, 317, 322, 323, 324, 325, 339}
     | {33550, 33922, 34264, 34735, 42113}
 )
-"""Numbers of the TIFF tags that are read; all others are ignored."""
+"""Numbers of the TIFF tags that are read; all other tags are ignored."""
 _MOST_BLOCKS, _MOST_VALUES = 300_000, 4096
-"""Largest number of values of the TIFF tags that list blocks, and of each other tag."""
+"""Maximum number of values of the TIFF tags that list blocks, and of each other tag."""
 _LISTS = frozenset({273, 279, 324, 325})
 _MOST_BLOCK_POINTS = 1 << 24
 _SCALES = 1e-8, 1e8
@@ -85,7 +85,7 @@ class _Blocks:
 
 
 def geotiff_raster(path: Path) -> Raster:
-    """Open a GeoTIFF; raises `FormatError` if damaged, unplaced or unsupported."""
+    """Open a GeoTIFF; raises `FormatError` if damaged, without position, or unsupported."""
     try:
         require_plain_file(path)
         with path.open("rb") as file:

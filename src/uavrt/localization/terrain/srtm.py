@@ -1,4 +1,4 @@
-"""Reader of elevation tiles of the Shuttle Radar Topography Mission, plain or zipped.
+"""Read elevation tiles of the Shuttle Radar Topography Mission, plain or zipped.
 
 A tile (``N47E008.hgt``) is a degree wide and high, named by its south-western corner: 3601²
 (one arc second) or 1201² (three) big-endian int16, the northern row first; its border rows and

@@ -1,4 +1,4 @@
-"""Probability of a tag in cells of the ground around a flight, and credible regions."""
+"""Compute a tag's probability in cells of the ground around a flight, and credible regions."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ class Cells:
         return inside
 
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
-        """True if a place is in the region that holds a given probability."""
+        """True if a position is in the region that holds a given probability."""
         bearing = np.degrees(np.arctan2(east_m, north_m))
         turn_deg = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
         apart = np.abs(np.log(np.hypot(east_m, north_m) / self.range_m))
@@ -124,7 +124,7 @@ class Cells:
         )
 
     def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
-        """East and north of the likeliest place in some cells, from the flight's middle [m].
+        """East and north of the likeliest position in some cells, from the flight's middle [m].
 
         It is the mean where the probability is densest. The mean of all cells lies farther away
         than the tag, because large distances are less certain, above all next to a straight
@@ -153,7 +153,7 @@ class Cells:
         shares: Sequence[float],
         cells: NDArray[np.intp] | None = None,
     ) -> list[float]:
-        """Radii of circles around a place that hold given probabilities [m].
+        """Radii of circles around a position that hold given probabilities [m].
 
         Each cell's probability is spread evenly over its ground, as in `region`; otherwise a
         single cell would have no radius. `cells`: cells whose probability counts; None is all.
@@ -205,7 +205,7 @@ class LikelyGround:
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """(cells,) difference of log-likelihood among the parts of the divided cell."""
+    """(cells,) difference of log-likelihood between the parts of the divided cell."""
     logs: _Floats
     """(falls, cells) log-likelihood, integrated over all levels."""
     level_db: _Floats

@@ -1,4 +1,4 @@
-"""Find when a tag of several rates used each of them.
+"""Find when a tag with several rates used each rate.
 
 A rate's train has slots in all of a flight. While the tag used another rate, these hold noise,
 and at times a pulse of that rate. A hidden Markov model of two states separates them (Rabiner

@@ -1,4 +1,4 @@
-"""Place of the tag of a folded train, from the energies of its pulses and the places' gains.
+"""Estimate the position of a folded train's tag, from pulse energies and gains.
 
 The level is a nuisance parameter with a flat prior in decibels; the prior of the place is flat
 over the ground.
@@ -38,7 +38,7 @@ below free space counts as free space, for tags in line of sight."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceBelief:
-    """Posterior of a tag's place, after a whole flight."""
+    """Posterior of a tag's position, after a whole flight."""
 
     latitude_deg: float
     longitude_deg: float
@@ -63,7 +63,7 @@ class PlaceBelief:
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Posterior of the place of a train's tag; likely cells are divided.
+    """Posterior of the position of a train's tag; likely cells are divided.
 
     `heard`: train of one flight, or of several of a resting tag, around one plane's origin.
     """
@@ -92,7 +92,7 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 
 
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
-    """Reading with the most evidence over the likely places; the usual one in doubt."""
+    """Assumed fading with the most evidence over likely positions; the usual in doubt."""
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
@@ -109,7 +109,7 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
 
 
 def train_evidence(one: HeardTrain) -> float:
-    """Log likelihood ratio of a train with a tag at any place to one without a tag."""
+    """Log likelihood ratio of a train with a tag at any position to one without a tag."""
     reading = _Reading.of([replace(one, log_trains=None)])
     places = one.places
     from_here = (places.east_m, places.north_m)
@@ -167,7 +167,7 @@ def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
 
 
 def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]) -> bool:
-    """True if the distance to a place varied enough to show the path loss exponent."""
+    """True if the distance to a position varied enough to show the path loss exponent."""
     away_db = [_away_db(one, *east_north_m) for one in heard]
     spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
     return bool(spread_db.max() >= PLACE.same_range_db)
@@ -252,7 +252,7 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 def _logs(
     one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
 ) -> _Floats:
-    """Log likelihood ratio of each place and level; levels are whole steps apart."""
+    """Log likelihood ratio of each position and level; levels are whole steps apart."""
     column, beyond_db = table_columns(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)
@@ -285,7 +285,7 @@ def _logs(
 
 
 def _counted(one: HeardTrain, fading_db: float) -> float:
-    """Share of a flight's evidence that counts; it is smaller for loud pulses.
+    """Share of a flight's evidence that counts; the share is smaller for strong pulses.
 
     The variance of a level of energy E over noise is 37.7/E dB² from noise (of noncentral
     chi-square) plus that of single pulses' fading; its inverse is a pulse's information. All
@@ -301,7 +301,7 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
 
 
 def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
-    """Cells with the likely ones divided, the mean level [dB], and the places' probability."""
+    """Cells with the likely ones divided, mean level [dB], and positions' probability."""
     places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)
     held, level_db = _over_levels(logs, levels_db)

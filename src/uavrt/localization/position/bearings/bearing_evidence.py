@@ -1,4 +1,4 @@
-"""Likelihood of a place from bearings, each mixed with its outlier probability."""
+"""Likelihood of a position from bearings, each mixed with its outlier probability."""
 
 from dataclasses import dataclass
 
@@ -62,7 +62,7 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned) density of each bearing for each place and heading error.
+        """(n, places, turned) density of each bearing for each position and heading error.
 
         `east_m`, `north_m` (places,): the places.
         `cell_m` (places,): width of the cell that a place represents.

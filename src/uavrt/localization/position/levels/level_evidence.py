@@ -1,4 +1,4 @@
-"""Likelihood of a place from the levels of rotations, and of receivers that never turned.
+"""Likelihood of a position from levels of rotations, and of receivers that never turned.
 
 A mast, a person, or a passing drone gives no bearing. Its pulses still contain the antenna's
 gain towards the tag, and the tag's level, which all receivers share. A receiver's gain, cable,
@@ -39,12 +39,12 @@ class Levels:
     level_db: _Floats
     sigma_db: _Floats
     group: NDArray[np.int64]
-    """(n,) number of the receiver whose error a level shares; -1 where only one turns.
+    """(n,) number of the receiver whose error a level shares; -1 if only one receiver turns.
     Receivers that never turned have the first numbers."""
 
 
 class LevelEvidence:
-    """Log-likelihood of places, given two or more levels of bearings and other receivers.
+    """Log-likelihood of positions, given two or more levels of bearings and other receivers.
 
     Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
     normal error. P has a flat prior and n a normal one. The error of a receiver that never

@@ -1,4 +1,4 @@
-"""Losses behind hills for a flight's pulses, from each possible place of the tag."""
+"""Compute losses behind hills for a flight's pulses, from each possible tag position."""
 
 from dataclasses import dataclass, replace
 from typing import Any

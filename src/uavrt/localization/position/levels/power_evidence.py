@@ -1,4 +1,4 @@
-"""Likelihood of a place from powers along a track, with unknown level and path loss.
+"""Likelihood of a position from powers along a track, with unknown level and path loss.
 
 The model is z = P - 10 n log10(r / 100 m) + G + e, with fading e that is correlated along the
 track (first-order autoregressive). At a given place it is linear in P and n, so both, and the
@@ -45,17 +45,17 @@ class PowerTrack:
     longitude_deg: _Floats
     height_m: _Floats
     snr_db: _Floats
-    """(n,) SNR of each pulse [dB]; NaN for a miss."""
+    """(n,) SNR of each pulse [dB]; NaN: missed."""
     threshold_db: float = 10.0
     """SNR above which a missed pulse would have been detected [dB]."""
     antenna: AntennaPattern | None = None
-    """Antenna pattern, which needs `yaw_deg`; None for an upright monopole."""
+    """Antenna pattern, which requires `yaw_deg`; None: upright monopole."""
     yaw_deg: _Floats | None = None
     """(n,) direction of the boresight, clockwise from true north [deg]."""
     time_s: _Floats | None = None
-    """(n,) rising times of the pulses [s]; None assumes that the tag rests."""
+    """(n,) rising times of the pulses [s]; None: the tag rests."""
     origin_ns: int = 0
-    """UTC of `time_s` 0 [ns]; 0 where unknown."""
+    """UTC at `time_s` 0 [ns]; 0 if unknown."""
 
     def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
         """Return the pulses selected by an index array or a mask."""
@@ -71,15 +71,15 @@ class PulseGeometry:
     square_m2: _Reals
     log_square: _Reals
     rise_m: _Reals | None = None
-    """(places, 1) height of the ground above that at the take-off [m]; None is level ground."""
+    """(places, 1) height of the ground above that at the take-off [m]; None: level ground."""
     lost_db: _Reals | None = None
-    """(places, pulses) loss behind hills [dB]; None is level ground."""
+    """(places, pulses) loss behind hills [dB]; None: level ground."""
 
 
 def fit_each(
     several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
 ) -> list[PowerFit]:
-    """Fit several evidences that differ only in the height of the track, at once."""
+    """Fit several evidences at once that differ only in the height of the track."""
     first = several[0]
     fits = []
     together = max(1, POWER.together // len(first.used))
@@ -91,7 +91,7 @@ def fit_each(
 
 
 class PowerEvidence:
-    """Log-likelihood of places, given powers along a track.
+    """Log-likelihood of positions, given powers along a track.
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: heights, powers, antenna.
@@ -168,7 +168,7 @@ class PowerEvidence:
         return max(lasting_correlation(residual), by_hills)
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """(places, received) loss, and level over the pulses' mean less antenna gain."""
+        """(places, received) loss, and level over the pulses' mean, without antenna gain."""
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
 

@@ -1,4 +1,4 @@
-"""Errors common to all powers of a survey: a wrong height, pulses of other senders.
+"""Estimate errors common to all powers of a survey: a wrong height, pulses of other senders.
 
 A wrong height (terrain, a tag on a tree, a take-off on a hill) changes the place of the minimum
 and the slope of the strength; several heights are compared together with the place. Pulses of
@@ -31,7 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 class SurveyEvidence:
-    """Log-likelihood of places, given powers along a track of uncertain height.
+    """Log-likelihood of positions, given powers along a track of uncertain height.
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: reported heights, powers, antenna.
@@ -78,7 +78,7 @@ class SurveyEvidence:
             )
             for kept in readings
         ]
-        """For each set of the tag's own pulses, evidences of the heights and log-prior."""
+        """For each set of the tag's own pulses: log-prior, and evidences of the heights."""
 
     @property
     def foreign(self) -> int:
@@ -150,7 +150,7 @@ class SurveyEvidence:
         return tuple(one for one in SURVEY.shifts_m if one > -lowest)
 
     def _rough_fit(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Place, search radius [m] and height error [m] of the best robust fit."""
+        """Position, search radius [m] and height error [m] of the best robust fit."""
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)
         some[pulses[:: -(-len(pulses) // SURVEY.rough_pulses)]] = True
@@ -322,12 +322,12 @@ def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior of a set of the tag's own pulses (n,); the others have any strength."""
+    """Log-prior of a set of the tag's own pulses (n,); other pulses have any strength."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviation of pulses from neighbours' estimate (places, n), and its standard deviation."""
+    """Deviation of pulses from an estimate by their neighbours (places, n), and its sigma."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
@@ -344,7 +344,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum the likelihood over sets of the tag's own pulses; level and exponent of the best."""
+    """Sum the likelihood over sets of the tag's pulses; level and exponent of the best set."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])

@@ -1,4 +1,4 @@
-"""Sums over all pulses of a flight, for every interval and phase at once.
+"""Sum energies over all pulses of a flight, for every interval and phase at once.
 
 The fast folding algorithm (Staelin 1969, Proc. IEEE 57, 724): rows of one base period are added
 in pairs, pairs in pairs, each time with all shifts for intervals between the base period and
