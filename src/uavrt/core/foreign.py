@@ -45,9 +45,9 @@ class Limit:
     what: str
     """Kind of file, for the error text: ``"a tag file"``."""
     bytes: int
-    """Largest size on the disk, and after unpacking [bytes]."""
+    """Maximum size on the disk, and after unpacking [bytes]."""
     values: int = 100_000
-    """Largest number of elements, objects, lists and members in total."""
+    """Maximum number of elements, objects, lists and members in total."""
     depth: int = 32
 
     def check_size(self, size: int, name: object) -> None:

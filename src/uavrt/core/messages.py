@@ -25,7 +25,7 @@ DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 track. *integrated*: found after the flight in all its data; never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
-"""Largest frequency difference of two measurements of one sender [Hz]."""
+"""Maximum frequency difference of two measurements of one sender [Hz]."""
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
@@ -157,7 +157,7 @@ class SearchReport:
     frequency_hz: float
     noise_psd: float
     best_score: float
-    """Largest ratio of the statistic to its threshold in the time span; below 1."""
+    """Maximum ratio of the statistic to its threshold in the time span; below 1."""
     usable_share: float | None = None
     """Fraction of the time without another signal on the tag's frequency; None if unknown."""
     weakest_enr_db: float | None = None
@@ -344,7 +344,7 @@ def keep_beep(known: list[Beep], new: Beep) -> bool:
 
 
 MOST_BEEPS = 32
-"""Largest number of senders that a drone reports and a page shows."""
+"""Maximum number of senders that a drone reports and a page shows."""
 
 
 def drop_beeps(known: list[Beep]) -> int:

@@ -101,7 +101,7 @@ class FrontEndPlan:
     channel_spacing_hz: float
     channel_rate_hz: float
     usable_half_span_hz: float
-    """Largest distance of a tag from the centre [Hz]."""
+    """Maximum distance of a tag from the centre [Hz]."""
     frequencies_hz: tuple[float, ...]
     frequency_channels: tuple[int, ...]
     """Channel of each frequency, in the order of `frequencies_hz`."""
@@ -148,7 +148,7 @@ def outside_span(
 
 
 def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
-    """Largest distance of a tag from the radio's centre [Hz].
+    """Maximum distance of a tag from the radio's centre [Hz].
 
     It is the clean span of the decimator; without decimation, the radio's own filter limits it.
     The compatible mode takes the whole band with its aliases, as the original does.
@@ -159,7 +159,7 @@ def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> 
 
 
 def widest_half_span_hz(sample_rate_hz: float) -> float:
-    """Largest distance of a tag from the centre of a recording of this rate [Hz]."""
+    """Maximum distance of a tag from the centre of a recording of this rate [Hz]."""
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     return sample_rate_hz * (0.5 if one_channel else UNDECIMATED_FRACTION)
 

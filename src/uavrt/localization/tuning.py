@@ -40,7 +40,7 @@ class FlightTuning:
     """Limits for poses, pulses, turns and bearings that are read from a flight."""
 
     pose_step_ns: int = 180_000_000
-    """Least time between two poses that are used [ns]; closer ones add nothing to a turn."""
+    """Minimum time between two poses that are used [ns]; closer ones add nothing to a turn."""
     pose_gap_ns: int = 2_000_000_000
     """Gap between telemetry poses above which poses stored with pulses are used [ns]."""
     most_missed: int = 100_000
@@ -62,11 +62,11 @@ class FlightTuning:
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""
     least_pulses: int = 3
-    """Least number of pulses in a turn for a bearing."""
+    """Minimum number of pulses in a turn for a bearing."""
     least_turn_deg: float = 45.0
-    """Least angle of a turn in progress for a provisional bearing [°]."""
+    """Minimum angle of a turn in progress for a provisional bearing [°]."""
     whole_turn_deg: float = 270.0
-    """Least angle of a finished turn [°]."""
+    """Minimum angle of a finished turn [°]."""
     in_progress_ns: int = 10_000_000_000
     """Time before the last pose within which a turn may still be in progress [ns]."""
     one_flight_s: float = 7200.0
@@ -74,15 +74,15 @@ class FlightTuning:
     other_tag_hz: float = 10_000.0
     """Frequency difference above which one number means two tags [Hz]; drift is less."""
     least_turns: int = 3
-    """Least number of whole turns from which an antenna's pattern is learned."""
+    """Minimum number of whole turns from which an antenna's pattern is learned."""
     learning_pulses: int = 12
-    """Least number of pulses in a turn that is used to learn the antenna's pattern."""
+    """Minimum number of pulses in a turn that is used to learn the antenna's pattern."""
     most_turns: int = 24
-    """Largest number of turns used to learn the antenna's pattern: a limit on work."""
+    """Maximum number of turns used to learn the antenna's pattern: a limit on work."""
     tick_ns: int = 256
     """Resolution of times in pulse logs [ns]: a float of seconds since 1970."""
     least_height_m: float = 2.0
-    """Least height of the antenna above the tag [m]."""
+    """Minimum height of the antenna above the tag [m]."""
 
     live_turn_ns: int = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""

@@ -30,7 +30,7 @@ class PointTuning:
     longest_s: float = 0.1
     """Maximum duration of a pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
-    """Least number of frames that are transformed together."""
+    """Minimum number of frames that are transformed together."""
     most_candidates: int = 200_000
     """Maximum number of cells examined in a batch: the strongest ones."""
     strong_db: float = 32.0
@@ -84,13 +84,13 @@ class TrainTuning:
     strays: int = 2
     """Maximum points of one train during another that are still one sender's."""
     most_scatter_hz: float = 30.0
-    """Largest scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
+    """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
     """Minimum share of a frequency's points in trains; below it the trains are doubtful."""
     same_time_s: float = 0.012
-    """Largest difference between the times of simultaneous pulses [s]."""
+    """Maximum difference between the times of simultaneous pulses [s]."""
     image_share: float = 0.8
-    """Least share of an image's pulses that coincide with those of a stronger train."""
+    """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
     """Minimum level difference of an original and an image, at image frequencies [dB]."""
     anywhere_db: float = 25.0

@@ -57,7 +57,7 @@ class SumTuning:
     box_columns: int = 2048
     """Range within which waiting seeds are grouped [columns]."""
     same_columns: int = 10
-    """Largest distance between equal pulses of two codes [columns]."""
+    """Maximum distance between equal pulses of two codes [columns]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +134,7 @@ class ShapeTuning:
     pool_columns: int = 1
     """Range around a pulse's expected column in which its cell is the largest [columns]."""
     leak_amplitude: float = 0.35
-    """Largest amplitude that may be leakage, relative to the strongest at any frequency."""
+    """Maximum amplitude that may be leakage, relative to the strongest at any frequency."""
     loud_energy: float = 20.0
     """Minimum energy of a signal whose leakage is considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
@@ -189,13 +189,13 @@ class IdentityTuning:
     doubt_log: float = math.log(100.0)
     """Missing evidence up to which a burst is reported, as unconfirmed [log]."""
     rows: int = 1
-    """Largest difference in frequency between bursts of one tag [rows]."""
+    """Maximum difference in frequency between bursts of one tag [rows]."""
     most_missed: int = 8
     """Maximum number of bursts missed before a tag must be identified again."""
     own_error: float = 5e-6
     """Relative error of a measured interval: a crystal's drift with temperature."""
     same_burst_s: float = 0.02
-    """Largest difference between the start times of one burst [s]."""
+    """Maximum difference between the start times of one burst [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +215,7 @@ class ForeignTuning:
     beside_share: float = 0.25
     """Minimum energy of a foreign pulse that contradicts a burst, over the burst's mean."""
     rows: int = 2
-    """Largest difference in frequency between pulses of one sender [rows]."""
+    """Maximum difference in frequency between pulses of one sender [rows]."""
 
 
 CELLS = CellTuning()

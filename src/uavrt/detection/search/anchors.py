@@ -258,7 +258,7 @@ class _Tested:
     totals: NDArray[np.float32]
     """(anchors, intervals): sums of the limited powers."""
     best: NDArray[np.float32]
-    """(anchors,) largest sum of each anchor [noise powers]."""
+    """(anchors,) maximum sum of each anchor [noise powers]."""
 
 
 def search_together(

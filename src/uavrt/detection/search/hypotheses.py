@@ -95,7 +95,7 @@ class RateSearch(ABC):
         """Number of columns whose maxima over the jitter are known."""
         self.piece = max(16, math.ceil(GROUPS.piece_s / hop_s))
         self.best = 0.0
-        """Largest ratio of statistic to threshold since the last reset."""
+        """Maximum ratio of statistic to threshold since the last reset."""
         self.own_margin = 1.0
         """Factor on the threshold while the noise estimate is young."""
         self.known: KnownPulses | None = None

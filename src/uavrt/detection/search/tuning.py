@@ -66,7 +66,7 @@ class NoiseLevelTuning:
     """Constants for following sudden changes of the noise, in slots of half a pulse."""
 
     most_power: float = 4.0
-    """Largest power of a cell that counts for a level [noise powers]."""
+    """Maximum power of a cell that counts for a level [noise powers]."""
     past_slots: int = 80
     """Number of past slots from which levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
@@ -100,7 +100,7 @@ class NoiseLevelTuning:
     same_share: float = 0.12
     """Relative difference below which two levels count as the same."""
     most_averaged: int = 40
-    """Most calls over which an unchanged level is averaged."""
+    """Maximum number of calls over which an unchanged level is averaged."""
     learnt_slots: int = 40
     """Number of slots with a level of one that are assumed before the first slot."""
     steady_ratio: float = 0.5
@@ -239,7 +239,7 @@ class MeasureTuning:
     track_band_hz: float = 20.0
     """Maximum frequency difference between a followed pulse and its track [Hz]."""
     newton_steps: int = 3
-    """Most steps of Newton's method for a frequency."""
+    """Maximum number of steps of Newton's method for a frequency."""
     burst_sigmas: float = 9.0
     """Excess energy of a quarter window that marks an impulse [standard deviations]."""
     burst_share: float = 0.65

@@ -57,7 +57,7 @@ class CarrierTuning:
     floor_scale: float = 2.0
     """Ratio of the median of a group of noise to its bin of `floor_rank`."""
     most_lines: int = 240
-    """Most carriers subtracted: a transmitter's frame of 60 ms has one every 16.7 Hz."""
+    """Maximum number of carriers: a transmitter's frame of 60 ms has one every 16.7 Hz."""
     few_lines: int = 6
     """Maximum number of carriers that are all subtracted at the full degree."""
     many_lines: int = 100

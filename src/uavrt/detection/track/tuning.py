@@ -79,7 +79,7 @@ class BoundTuning:
     line_sigmas: float = 3.0
     """Tolerance for the interval of a line through many pulses [standard deviations]."""
     known_share: float = 0.5
-    """Largest error of a long group's interval at its confirmation, as a share of its bound."""
+    """Maximum error of a long group's interval at its confirmation, as a share of its bound."""
     same_transmitter_hz: float = 40.0
     """Maximum frequency difference between two tracks of one transmitter [Hz]."""
     same_group_hz: float = 100.0
@@ -237,7 +237,7 @@ class GhostTuning:
     third harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its
     products. Of a product of two signals, each is stronger by this ratio."""
     least_pulses: int = 3
-    """Least number of pulses of a ghost."""
+    """Minimum number of pulses of a ghost."""
     mistaken_share: float = 1e-3
     """Maximum share of real tags mistaken for ghosts, if pulses coincide with another's."""
     edge_ratio: float = 100.0

@@ -59,7 +59,7 @@ PLACEHOLDER_DB = -9999.0
 STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
 """Detection statuses by their number; 3, integrated, is uavrt's own."""
 _NORM_TOLERANCE = 2e-3
-"""Largest deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but the
+"""Maximum deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but the
 original computed in single precision."""
 _MARKS = {"10": "start", "11": "stop"}
 _REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"

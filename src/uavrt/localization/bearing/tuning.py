@@ -26,7 +26,7 @@ class TurnTuning:
     stop_deg: float = 4.0
     """Maximum change of heading during a stop [°]."""
     stop_s: float = 2.0
-    """Least duration of a stop [s]."""
+    """Minimum duration of a stop [s]."""
     least_rate_deg_s: float = 0.5
     """Minimum rate of a turn [°/s]; a slower change of heading is drift."""
     least_rate_share: float = 0.1
@@ -34,9 +34,9 @@ class TurnTuning:
     rate_window_s: float = 4.0
     """Window for measuring the rate of turn [s]; 0.5° compass error gives 0.15°/s."""
     climb_m_s: float = 0.4
-    """Least vertical speed of a climb or descent [m/s]."""
+    """Minimum vertical speed of a climb or descent [m/s]."""
     climb_m: float = 4.0
-    """Least change of height of a climb or descent [m]; gusts cause less."""
+    """Minimum change of height of a climb or descent [m]; gusts cause less."""
     ground_share: float = 0.15
     """Height below which the drone is on the ground, as a share of its usual height."""
     ground_m: tuple[float, float] = (2.0, 6.0)
@@ -74,9 +74,9 @@ class PatternTuning:
     correlated_share: float = 0.2
     """Prior share of turns with correlated fading."""
     most_pulses: int = 240
-    """Largest number of pulses for which correlation is evaluated: a limit on work."""
+    """Maximum number of pulses for which correlation is evaluated: a limit on work."""
     least_pulses: int = 12
-    """Least number of pulses for which correlation is evaluated."""
+    """Minimum number of pulses for which correlation is evaluated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +92,7 @@ class TwoPathTuning:
     exact_fit: float = 1e-9
     """Residual below which a fit counts as exact, as a share of the levels' sum of squares."""
     least_pulses: int = 12
-    """Least number of pulses in a rotation that is examined."""
+    """Minimum number of pulses in a rotation that is examined."""
     least_gain_nats: float = 8.0
     """Minimum rise of log-likelihood over one path [nats]; noise exceeds it in 1 % (B6)."""
 

@@ -37,7 +37,7 @@ class GridTuning:
     peak_heights: float = 0.25
     """Width of a survey's likelihood peak, as a share of the height above the tag."""
     least_extent_share: float = 1.0 / 16.0
-    """Least width of cells that resolve a survey's peak, as a share of its extent."""
+    """Minimum width of cells that resolve a survey's peak, as a share of its extent."""
 
     negligible: float = 0.005
     """Probability below which an explanation (rest, walk, compass error) is ignored."""
@@ -70,7 +70,7 @@ class BearingFixTuning:
     """Probability of the cells over which heading error and outliers are averaged."""
 
     iterations: int = 200
-    """Largest number of iterations of Lenth's estimators."""
+    """Maximum number of iterations of Lenth's estimators."""
     converged_m: float = 0.001
     """Movement in one iteration below which the position has converged [m]."""
     andrews: float = 1.5
@@ -98,7 +98,7 @@ class CommonErrorTuning:
     walking_m_s: float = 0.5
     """Standard deviation of a walking animal's speed in each direction [m/s]."""
     least_span_s: float = 20.0
-    """Least time between first and last bearing that can show a walk [s]."""
+    """Minimum time between first and last bearing that can show a walk [s]."""
     contradiction: float = 0.01
     """Chance probability of the scatter below which bearings contradict each other."""
     good_outlier: float = 0.1
@@ -106,7 +106,7 @@ class CommonErrorTuning:
     least_agreeing: int = 3
     """Minimum number of agreeing bearings that confirm a position against an outlier."""
     rounds: int = 25
-    """Largest number of rounds of the fit with outliers."""
+    """Maximum number of rounds of the fit with outliers."""
     loose_rounds: int = 8
     """Number of first rounds in which larger errors are tolerated."""
 
@@ -184,7 +184,7 @@ class SurveyTuning:
     shifts_m: tuple[float, ...] = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
     """Candidate errors of the height [m]."""
     least_height_m: float = 3.0
-    """Least height above the tag after a correction [m]."""
+    """Minimum height above the tag after a correction [m]."""
     closer_m: tuple[float, ...] = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
     """Candidate heights relative to the mean when the height is known [m]."""
     known_m: float = 6.0
@@ -192,9 +192,9 @@ class SurveyTuning:
     nodes: tuple[float, ...] = (-1.5, 0.0, 1.5)
     """Heights evaluated at each position, relative to the mean [standard deviations]."""
     least_sigma_m: float = 1.5
-    """Least standard deviation of the height when it is averaged over nodes [m]."""
+    """Minimum standard deviation of the height when it is averaged over nodes [m]."""
     least_bend: float = 0.05
-    """Least curvature of the log-likelihood over the height nodes [nats]."""
+    """Minimum curvature of the log-likelihood over the height nodes [nats]."""
 
     foreign_share: float = 0.02
     """Prior share of pulses that another sender transmitted."""
@@ -232,7 +232,7 @@ class SurveyTuning:
     mirror_nats: float = 20.0
     """Log-likelihood below the best within which a mirror image is examined [nats]."""
     least_db: float = 0.05
-    """Least residual scatter of powers [dB]: their resolution."""
+    """Minimum residual scatter of powers [dB]: their resolution."""
     freedom: float = 3.0
     """Degrees of freedom of Student's law in the robust fit."""
     rounds: int = 4
@@ -244,9 +244,9 @@ class WalkTuning:
     """Constants for comparing a walking with a resting tag in the powers of a survey."""
 
     least_span_s: float = 60.0
-    """Least duration of a survey that can show a walk [s]."""
+    """Minimum duration of a survey that can show a walk [s]."""
     least_pulses: int = 20
-    """Least number of pulses that can show a walk."""
+    """Minimum number of pulses that can show a walk."""
     rough_pulses: int = 60
     """Number of pulses in the coarse comparison."""
     rough_cells: int = 12
@@ -307,7 +307,7 @@ class LossErrorTuning:
     pulse_share: float = 0.05
     """Standard deviation of each pulse's own part, as a share of the loss."""
     limits: tuple[float, float] = (-0.7, 2.5)
-    """Least and largest mean of the error after pulses."""
+    """Minimum and maximum mean of the error after pulses."""
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0
@@ -334,13 +334,13 @@ class TrackTuning:
     """Number of hypotheses whose paths are smoothed after the flight."""
 
     least_times: int = 3
-    """Least number of bearings or pulses for a path."""
+    """Minimum number of bearings or pulses for a path."""
     particles: int = 10_000
     """Number of hypotheses for a path."""
     point_step_s: float = 15.0
-    """Least time between two points of a path that are not at a bearing [s]."""
+    """Minimum time between two points of a path that are not at a bearing [s]."""
     most_points: int = 40
-    """Largest number of points of a path that are not at a bearing."""
+    """Maximum number of points of a path that are not at a bearing."""
     fastest_m_s: float = 2.0
     """Maximum mean speed at which an animal leaves the position found for a flight [m/s]."""
     margin_m: float = 300.0

@@ -15,7 +15,7 @@ from uavrt.localization.terrain.squares import GroundGrid
 
 _Floats = NDArray[np.float64]
 _TOGETHER = 100_000
-"""Largest number of profile points, or cells, computed at once."""
+"""Maximum number of profile points, or cells, computed at once."""
 
 
 def terrain_loss_map(

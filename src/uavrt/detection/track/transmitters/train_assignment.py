@@ -141,7 +141,7 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss on the path from a train that lost its tag to a tag that is freed.
+    """Minimum loss on the path from a train that lost its tag to a tag that is freed.
 
     The last row and column stand for unassigned tags and for trains without a tag.
     """

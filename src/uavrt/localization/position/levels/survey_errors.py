@@ -78,7 +78,7 @@ class SurveyEvidence:
             )
             for kept in readings
         ]
-        """For each set of the tag's own pulses: log-prior, and evidences of the heights."""
+        """For each set of the tag's own pulses: evidences of the heights, and log-prior."""
 
     @property
     def foreign(self) -> int:
