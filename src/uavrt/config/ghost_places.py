@@ -30,7 +30,7 @@ amplifiers; the second from a converter's separate treatment of the two parts of
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """Tuning of a receiver, from which its ghost frequencies follow."""
+    """Tuning of a receiver, which determines its ghost frequencies."""
 
     center_frequency_hz: float
     sample_rate_hz: float

@@ -114,8 +114,8 @@ class MavlinkSettings(_Table):
     """File with a key of 64 hexadecimal digits: MAVLink 2 signing, for direct links and through
     ArduPilot. PX4 1.17 breaks the signatures of frames that it forwards; use key_file there."""
     accept_unsigned: Literal["none", "autopilot", "all"] = "autopilot"
-    """Sources whose unsigned frames are accepted if a signing key is set; from the autopilot
-    only telemetry is."""
+    """Sources whose unsigned frames are accepted if a signing key is set; of the autopilot,
+    only telemetry."""
     tunnel_generation: Literal["auto", "G0", "G1", "G2v1", "G2"] = "auto"
     """Wire format towards the ground; auto: the format of the ground station. Numbered versions
     of the original must be set: G2v1 is version 1, G2 that of tunnel_version."""
@@ -298,7 +298,7 @@ class GuidanceSettings(_Table):
     return_after_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 60.0
     """Time of holding before the return [s]."""
     unwatched_channels: tuple[Annotated[int, Interval(ge=5, le=18)], ...] = ()
-    """RC channels whose changes do not end an order, like [16] for one that carries the RSSI; a
+    """RC channels whose changes do not end an order, like [16] for a channel with the RSSI; a
     change on any other channel is a pilot's takeover."""
 
 

@@ -80,7 +80,7 @@ def told_utc(time_ns: int) -> str:
 
 
 def parse_iso_utc(text: str) -> int:
-    """Read an ISO 8601 time; without a zone it is taken as UTC.
+    """Parse an ISO 8601 time to [ns, UTC]; a time without a zone is UTC.
 
     Raises `ValueError`: `text` is not an ISO 8601 time, or not one from 1970 to 2261:
     nanoseconds are kept in 64 bits.

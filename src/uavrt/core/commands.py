@@ -17,7 +17,7 @@ from typing import Literal
 
 
 class SystemState(StrEnum):
-    """State of the supervisor; the protocol has other numbers for it."""
+    """State of the supervisor; the radio protocol numbers the states differently."""
 
     IDLE = "idle"
     RECEIVING_TAGS = "receiving_tags"

@@ -1,4 +1,4 @@
-"""Size limits for files and texts from outside, and functions that read them.
+"""Read files and texts from outside, with limits on their size.
 
 Every parser of a foreign format uses these functions. They limit bytes, unpacked bytes, nesting
 and number of values; a file beyond its limit is refused with one line. Limits are about ten
@@ -264,7 +264,7 @@ _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
-    """Raise `ValueError` for TOML on which `tomllib` would take minutes.
+    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
 
     Its time increases with the square of the parts of a dotted key, its stack with each level
     of brackets.
@@ -297,7 +297,7 @@ def shortened(faults: list[str]) -> list[str]:
 
 
 def size_of(path: Path) -> int:
-    """Size of a plain file [bytes]; raises `OSError`, or `FormatError` for any other."""
+    """Size of a plain file [bytes]; raises `OSError`, or `FormatError` for a device."""
     about = path.stat()
     require_plain_file(path, about.st_mode)
     _check_holes(about, path)

@@ -146,7 +146,7 @@ _logger = Logger()
 def configure_logging(
     process: str, *, level: int = logging.INFO, stream: TextIO | None = None
 ) -> None:
-    """Write this process's log events to stderr, with the process's name in each."""
+    """Write this process's log events to stderr, each with the process's name."""
     _sink.process, _sink.level, _sink.stream, _sink.broken = process, level, stream, 0
 
 

@@ -29,14 +29,14 @@ _SAME_SENDER_HZ = 300.0
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
-"""False-alarm probability of a tag whose entry in the tag list gives none."""
+"""False-alarm probability of a tag whose entry in the tag list has none."""
 WHOLE_FLIGHT_FALSE_ALARM = 0.01
 """Probability that a search of a whole flight without the tag reports the tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:
-    """A radio tag as the operator describes it."""
+    """A radio tag as described in the tag list."""
 
     tag_id: int
     frequency_hz: float
@@ -399,7 +399,7 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """Progress report of a process; records beyond it are sent again after its restart."""
+    """Progress report of a process; later records are sent again after its restart."""
 
     records: int
     """Number of records since the start of the process that are on the disk, or need not be.
@@ -641,7 +641,7 @@ class Course:
     asked_way: tuple[tuple[float, float], ...] = ()
     """Start and end of the requested leg."""
     given: tuple[tuple[int, int], ...] = ()
-    """Ids of other vehicles, and versions of their legs, known when the leg was chosen."""
+    """Ids of other vehicles, and the versions of their legs when this leg was chosen."""
     held: tuple[int, ...] = ()
     """Tags that the drone is searching for at present."""
     found: tuple[FoundTag, ...] = ()
@@ -774,7 +774,7 @@ class VehicleReport:
 
 
 class FlyThere(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Fly straight to a position and stay; also turn to a yaw, if the autopilot accepts it."""
+    """Fly straight to a position and stay, with a heading if the autopilot accepts it."""
 
     latitude_deg: float
     longitude_deg: float
@@ -830,7 +830,7 @@ class IQBlock:
     """
 
     samples: "NDArray[np.complex64]"
-    """(n,) complex64; valid until the source is read again, so copy it to keep it."""
+    """(n,) complex64 samples; valid until the source is read again, so copy to keep them."""
     sample_index: int
     """Index of the first sample since the source started, including lost samples."""
     time_ns: int
@@ -852,8 +852,8 @@ class ChannelBlock:
     negative ones."""
     center_frequency_hz: float
     samples: "NDArray[np.complex64]"
-    """(n,) complex64, never overwritten; a tone of amplitude A in the radio has amplitude A
-    here."""
+    """(n,) complex64 samples, never overwritten; a tone keeps the amplitude it has in the
+    radio."""
     sample_index: int
     """Index of the first sample of this channel since the start, including lost samples."""
     time_ns: int

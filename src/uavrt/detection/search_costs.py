@@ -24,7 +24,7 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Cost up to which a list is not measured [typical tags]: a fifth of a core here."""
+    """Estimated cost up to which a list is not measured [typical tags]: a fifth of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
     """Weight of a typical tag: K² = 9, times ± 60 ms in seconds, times ± 500 Hz in hertz."""
     least_uncertainty_s: float = 0.003
@@ -34,7 +34,7 @@ class CostTuning:
     block: int = 655
     """Length of a block of the measured signal [samples]."""
     measured_s: float = 3.0
-    """Length of the measured signal [s], for some searches by each detector."""
+    """Length of the measured signal [s]; each detector searches it several times."""
     together: int = 4
     """Number of equal detectors measured together."""
     dear_weight: float = 10.0
@@ -94,7 +94,7 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
 def _measure(
     tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
 ) -> float:
-    """Run detectors on noise, or one on its tag; return the number of cores for each."""
+    """Run detectors on noise, or one on a tag; return the number of cores for each detector."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > COSTS.dear_weight else COSTS.together
     group = DetectorGroup()

@@ -67,7 +67,7 @@ class Clipping:
         return self.clipped_s / self.examined_s if self.examined_s else 0.0
 
     def check(self, block: IQBlock) -> None:
-        """Search a block of the radio's samples for clipped ones."""
+        """Search a block of the radio's samples for clipped samples."""
         rate_hz = block.sample_rate_hz
         length = max(1, math.ceil(_STRETCH_S * rate_hz))
         count = len(block.samples) // length

@@ -27,7 +27,7 @@ class DamagedLines:
         self._faults.append((number, reason))
 
     def report(self, good: int) -> None:
-        """Report the skipped lines; raises `FormatError` if they outnumber the good ones."""
+        """Report the skipped lines; raises `FormatError` if they outnumber the valid ones."""
         if not self._faults:
             return
         number, error = self._faults[0]

@@ -17,7 +17,7 @@ from uavrt.core.plugins import Registry
 MONOPOLE = "monopole"
 """Name of the upright whip antenna, which receives equally at all headings."""
 NULL_DB = -30.0
-"""Gain of the deepest null of an installed antenna [dB]; the airframe scatters into it."""
+"""Gain in the deepest null of an installed antenna [dB]; airframe reflections fill it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ class PowerLawTuning:
     level_step_db: float = 0.25
     """Step between two expected levels in the tables [dB]."""
     lowest_level_db: float = -30.0
-    """Lowest expected level over noise in the tables [dB]; a weaker pulse adds 0.1 % to it."""
+    """Lowest expected level over noise in the tables [dB]; a weaker pulse adds 0.1 % power."""
     fadings_db: tuple[float, ...] = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
     """Candidate standard deviations of fading from pulse to pulse [dB]."""
     outlier_share: float = 0.01

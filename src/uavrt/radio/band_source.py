@@ -174,7 +174,7 @@ class ByteJoiner:
 
 
 def misalignment(data: bytes) -> int:
-    """Number of bytes to skip to the next float, 0 to 3; 0 if the bytes do not show it.
+    """Number of bytes to skip to the next float, 0 to 3; 0 if the bytes do not show the number.
 
     The fourth byte of a little-endian float32 holds the sign and most of the exponent: 0x30 to
     0x46 for radio samples of 1e-9 to 1e4, or zero. At any other alignment most values fall

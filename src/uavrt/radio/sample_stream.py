@@ -23,8 +23,8 @@ from uavrt.radio.timing.sample_placing import HOLD_S
 BLOCK_S: Final = 0.0874
 """Approximate block length [s]; longer ones add latency, shorter ones wake-ups."""
 _WRITE: Final = 16384
-"""Number of samples whose multiples radio programs write (airspy_rx 65 536). A block that is
-also a multiple needs no extra read: 262 144 at 3 MS/s."""
+"""Unit of the writes of radio programs [samples]; airspy_rx writes 65 536. A block that is a
+multiple of it needs no extra read: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
 """Largest pipe that Linux allows without privilege (/proc/sys/fs/pipe-max-size) [bytes]."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
@@ -160,7 +160,7 @@ class StreamSource(LiveSource):
         return bool(self._poll.poll(timeout_s * 1000.0))
 
     def _reported_lost(self) -> int:
-        """Number of lost samples that the writer reports: 0; subclasses override it."""
+        """Number of lost samples reported by the writer: 0, unless a subclass differs."""
         return 0
 
     def _check_end(self) -> None:

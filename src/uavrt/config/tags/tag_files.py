@@ -54,7 +54,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
 
 
 def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
-    """Select the reader of a text: by its name, else by a line that no other format has."""
+    """Select the reader of a text: by file name, else by a line that only one format has."""
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
     if not name.endswith(".toml") and is_code_csv(text):

@@ -32,7 +32,7 @@ MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
 
 USUAL_UNCERTAINTY_MS, USUAL_JITTER_MS = 60.0, 10.0
-"""Interval uncertainty and jitter of a tag whose list lacks them: the thesis's own values
+"""Interval uncertainty and jitter of a tag whose list has none [ms]: the thesis's own values
 (figure 4.9). Labels are rounded, and intervals change with temperature and battery."""
 
 _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
@@ -93,7 +93,7 @@ def _tag(draft: TagDraft) -> Tag:
 
 
 def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
-    """Interval uncertainty for a list without it [ms]: 60 ms, or as much as can be searched.
+    """Interval uncertainty for a list without one [ms]: 60 ms, or as much as can be searched.
 
     At most a tenth of the interval, and small enough to predict the last of K pulses within an
     interval (see `_fault_of_group`).

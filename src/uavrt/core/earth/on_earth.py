@@ -5,7 +5,7 @@ import math
 from uavrt.core.earth.attitude import Quaternion, normalised
 
 _SCALED = 1e5
-"""Absolute value above which a latitude or longitude is taken as 10⁻⁷ degrees (MAVLink)."""
+"""Absolute value of a latitude or longitude above which it is in 10⁻⁷ degrees (MAVLink)."""
 
 
 class OffEarthError(ValueError):

@@ -143,7 +143,7 @@ def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Intervals of a train, the one with most pulses first, then other certain ones [s]."""
+    """Intervals of a train [s], that with the most pulses first; uncertain ones are omitted."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

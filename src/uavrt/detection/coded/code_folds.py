@@ -21,7 +21,7 @@ from uavrt.detection.coded.tuning import SUMS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Several bursts of a code whose sum exceeds noise.
+    """Several bursts of one code with a sum that exceeds noise.
 
     `score`: sum of amplitudes over the required. `also_possible`: ids of other tags.
     """

@@ -229,7 +229,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Score bursts with equal numbers of pulses; keep those whose good pulses suffice."""
+    """Score bursts with equal numbers of pulses; drop those with too few good pulses."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -286,7 +286,7 @@ class AcceptedBursts:
 
 
 class Overlaps:
-    """Overlap of possible bursts' pulses with accepted bursts, and the remaining pulses.
+    """Overlap of possible bursts with accepted bursts, and the remaining pulses.
 
     `guard`: columns on either side of a pulse that belong to it.
     """

@@ -28,7 +28,7 @@ def in_step(
     timing_s: float,
     most: int = IDENTITY.steps,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Find bursts at whole burst intervals before and after one.
+    """Find bursts at whole multiples of the burst interval before and after a burst.
 
     `tag`: gives the interval. Returns (expected_s, gains, which), each (2 most,): expected
     times; log odds that a burst found there is the tag's, 0 for none; the nearest other burst.

@@ -18,7 +18,7 @@ CLIP = 63
 NEUTRAL = round(1.0 / STEP)
 """Stored value of a cell with the mean energy of noise."""
 UNIT = 16.0
-"""Amplitude of the noise in stored samples, which are limited to eight times that."""
+"""Amplitude of the noise in stored samples; samples are limited to eight times that."""
 
 
 class Cells:
@@ -61,7 +61,7 @@ class Cells:
         self.base = 0
         """Column of the first stored byte."""
         self.end = 0
-        """Column after the last computed one."""
+        """Column after the newest one."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
         """Samples from column `base` on, real and imaginary, relative to the noise."""

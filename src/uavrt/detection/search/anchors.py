@@ -42,7 +42,7 @@ class AnchorSearch(RateSearch):
         self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns
         """Number of columns stored in the ring buffer; column c is at c modulo this number."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
-        """Number of columns of the ring buffer, including the repeated ones."""
+        """Number of columns of the ring buffer, with the columns repeated behind its end."""
         self.base = 0
         # Its own when it is first needed: of a hundred tags in a group 48 MB never are.
         self.memory = np.zeros(0, np.float32)
@@ -146,7 +146,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Collect the anchors whose last pulse is complete, for each place in a group."""
+        """Collect the anchors with a complete last pulse, for each place in a group."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return
@@ -246,7 +246,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tested:
-    """Sums of some anchors, along the first axis, in the units of the cells."""
+    """Sums of some anchors (first axis), in the units of the cells."""
 
     column: NDArray[np.intp]
     row: NDArray[np.intp]

@@ -146,7 +146,7 @@ def power_by_halves(
     first: int,
     take: Callable[[str, tuple[int, ...]], NDArray[np.float32]],
 ) -> None:
-    """Compute rows at ± f together: a quarter of the multiplications, and real ones.
+    """Compute rows at ± f together, with a quarter of the multiplications, all real.
 
     With e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n) around a window's middle the transform at
     ± f is A ∓ jB, A the sum of e cos and B that of o sin. `parts` (2, tags, samples): real and
@@ -367,7 +367,7 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Band-pass around the tag whose aliases fall outside ± `pass_hz`, shape (odd,).
+    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
 
     Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
     decimation; the rows of the transform are folded alike.

@@ -23,7 +23,7 @@ Anchors = tuple[list[int], list[int], list[float]]
 
 
 class Candidate(NamedTuple):
-    """A hypothesis whose statistic reached the threshold."""
+    """Hypothesis (row, anchor, interval) with a statistic above the threshold."""
 
     score: float
     """Ratio of the statistic to the threshold."""

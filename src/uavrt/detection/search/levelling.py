@@ -38,7 +38,7 @@ class _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Changing noise levels: for dividing cells, and for measuring pulses."""
+    """Changing noise levels, to divide cells by and to measure pulses with."""
 
     divisor: NDArray[np.float32]
     """(new slots,) common level that divides cells, raised by its possible error."""
@@ -51,7 +51,7 @@ class _Followed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Noise levels of some slots."""
+    """Noise levels of several slots."""
 
     common: NDArray[np.float32]
     margin: NDArray[np.float32]
@@ -373,7 +373,7 @@ def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
 def _longest(
     common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Mean over the longest stretch back from each slot that agrees with all shorter ones.
+    """Mean over the longest stretch before each slot that agrees with all shorter stretches.
 
     Returns (mean, begin, least), each (slots,): the mean; the first slot of the stretch; the
     largest of the agreeing means less their errors.

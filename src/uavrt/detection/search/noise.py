@@ -209,7 +209,7 @@ class RowNoise:
         return smooth
 
     def _straight(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32] | None:
-        """Fit one line in decibels to all rows; None if the medians are not on it."""
+        """Fit one line in decibels to all rows; None if the medians deviate from the line."""
         assert self._long is not None
         rows = np.arange(len(smooth), dtype=np.float64)
         # At the ends of a channel the medians take in what lies across the edge.

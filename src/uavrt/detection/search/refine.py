@@ -205,7 +205,7 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power at many starts and some frequencies.
+        """Matched-filter power of pulses at many start times and some frequencies.
 
         `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
         frequencies, count), or None if fewer samples are kept than needed for one pulse;

@@ -137,7 +137,7 @@ def young_margin(threshold: float, noise_error: float) -> float:
 
 
 def weakest_enr_db(k: int, threshold: float) -> float:
-    """ENR [dB] of K equal pulses whose sum reaches a threshold in nine groups of ten.
+    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB].
 
     A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
     """

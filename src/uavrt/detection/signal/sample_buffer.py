@@ -143,7 +143,7 @@ class SampleBuffer:
         return added
 
     def append(self, samples: NDArray[np.complex64], time_ns: int) -> None:
-        """Add samples whose first one has the given time."""
+        """Add samples; the time is that of the first one."""
         self._stamp_index.append(self.end)
         self._stamp_ns.append(time_ns)
         self._write(samples)

@@ -65,13 +65,13 @@ class Cleaner:
 
     @property
     def margin(self) -> int:
-        """Number of samples after a stretch that are needed to clean it."""
+        """Number of samples after a stretch that the cleaning of the stretch requires."""
         ahead = self._whitener.reach if self._whitener is not None and self.whitening else 0
         return self._beyond + self._ahead + ahead
 
     @property
     def _beyond(self) -> int:
-        """Number of samples after a stretch that the search for impulses needs."""
+        """Number of samples after a stretch that the search for impulses requires."""
         return self.flank + self._short
 
     @property
@@ -182,7 +182,7 @@ class Cleaner:
 
 
 def _median_power(samples: NDArray[np.complex64]) -> float:
-    """Median power of some samples that are not lost (zero); 0: all are lost."""
+    """Median power of the samples that are not lost (zero); 0 if all are lost."""
     some = samples[:: CHANNEL.floor_stride]
     power = some.real**2 + some.imag**2
     power = power[power > 0.0]

@@ -92,7 +92,7 @@ class WhiteningTuning:
     most_weight: float = 6.0
     """Maximum power of a window that counts [noise densities]; windows may hold pulses."""
     rise_ratio: float = 2.2
-    """Ratio of the newest median to the density above which the median replaces it."""
+    """Ratio of the newest median to the averaged density above which the median replaces it."""
     suppressed_ratio: float = 10.0
     """Ratio of a density to that of the tag's band above which the filter divides by its square
     root. The power of a neighbour after the filter is one over this."""

@@ -49,7 +49,7 @@ class Whitener:
         return self._taps is not None
 
     def learn(self, samples: Samples) -> None:
-        """Update the density with new samples, and make the filter for them.
+        """Update the noise density with new samples, and make the filter for these samples.
 
         `samples` (n,): without carriers, not filtered; lost samples are zero.
         """

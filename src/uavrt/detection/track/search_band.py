@@ -73,7 +73,7 @@ class _LostColumns:
 
 
 class SearchBand:
-    """The search of one stream in one band.
+    """Search of one stream in one band of frequencies.
 
     `batch_s`: longest piece of samples [s].
     """
@@ -226,7 +226,7 @@ class SearchBand:
         return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
 
     def take_over(self, other: "SearchBand", upto: int) -> None:
-        """Begin at an index in mid-stream with the noise of a band that includes this one."""
+        """Begin at an index in mid-stream with the noise estimate of a wider band."""
         grid = self._grid
         column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
         self._column = self._begun = column

@@ -93,7 +93,7 @@ class Track:
     """Group sequence number by group of K lattice numbers."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
-    """Log odds that the track is not a chance series of bursts, of all that may begin so."""
+    """Log odds that the track is a tag and not a chance series of bursts."""
     best_odds: float = 0.0
     in_doubt: bool = False
     """True if a series of bursts was ever more likely than reporting allows."""
@@ -110,7 +110,7 @@ class Track:
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
     """Log odds that the tag sends at even and at odd numbers; old evidence decays."""
     certain_s: float = math.inf
-    """Time until which the rate is certain [s]; later pulses wait until their rate is."""
+    """Time until which the rate is certain [s]; later pulses are not reported yet."""
 
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
@@ -263,7 +263,7 @@ class Track:
                 self.dead = True
 
     def skip(self) -> None:
-        """Skip an expected pulse whose samples are lost."""
+        """Skip an expected pulse with lost samples."""
         self._predict()
         self.number += 1
         self.offset_hz += self.drift_hz

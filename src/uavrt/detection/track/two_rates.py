@@ -91,7 +91,7 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate depends on when the tag switched.
+    """Mark the pulses whose rate depends on the time of the switch.
 
     The switch is certain, but a noise peak where only one rate expects a pulse can make a wrong
     pulse the likelier one. `starts_s`: times of pulses that may be the last before the switch.

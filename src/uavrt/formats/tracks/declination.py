@@ -1,4 +1,4 @@
-"""Magnetic declination, for the few logs whose headings are magnetic.
+"""Compute magnetic declination, for the few logs with magnetic headings.
 
 Autopilots report true headings: PX4 and ArduPilot add the declination themselves. NMEA's HDG
 and HDM are compass headings. The package pygeomag has the World Magnetic Model for 2010 to

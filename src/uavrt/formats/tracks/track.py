@@ -93,7 +93,7 @@ def in_order(samples: Iterable[S]) -> tuple[S, ...]:
 
 
 def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
-    """Level attitudes whose heading is the course over ground."""
+    """Level attitudes with the course over ground as heading."""
     found: list[AttitudeSample] = []
     heading = None
     for before, after in pairwise(positions):

@@ -347,7 +347,7 @@ def learnt_pattern(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> AntennaPattern:
-    """Antenna's pattern learned from complete turns of this flight and of `past` ones."""
+    """Learn the antenna's pattern from complete turns of this flight and of `past` flights."""
     antenna = antenna_of(heard, how)
     if not (how.learn and how.bearing_method == "pattern_ml" and turns):
         return pattern_named(antenna)

@@ -39,7 +39,7 @@ class PoseAttacher:
         return sum(map(len, self._queues.values()))
 
     def add(self, pulse: Pulse, now_ns: int) -> None:
-        """Add a pulse that arrives now."""
+        """Add a pulse that has just arrived."""
         queue = self._queues.setdefault(pulse.tag_id, deque())
         queue.append(_Waiting(pulse, now_ns + self._wait_ns))
 

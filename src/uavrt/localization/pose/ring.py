@@ -23,7 +23,7 @@ CAPACITY = 6_000
 """Number of stored attitudes and of positions: two minutes at 50 Hz, one at 100 Hz."""
 
 MAX_GAP_S = 2.0
-"""Longest gap between samples that is interpolated [s]; a vehicle may turn in a longer one."""
+"""Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""
 
 MAX_EXTRAPOLATION_S = 1.0
 """Longest extrapolation beyond the newest sample, or from the edge of a gap [s]. At 30°/s the

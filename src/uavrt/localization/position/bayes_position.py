@@ -170,14 +170,14 @@ class _Agreement:
     """Consistency of the bearings, and explanations other than a resting tag."""
 
     found: tuple[tuple[float, Fit], ...] = ()
-    """Explanations with their probabilities; that of a resting tag precedes the others."""
+    """Explanations with their probabilities, the resting tag first."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
     """Reason why errors that all bearings share cannot be checked."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
-        """Explanations other than a resting tag whose probability is not negligible."""
+        """Explanations other than a resting tag with a probability that is not negligible."""
         return tuple(one for one in self.found[1:] if one[0] > GRID.negligible)
 
     @property

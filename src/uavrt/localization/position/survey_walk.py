@@ -95,7 +95,7 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Compare a walking tag with a resting one.
+    """Compare a walking tag with a resting tag by the powers of a survey.
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `powers`: with times; foreign pulses left out.

@@ -185,7 +185,7 @@ class _Particles:
     east_m: _Singles
     north_m: _Singles
     east_m_s: _Singles
-    """Velocity towards east of travelling hypotheses [m/s]; 0 for the others."""
+    """Velocity towards east of travelling hypotheses [m/s]; 0 for other hypotheses."""
     north_m_s: _Singles
     mode: NDArray[np.int8]
     exponent: _Singles
@@ -194,7 +194,7 @@ class _Particles:
     mean_db: _Singles
     variance_db2: _Singles
     origin: NDArray[np.int32]
-    """Index of the hypothesis' ancestor at the last stored time; -1 for a new one."""
+    """Index of each hypothesis' ancestor at the last stored time; -1 for a new hypothesis."""
 
     def chosen(self, index: NDArray[np.intp]) -> "_Particles":
         return _Particles(**{one.name: getattr(self, one.name)[index] for one in fields(self)})

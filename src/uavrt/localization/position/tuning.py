@@ -10,13 +10,13 @@ class GridTuning:
     first_cells: int = 36
     """Number of cells along the area's longer side before any cell is quartered."""
     held: float = 6e-4
-    """Probability in a cell above which it is quartered."""
+    """Probability above which a cell is quartered."""
     held_rough: float = 2e-6
     """Probability above which an uneven cell, which may hide a peak, is quartered."""
     rough_nats: float = 1.0
-    """Difference of log-density between a cell's quarters above which it is uneven [nats]."""
+    """Difference of log-density between quarters above which a cell is uneven [nats]."""
     added_nats: float = 0.1
-    """Change of a cell's log-likelihood by further data above which it may be uneven [nats]."""
+    """Change of log-likelihood by further data above which a cell may be uneven [nats]."""
     overlooked_nats: float = 7.0
     """Log-density below the best within which a cell's corner may be a peak [nats]."""
     edge_share: float = 0.005
@@ -180,7 +180,7 @@ class SurveyTuning:
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0
-    """Standard deviation of far greater height errors, over that of the usual ones."""
+    """Ratio of the standard deviation of far greater height errors to the usual one."""
     shifts_m: tuple[float, ...] = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
     """Candidate errors of the height [m]."""
     least_height_m: float = 3.0
@@ -188,7 +188,7 @@ class SurveyTuning:
     closer_m: tuple[float, ...] = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
     """Candidate heights relative to the mean when the height is known [m]."""
     known_m: float = 6.0
-    """Standard deviation of the height below which it counts as known [m]."""
+    """Standard deviation of the height below which the height counts as known [m]."""
     nodes: tuple[float, ...] = (-1.5, 0.0, 1.5)
     """Heights evaluated at each position, relative to the mean [standard deviations]."""
     least_sigma_m: float = 1.5
@@ -311,7 +311,7 @@ class LossErrorTuning:
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0
-    """Loss over which this change decreases to 1 / e [dB]."""
+    """Loss over which the change by some metres decreases to 1 / e [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

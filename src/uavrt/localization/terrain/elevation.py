@@ -71,7 +71,7 @@ class Elevation:
 
     @property
     def datums(self) -> tuple[str, ...]:
-        """Datums of the rasters, each once; "not said" where a file does not name it."""
+        """Datums of the rasters, each once; "not said" for a file without one."""
         return tuple(sorted({one.datum or "not said" for one in self.rasters}))
 
     @property

@@ -242,7 +242,7 @@ def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
 
 
 def _utm_of(epsg: int) -> int | None:
-    """EPSG code of UTM on WGS84; ETRS89's and NAD83's lie within two metres of it."""
+    """EPSG code of UTM on WGS84; also for ETRS89 and NAD83, which differ by under 2 m."""
     zone = epsg % 100
     if epsg // 100 in (326, 327) and 1 <= zone <= 60:
         return epsg

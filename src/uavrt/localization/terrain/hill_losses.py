@@ -197,7 +197,7 @@ class HillLosses:
     def _nodes(
         self, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> tuple[list[_Node], NDArray[np.intp]]:
-        """Lattice points for drone positions, and the index of the nearest one for each."""
+        """Lattice points for drone positions, and the index of the nearest point for each."""
         east, north = east_m + self.origin_m[0], north_m + self.origin_m[1]
         self._squares.reach(float(np.max(np.abs(east))), float(np.max(np.abs(north))))
         reach, coarser = self._squares.reach_m, 1.0

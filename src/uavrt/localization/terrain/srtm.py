@@ -37,7 +37,7 @@ _DAMAGED = (
 
 
 def srtm_raster(path: Path) -> Raster:
-    """Open a tile; raises `FormatError` if its name holds no place, or it is cut off."""
+    """Open a tile; raises `FormatError` if it is cut off or its name has no position."""
     named = _NAME.match(path.name)
     if named is None:
         raise FormatError(

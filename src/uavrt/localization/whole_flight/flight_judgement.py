@@ -195,7 +195,7 @@ def peaks(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Peaks:
-    """Fold some frequencies `rows` at all intervals between two; the highest cells."""
+    """Fold the frequencies `rows` at all intervals between two; return the highest cells."""
     found: list[Peaks] = []
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score, cell = highest(sums, weights.scaled(at), scale)

@@ -38,7 +38,7 @@ class Cells:
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
-    """(cells,) ratio of a cell's outer radius to its inner one."""
+    """(cells,) ratio of the outer to the inner radius of a cell."""
     probability: _Floats
     by_fall: _Floats
     """(falls, cells) joint probability of a path loss exponent and a cell."""
@@ -223,7 +223,7 @@ class LikelyGround:
         return np.asarray(held / held.sum())
 
     def to_part(self) -> NDArray[np.intp]:
-        """Cells to divide: wide, uneven, and likely ones."""
+        """Indices of the cells to divide: wide, uneven and likely cells."""
         probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
         count = int(np.searchsorted(np.cumsum(probability[order]), PLACE.kept)) + 1

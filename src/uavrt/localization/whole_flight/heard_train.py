@@ -178,7 +178,7 @@ def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) ->
 
 
 def _exponentials(mean: float) -> float:
-    """Number of unit exponentials whose largest has a given mean: H(m) = mean."""
+    """Number m of unit exponentials whose maximum has a given mean: H(m) = mean."""
     many = np.linspace(1.0, 12.0, 1101)
     means = special.digamma(many + 1.0) + np.euler_gamma
     return float(many[int(np.argmin(np.abs(means - mean)))])

@@ -19,7 +19,7 @@ from uavrt.localization.whole_flight.tuning import SEARCH
 _Floats = NDArray[np.float64]
 BEARING_STEP_DEG = 360.0 / SEARCH.bearings
 RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1))
-"""Ratio of each ring's radius to the next smaller one."""
+"""Ratio of the radii of neighbouring rings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

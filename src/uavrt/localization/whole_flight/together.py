@@ -1,4 +1,4 @@
-"""Find one tag in several flights together, although too weak in each of them.
+"""Find one tag that is too weak in each flight, in several flights together.
 
 For each place, frequency and narrow range of intervals the likeliest phase of every flight is
 taken, and their weighted sums are added. A resting tag has one place, and about one interval

@@ -75,7 +75,7 @@ class SearchTuning:
     hypotheses: float = 6.0
     """Number of independent hypotheses for each pattern and cell, from noise flights."""
     burst_hypotheses: float = 2.5
-    """Factor for bursts of a coded tag, each the best of some stretches of its gaps."""
+    """Factor for bursts of a coded tag, because each is the best of some stretches."""
     lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a row's energies is computed [slots]."""
     # Trains of loud pulses: share of the false alarms, hypotheses for each cell of marks, least
@@ -146,7 +146,7 @@ class PlaceTuning:
     same_range_db: float = 0.3
     """Range of path lengths below which a position cannot show the path loss exponent [dB]."""
     least_exponent_share: float = 0.02
-    """Probability of a path loss exponent above which regions must hold for it."""
+    """Minimum probability of a path loss exponent for which regions must hold."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
     pattern, poses and ground. With all of it regions of 90 % held .85 (I4)."""

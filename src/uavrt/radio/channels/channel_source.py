@@ -27,7 +27,7 @@ are truncated to 1 ms; the original's step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
 """Number of later frames that ends the wait for a missing one: 1.1 s of a channel."""
 SILENCE_S: Final = 1.5
-"""Silence after which held frames are released despite missing ones [s]."""
+"""Silence after which stored frames are released despite missing ones [s]."""
 RESTART_FRAMES: Final = 3
 """Number of consecutive early stamps that shows that the sender's clock was set back."""
 _LARGEST: Final = 65_536

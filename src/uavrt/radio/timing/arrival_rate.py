@@ -1,4 +1,4 @@
-"""Compare the rate at which samples arrive with the requested rate.
+"""Compare the measured rate of samples with the requested rate.
 
 A radio that streams at another rate seems to work, but no tag is found. The smallest delay in
 each 0.5 s shows the rate: a stall does not delay all arrivals, and a loss is a single step.

@@ -170,7 +170,7 @@ class Placer:
         self._keeper.expect_losses()
 
     def place(self, samples: NDArray[np.complex64]) -> IQBlock:
-        """Make a block of samples, with their index, time and the number lost before them."""
+        """Make a block of samples, with index, time and the number lost before the block."""
         lost, unsure = self._before, self._keeper.unsure_samples - self.unsure
         self._before, self._after_cut, self._cut = self._after_cut, 0, 0
         self.index += lost

@@ -27,7 +27,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 
 _BIN_S = 0.5
-"""Period; its earliest arrival is stored [s]."""
+"""Length of the periods; the earliest arrival of each is stored [s]."""
 _BINS = 600
 """Number of stored periods: 5 min, over which a clock's rate is constant to below 1 ppm."""
 _FIT_BINS = 8
@@ -237,7 +237,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Return the number of samples lost according to arrivals, and reset it.
+        """Return the number of samples lost according to arrival times, and reset the number.
 
         The caller adds it to its index, as a gap.
         """
@@ -298,7 +298,7 @@ class TimeKeeper:
         self._follow = False
 
     def _fit(self) -> None:
-        """Fit the lower envelope by least squares in which late points lose their weight.
+        """Fit the lower envelope by least squares with decreasing weights for late points.
 
         The slope has a prior for real clocks, so the fit is usable from the second point on.
         """

@@ -18,7 +18,7 @@ from uavrt.detection.track.tuning import JUDGE
 
 
 class Intervals:
-    """Compares the intervals of one detector's long groups with others."""
+    """Tests if long groups of one detector fit another interval better."""
 
     def __init__(self, bounds: Bounds, *, grid: Grid, refiner: Refiner) -> None:
         self._bounds = bounds

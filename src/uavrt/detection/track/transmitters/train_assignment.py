@@ -118,7 +118,7 @@ class _AssignmentSoFar:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """Loss of the best assignment that gives a train a certain tag.
+    """Loss of value if a train is assigned to a given tag instead of the best one.
 
     Returns it for each train and possible tag; 0 for the assigned one.
     """

@@ -407,7 +407,7 @@ def _bound_s(tag: Tag, nominal_s: float) -> float:
 
 
 def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
-    """Log-density of a train's interval around one with a bound; none beyond it."""
+    """Log-density of a train's interval, given a tag's and its bound; -inf beyond the bound."""
     miss_s = abs(train.interval_s - center_s)
     if miss_s > bound_s + SENDERS.interval_sigmas * train.sigma_s:
         return -math.inf

@@ -315,7 +315,7 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
-    """(n,) log-density of height errors before the flight: usual ones and far greater ones."""
+    """(n,) log-density of height errors before the flight: usual or far greater errors."""
     usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
     far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
     return np.asarray(np.log(usual + far_wrong))

@@ -51,7 +51,7 @@ class SlotEnergies:
     listened: NDArray[np.bool_]
     """(slots,) True where there were samples."""
     pulses: int = 1
-    """Number of pulses in a burst of a coded tag, whose energy is their mean; else 1."""
+    """Number of pulses in a coded tag's burst, whose energy is their mean; otherwise 1."""
     single: SinglePulses | None = None
     """Energies of single pulses of a coded tag; None for other tags."""
 

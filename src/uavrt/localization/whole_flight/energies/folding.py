@@ -92,7 +92,7 @@ def highest(
 
 
 def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
-    """Slots whose sum is the cell of a fold at a row and phase; `slots` were folded."""
+    """Indices of the slots that a fold adds in the cell at a row and phase."""
     rows = fold_rows(slots, period)
     levels = rows.bit_length() - 1
     number = np.arange(rows)
