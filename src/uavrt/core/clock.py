@@ -1,8 +1,8 @@
 """The only module that reads clocks.
 
-Time in uavrt is an ``int``: nanoseconds UTC. It is the monotonic clock plus an offset that is
-fixed at the start of a flight and passed to every process. A step of the wall clock in flight
-(GNSS fix, NTP, a user) therefore changes nothing.
+Time in uavrt is an ``int``: nanoseconds UTC. The value is the monotonic clock plus an offset
+that is fixed at the start of a flight and passed to every process. A step of the wall clock in
+flight (GNSS fix, NTP, a user) therefore changes nothing.
 """
 
 import time

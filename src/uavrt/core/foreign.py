@@ -266,8 +266,8 @@ _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 def check_toml(text: str, limit: Limit) -> None:
     """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
 
-    Its time increases with the square of the parts of a dotted key, its stack with each level
-    of brackets.
+    The parser's time increases with the square of the parts of a dotted key, its stack with
+    each level of brackets.
     """
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")

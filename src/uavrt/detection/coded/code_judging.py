@@ -71,7 +71,7 @@ def measure(
 ) -> list[Burst]:
     """Measure the pulses of seeds among the recent cells; drop seeds that are no burst.
 
-    `seeds` (n, 5): all pulses lie among the recent cells. `prior`: log odds of a burst now.
+    `seeds` (n, 5): with all pulses among the recent cells. `prior`: log odds of a burst now.
     """
     if not len(seeds):
         return []

@@ -113,7 +113,7 @@ class Sighting:
 
 
 class Sightings:
-    """The bursts of the last few intervals, and their senders."""
+    """The bursts of the last few burst intervals, and their senders."""
 
     def __init__(self) -> None:
         self._by_tag: dict[int, list[Sighting]] = {}

@@ -18,7 +18,7 @@ class CellTuning:
     noise_pieces: int = 25
     """Number of pieces of samples whose medians give the noise: 10 s."""
     least_rise: float = 0.85
-    """Minimum ratio of a new noise estimate to the present one, as bursts hide a rise."""
+    """Minimum noise as a share of the newest estimate; a rise must not look like bursts."""
     kept_s: float = 130.0
     """Duration for which cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -161,7 +161,7 @@ class ShapeTuning:
     clear_log: float = 10.0
     """Minimum log-likelihood lead of a code over all codes with the same pulses."""
     most_swaps: int = 3
-    """Maximum number of codes replaced by others that explain more of the pulses."""
+    """Maximum number of rounds that replace bursts by others that explain more pulses."""
     sure_pulses: int = 2
     """Minimum number of undisturbed pulses in a burst reported without identification."""
     sure_energy: float = 12.0

@@ -1,8 +1,8 @@
 """Divide the samples by the noise level of their instant if the noise comes in bursts.
 
 Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
-It makes several times the false groups of steady noise. In noise whose power changes the
-matched filter weighs each sample by its noise.
+This noise makes several times the false groups of steady noise. In noise whose power changes
+the matched filter weighs each sample by its noise.
 
 The level of an instant is the harmonic mean of those of the frequencies on both sides of the
 searched band: neither a tag's pulse nor a neighbour on one side is a burst.

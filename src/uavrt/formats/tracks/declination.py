@@ -18,7 +18,7 @@ def declination_deg(
 ) -> float:
     """Angle from true to magnetic north [deg], east positive.
 
-        It changes by 0.01° over a kilometre or a month. So positions are rounded to 0.01°,
+    Declination changes by 0.01° over a kilometre or a month. So positions are rounded to 0.01°,
     heights to a kilometre, times to a day. Raises `UsageError` without the extra
     ``uavrt[analysis]``, and `FormatError` if no model is valid at that date.
     """

@@ -200,10 +200,10 @@ def _level_evidence(
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
     """Log-prior of a position far from the stations: uniform over the logarithm of distance.
 
-    It has no effect where bearings cross well. Where they hardly do, a uniform prior would put
-    the tag into the far end of the wedge, which has the largest area. For stations 60 m apart
-    and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the runs; with
-    this prior they are 77 m and 153 m, and the circles hold the stated probability.
+    The prior has no effect where bearings cross well. Where they hardly do, a uniform prior
+    would put the tag into the far end of the wedge, which has the largest area. For stations 60
+    m apart and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the
+    runs; with this prior they are 77 m and 153 m, and the circles hold the stated probability.
     """
     middle_east = 0.5 * (around.west_m + around.east_m)
     middle_north = 0.5 * (around.south_m + around.north_m)
@@ -217,12 +217,12 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
 def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:
     """Log-prior of a position for a power survey, which is flown where the tag is expected.
 
-    It is uniform inside the surveyed rectangle. Outside it falls by e for each quarter of the
-    lines' spacing (the rectangle's area over the track's length): a survey reaches half a
-    spacing to both sides of its lines. Power alone hardly separates a tag beyond the outermost
-    line from its mirror image. Along a single line, a tenth of the extent replaces the quarter
-    spacing. The least distance is a quarter of the height, since lines closer than the height
-    reach no farther.
+    The prior is uniform inside the surveyed rectangle. Outside it falls by e for each quarter
+    of the lines' spacing (the rectangle's area over the track's length): a survey reaches half
+    a spacing to both sides of its lines. Power alone hardly separates a tag beyond the
+    outermost line from its mirror image. Along a single line, a tenth of the extent replaces
+    the quarter spacing. The least distance is a quarter of the height, since lines closer than
+    the height reach no farther.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -46,11 +46,11 @@ def estimate_position(
     Parameters
     ----------
     stations : Stations, optional
-        Bearings. One gives a wedge, two or more a place.
+        Bearings. One gives a wedge, two or more a position.
     powers : PowerTrack, optional
         Powers, for the method ``bayes``, without pulses already used in the bearings.
     method : str
-        ``"bayes"`` (the default); ``"track"``, which follows a tag unless a fixed place
+        ``"bayes"`` (the default); ``"track"``, which follows a tag unless a fixed position
         explains the data; ``"mle"``, ``"rmr"``, ``"mest"`` as the original system computes
         them; ``"rmr_ahead"``, ``"mest_lenth"``, which are corrected; or one of an installed
         package (docs/how-to/extend.md).
@@ -70,7 +70,7 @@ def estimate_position(
         bearings, else the length of the track.
     follow : bool
         Also compute, with the method ``bayes``, the path of a tag whose timed bearings or
-        powers contradict a fixed place.
+        powers contradict a fixed position.
     hills : HillLosses, optional
         Ground for the method ``bayes``: hills weaken pulses and explain missed ones. Heights
         of stations and powers then count from the ground at the take-off. None is level ground.
@@ -78,7 +78,7 @@ def estimate_position(
     Raises
     ------
     UsageError
-        There are no data, powers alone are from one place, arrays differ in length, or the
+        There are no data, powers alone are from one position, arrays differ in length, or the
         method is unknown or finds no position; the text says what to use instead.
     """
     _check(stations, powers)

@@ -23,8 +23,8 @@ _MOVES = "the tag moved; its path is estimated from bearings"
 def followed(position: Position, model: Model, follow: Follow) -> Position:
     """Add the path of a moving tag to a position.
 
-    A tag whose data allow a fixed place keeps it, and has a path only on request. The place by
-    bearings already allows for walking; where powers contradict a fixed place, the position is
+    A tag whose data allow a fixed position keeps it, and has a path only on request. The
+    position by bearings already allows for walking; where powers contradict a fixed one, it is
     the path's end. `follow`: ``"contradicted"`` or ``"always"``.
     Raises `UsageError`: a path was requested, and times are not known.
     """

@@ -16,7 +16,7 @@ def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
 
     `grid`: heat map of a position.
     `share`: the probability, such as 0.5 or 0.95.
-    Returns: closed rings (k, 2) of longitude and latitude [deg], the first place repeated at
+    Returns: closed rings (k, 2) of longitude and latitude [deg], the first position repeated at
         the end; outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the
         search area cuts is closed along its edge.
     """

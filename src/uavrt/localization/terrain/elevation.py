@@ -94,7 +94,7 @@ class Elevation:
         """Heights of positions [m], of any shape; NaN if unknown.
 
         Raises `FormatError`: a file is damaged.
-        Raises `UsageError`: the places are spread over too much ground.
+        Raises `UsageError`: the positions are spread over too much ground.
         """
         latitude = np.asarray(latitude_deg, np.float64)
         longitude = np.asarray(longitude_deg, np.float64)

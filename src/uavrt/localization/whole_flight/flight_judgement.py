@@ -1,6 +1,6 @@
 """Search a whole flight for one tag: interval, phase, frequency and position together.
 
-The statistic for a place is the sum of the slots' energies, one slot for each pulse, each
+The statistic for a position is the sum of the slots' energies, one slot for each pulse, each
 weighted by ``w = S / (1 + S)``. S is the pulse's energy over noise there, by the antenna's gain
 and the range. These weights are locally most powerful for weak pulses, and bounded for strong
 ones. The sum's tail in noise is that of a shifted gamma distribution with the variance and
@@ -275,7 +275,7 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """Number of independent hypotheses of the search for weak pulses.
 
-    If only a part of the flight counts for a place, as where a drone passes it, trains whose
+    If only a part of the flight counts for a position, as where a drone passes it, trains whose
     intervals differ by a cell of the whole flight are the same to it: the number of cells falls
     by that share (`Weights.spread`).
     """
@@ -321,9 +321,9 @@ def search_flight(
     """Find the likeliest trains of a tag; the least likely in noise comes first.
 
     All its rates are searched: weak pulses by their weighted energies, and loud ones, which
-    these leave out, by their number. Of loud trains with the same pulses the most central comes
-    first. `most`: number of trains returned. `few_patterns`: number above which fewer places
-    choose cells, which are then examined in full.
+    these leave out, by their number. Of trains of strong pulses with the same pulses the most
+    central comes first. `most`: number of trains returned. `few_patterns`: number above which
+    fewer places choose cells, which are then examined in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)

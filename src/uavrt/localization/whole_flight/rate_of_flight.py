@@ -2,8 +2,8 @@
 
 A rate's train has slots in all of a flight. While the tag used another rate, these hold noise,
 and at times a pulse of that rate. A hidden Markov model of two states separates them (Rabiner
-1989, Proc. IEEE 77, 257): its likelihood over all paths weights a place, and its likeliest path
-shows which slots had the rate.
+1989, Proc. IEEE 77, 257): its likelihood over all paths weights a position, and its likeliest
+path shows which slots had the rate.
 """
 
 from collections.abc import Iterable

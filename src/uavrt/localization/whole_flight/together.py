@@ -1,9 +1,9 @@
 """Find one tag that is too weak in each flight, in several flights together.
 
 For each place, frequency and narrow range of intervals the likeliest phase of every flight is
-taken, and their weighted sums are added. A resting tag has one place, and about one interval
+taken, and their weighted sums are added. A resting tag has one position, and about one interval
 and frequency, in all flights, but its pulses cannot be counted from flight to flight. So the
-hypotheses of the phases multiply; those of place, frequency and interval are counted once.
+hypotheses of the phases multiply; those of position, frequency and interval are counted once.
 """
 
 import math
@@ -57,7 +57,7 @@ class JointTrain:
     log_probability: float
     hypotheses: float
     trains: tuple[FoldedTrain, ...]
-    """Train in each flight; its place is a row of that flight's gains."""
+    """Train in each flight; its position is a row of that flight's gains."""
     log_trains: tuple[float, ...]
     """Logarithm of the number of independent trains from which each was chosen."""
 

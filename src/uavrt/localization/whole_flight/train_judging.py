@@ -74,8 +74,8 @@ def judge(
 ) -> Judgement:
     """Search a tag, and again without each train that explains the found one better.
 
-    `gain` (places, times): energy of a pulse relative to each place's strongest. `most_drift`:
-        largest relative change of the interval over the flight.
+    `gain` (places, times): energy of a pulse relative to each position's strongest.
+    `most_drift`: largest relative change of the interval over the flight.
     """
     others: list[OtherTrain] = []
     while True:

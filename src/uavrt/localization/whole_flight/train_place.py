@@ -1,6 +1,6 @@
 """Estimate the position of a folded train's tag, from pulse energies and gains.
 
-The level is a nuisance parameter with a flat prior in decibels; the prior of the place is flat
+The level is a nuisance parameter with a flat prior in decibels; the position's prior is flat
 over the ground.
 """
 
@@ -181,7 +181,7 @@ def _all_logs(
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """Log likelihood ratio and posterior of exponent, place and level, over all flights."""
+    """Log likelihood ratio and posterior of exponent, position and level, over all flights."""
     heard = reading.heard
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
     if not falls:

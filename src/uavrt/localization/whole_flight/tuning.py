@@ -1,6 +1,6 @@
 """Constants of the search of a whole flight, one frozen record for each step.
 
-Figures of noise and of places are measured by `uavrt experiment integrate`.
+Figures of noise and of positions are measured by `uavrt experiment integrate`.
 """
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyTuning:
-    """Conversion of samples to slot energies, and removal of loud or lost samples."""
+    """Constants for converting samples to slot energies, without strong or lost samples."""
 
     block_s: float = 30.0
     """Duration measured at once in flight [s]: five stretches with one noise level."""

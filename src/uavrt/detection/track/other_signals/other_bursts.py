@@ -1,7 +1,7 @@
 """Measure the rate of other transmitters' bursts: recent strong cells that no track explains.
 
 The anchors of the search are all cells strong enough to be a pulse; the search for long groups
-passes its strong cells on. Those on no tag's lattice are bursts of other transmitters: a
+passes its strong cells on. Cells on no tag's lattice are bursts of other transmitters: a
 hopper, slots of a frame, speech. Their rate gives the chance that one lies where a tag's pulse
 is expected. In noise alone there are none.
 """

@@ -3,7 +3,7 @@
 A fit to the received pulses alone is biased: near the threshold the loss looks flat. Each miss
 is therefore replaced by its expected level below the threshold, and the fit repeated
 (expectation maximisation of Tobin's model). Some misses have other reasons, such as an
-interferer: their share is estimated at each place in the same way.
+interferer: their share is estimated at each position in the same way.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """Estimate a tag's strength for each possible position, and update it by a pulse or a miss.
 
-Published trackers assume a known strength. Here every place (cell or particle) has a normal
+Published trackers assume a known strength. Here every position (cell or particle) has a normal
 distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
 its first two moments. The strength is so estimated during the search.
 """

@@ -1,6 +1,6 @@
 """Likelihood of a position from levels of rotations, and of receivers that never turned.
 
-A mast, a person, or a passing drone gives no bearing. Its pulses still contain the antenna's
+A mast, a person, or a passing drone gives no bearing. The pulses still contain the antenna's
 gain towards the tag, and the tag's level, which all receivers share. A receiver's gain, cable,
 noise and height over the ground are unknown; together they are one error of all its levels.
 """
@@ -26,7 +26,7 @@ class Propagation:
     """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
-    """Standard deviation of the loss by ground and plants at a place [dB]."""
+    """Standard deviation of the loss by ground and plants at a position [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

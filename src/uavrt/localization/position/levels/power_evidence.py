@@ -129,7 +129,7 @@ class PowerEvidence:
         return other
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
-        """Fit level and exponent at each of the places (places,)."""
+        """Fit level and exponent at each of the positions (places,)."""
         return fit_each([self], east_m, north_m)[0]
 
     def fitted(self, seen: "PulseGeometry") -> PowerFit:

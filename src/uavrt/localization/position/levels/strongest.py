@@ -148,11 +148,11 @@ def smoothed(snr_db: _Floats) -> _Floats:
 
 
 def signal_surface(track: PowerTrack) -> SignalSurface:
-    """Interpolate the smoothed SNR linearly between the places where pulses were received.
+    """Interpolate the smoothed SNR linearly between the positions where pulses were received.
 
     The grid's spacing is half of the pulses' spacing, at least 1 m, and between a 300th and a
     60th of the track's extent.
-    Raises `UsageError`: the places do not span an area.
+    Raises `UsageError`: the positions do not span an area.
     """
     # The interpolator takes long to import, and only maps want it.
     from scipy.interpolate import LinearNDInterpolator

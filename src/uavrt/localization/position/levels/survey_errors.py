@@ -1,9 +1,9 @@
 """Estimate errors common to all powers of a survey: a wrong height, pulses of other senders.
 
-A wrong height (terrain, a tag on a tree, a take-off on a hill) changes the place of the minimum
-and the slope of the strength; several heights are compared together with the place. Pulses of
+A wrong height (terrain, a tag on a tree, a take-off on a hill) moves the minimum and changes
+the slope of the strength; several heights are compared together with the position. Pulses of
 other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
-approximate place. Pulses far outside the others' scatter there are left out and counted.
+approximate position. Pulses far outside the others' scatter there are left out and counted.
 """
 
 from collections.abc import Sequence
@@ -86,7 +86,7 @@ class SurveyEvidence:
         return int(np.sum(~self.kept))
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
-        """Fit level and exponent at each of the places (places,)."""
+        """Fit level and exponent at each of the positions (places,)."""
         if self._over_hills is None:
             return _over_readings(
                 [
@@ -213,7 +213,7 @@ class SurveyEvidence:
         """Sets of the tag's own pulses, as masks (n,), the most probable first.
 
         A pulse is left out where another sender is more probable than its deviation. That
-        depends on the place: a monopole receives little right beneath the drone, so a weak
+        depends on the position: a monopole receives little right beneath the drone, so a weak
         foreign pulse looks like a tag there. Places around the approximate one and beneath weak
         pulses are examined. With missed pulses or over hills, likelihoods of different sets do
         not compare; then only pulses that are outliers at all places are left out.

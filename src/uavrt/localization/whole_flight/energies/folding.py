@@ -70,7 +70,7 @@ def _fold_numpy(
 def highest(
     sums: NDArray[np.float32], mixing: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Mix the sums of patterns for each place, and find the highest of all cells.
+    """Mix the sums of patterns for each position, and find the highest of all cells.
 
     `sums`: shape (patterns, rows, period).
     `mixing`: shape (places, patterns).
