@@ -2,7 +2,7 @@
 
 Behind a round top, in woods, or where the map is some metres off, pulses lose more or less than
 by the map. The error persists while the drone flies along the same side of the hill. As an
-independent error of each pulse, twenty of them would rule out its position. It is therefore one
+independent error of each pulse, twenty of them would rule out the truth. It is therefore one
 unknown that pulses update and that decorrelates along the drone's path. The independent part
 must be small: places behind more of a hill would otherwise become improbable with every pulse.
 """
