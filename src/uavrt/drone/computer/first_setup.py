@@ -22,7 +22,7 @@ from uavrt.config.radios import RADIOS
 from uavrt.config.setting_writer import change_settings
 from uavrt.config.settings import Settings
 from uavrt.core.atomic_file import write_atomically
-from uavrt.core.errors import ConfigError, FormatError, UsageError, os_errors_as
+from uavrt.core.errors import ConfigError, FormatError, NotFound, UsageError, os_errors_as
 from uavrt.core.foreign import KEYS, read_file
 from uavrt.core.messages import SystemStatus
 from uavrt.drone.computer.computer_checks import check_autopilot, check_permissions, check_radio
@@ -121,7 +121,7 @@ class FirstSetup:
             "keys": self._keys,
         }
         if step not in judge:
-            raise UsageError(f"there is no step {step[:40]!r}")
+            raise NotFound(f"there is no step {step[:40]!r}")
         if not isinstance(values, dict):
             raise UsageError("the values of a step must be an object")
         self._require_wanted()
@@ -161,7 +161,7 @@ class FirstSetup:
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:
-            raise UsageError("there is no command key yet")
+            raise NotFound("there is no command key yet")
         return read_file(named, KEYS).decode("ascii", "replace").strip() + "\n"
 
     # ------------------------------------------------------------------- steps

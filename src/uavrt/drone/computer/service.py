@@ -16,7 +16,7 @@ from pathlib import Path
 
 from uavrt.config.radios import RADIOS
 from uavrt.core.atomic_file import write_atomically
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound, UsageError
 from uavrt.drone.computer.update import python_module
 
 UNIT = "uavrt.service"
@@ -165,12 +165,12 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
     if users.is_file():
         known = {line.split(":")[0] for line in users.read_text(errors="replace").splitlines()}
         if plan.user not in known and not (root == Path("/") and _has_account(plan.user)):
-            raise UsageError(
+            raise NotFound(
                 f"there is no user {plan.user}",
                 remedy=f"Make it (sudo useradd --system {plan.user}), or give another --user",
             )
     if not (root / plan.directory.relative_to("/")).is_dir():
-        raise UsageError(
+        raise NotFound(
             f"there is no directory {plan.directory}",
             remedy="Make it, owned by the service's user, or give another --directory",
         )

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from uavrt.core.atomic_file import write_atomically
-from uavrt.core.errors import UsageError, os_errors_as
+from uavrt.core.errors import NotFound, UsageError, os_errors_as
 
 ENTRY = "applications/uavrt-ground.desktop"
 ICON = "icons/hicolor/scalable/apps/uavrt-ground.svg"
@@ -30,7 +30,7 @@ def install_starter(program: Path, place: Path) -> list[Path]:
     written. Raises `UsageError` if the program is missing, or the place cannot be written.
     """
     if not program.exists():
-        raise UsageError(
+        raise NotFound(
             f"there is no {program}", remedy="Install uavrt, and call its own uavrt command"
         )
     files = {place / ENTRY: entry_text(program), place / ICON: ICON_TEXT}

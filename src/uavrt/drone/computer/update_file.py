@@ -31,7 +31,7 @@ from typing import Annotated
 
 import msgspec
 
-from uavrt.core.errors import FormatError, UsageError, os_errors_as
+from uavrt.core.errors import FormatError, NotFound, UsageError, os_errors_as
 from uavrt.core.foreign import KEYS, Limit, decode_record, read_file, require_plain_file
 
 MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
@@ -140,7 +140,7 @@ def _read_wheel(path: Path, keys: Path) -> Update:
         signature = read_file(signature_path, Limit(what="a signature", bytes=SIGNATURE_BYTES))
     except FileNotFoundError:
         remedy = "Copy the signature, too, or use a .tar, which has its own inside"
-        raise UsageError(f"there is no {signature_path}", remedy=remedy) from None
+        raise NotFound(f"there is no {signature_path}", remedy=remedy) from None
     require_signed(content, signature, keys, path)
     version = _wheel_version(content, path)
     version_key(version)
@@ -292,7 +292,7 @@ def _trusted(keys: Path) -> list[str]:
         raise UsageError(f"users other than root can write to {keys}", remedy=remedy)
     if not trusted:
         remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
-        raise UsageError(f"there is no key in {keys}", remedy=remedy)
+        raise NotFound(f"there is no key in {keys}", remedy=remedy)
     return trusted
 
 
