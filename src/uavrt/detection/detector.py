@@ -196,7 +196,7 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which to search after a block of a length; None: wait for more samples.
+        """Index up to which to search after a block of `length`; None: wait for more samples.
 
         It does not wait if another block, as long as any of the last, would make it late.
         """

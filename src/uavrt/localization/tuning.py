@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerLawTuning:
-    """Tables of the probability of a pulse's power, given its expected level."""
+    """Constants for the tables of a pulse power's probability, given its expected level."""
 
     level_step_db: float = 0.25
     """Step between two expected levels in the tables [dB]."""

@@ -116,7 +116,7 @@ class BurstRateTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChanceTuning:
-    """Assumptions of the odds that a track is a tag and no chance series of bursts."""
+    """Assumptions for the odds that a track is a tag and no chance series of bursts."""
 
     received_share: float = 0.75
     """Share of a tag's pulses that are detected: one in four is faded."""

@@ -626,7 +626,7 @@ class ParticleTracker:
         return evidence
 
     def _add_surprise(self, nats: float) -> None:
-        """Sum the log-likelihood ratio of clutter to tag (CUSUM); redraw above a limit."""
+        """Sum the log-likelihood ratio of clutter to tag; above a limit, redraw particles."""
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > TRACK.lost_nats:
             self._renew()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridTuning:
-    """Grids of cells on which a position's posterior is evaluated."""
+    """Constants for the grids of cells that hold a position's posterior."""
 
     first_cells: int = 36
     """Number of cells along the area's longer side before any cell is quartered."""
@@ -56,7 +56,7 @@ class GridTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingFixTuning:
-    """Positions from bearings: their error law, and Lenth's estimators."""
+    """Constants for positions from bearings: their error law, and Lenth's estimators."""
 
     step_deg: float = 0.25
     """Step of the tables of a bearing's probability [°]."""
@@ -228,7 +228,7 @@ class SurveyTuning:
     mirror_reach: float = 1.75
     """Distance within which mirror images are searched [coarse steps]."""
     mirror_cells: int = 15
-    """Number of cells along a side of the search for mirror images."""
+    """Number of cells along a side of the grid searched for mirror images."""
     mirror_nats: float = 20.0
     """Log-likelihood below the best within which a mirror image is examined [nats]."""
     least_db: float = 0.05

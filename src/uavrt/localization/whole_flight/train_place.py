@@ -92,7 +92,7 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 
 
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
-    """Assumed fading with the most evidence over likely positions; the usual in doubt."""
+    """Most likely of the assumed fadings; the usual one unless the evidence is clear."""
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])

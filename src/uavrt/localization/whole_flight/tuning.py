@@ -191,7 +191,7 @@ class PlaceTuning:
     density_power: int = 8
     """Power of the posterior whose mean is the likeliest position."""
     alone: float = 0.9
-    """Minimum probability of one part for its middle to be the position, not that of all."""
+    """Minimum probability of one part whose middle is used instead of that of all parts."""
     points: int = 7
     """Number of points along each side of a cell over which its probability is spread."""
     kept: float = 0.998
@@ -208,7 +208,7 @@ class PlaceTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstTuning:
-    """Recognition of a coded tag's bursts in a train."""
+    """Constants for recognising a coded tag's bursts in a train."""
 
     stretches: tuple[float, ...] = (0.0, -0.67, 0.67)
     """Tried stretches of a code's gaps, as shares of their tolerance."""
