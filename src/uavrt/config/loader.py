@@ -63,8 +63,8 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
         for key, text in found
     ]
     try:
-        # By way of JSON, where a list may be a tuple and strict still means strict: "3" is no
-        # number and 3.5 no count. Dates, which no setting has, become text and are refused.
+        # Through JSON, where a list may be a tuple and strict types are still checked: "3" is
+        # no number and 3.5 no count. Dates, which no setting has, become text and are refused.
         settings = _settings_adapter().validate_json(json.dumps(document, default=str))
     except ValidationError as error:
         schema = settings_schema()

@@ -101,7 +101,7 @@ RADIOS: dict[str, RadioRow] = {
             inform=("airspy_info",),
             gains=(0, 21),  # "sensitivity" gain
             default_gain=21,
-            # airspy_rx takes a number that is not a rate as a place in its list of rates.
+            # airspy_rx reads a number that is not a rate as an index in its list of rates.
             rates_hz=_single(2.5e6, 3e6, 6e6, 10e6),
             rates_note="Mini: 3 and 6 MS/s, R2: 2.5 and 10",
             receives_mhz=((24.0, 1900.0),),
@@ -136,7 +136,7 @@ RADIOS: dict[str, RadioRow] = {
             rates_hz=((225_001, 300e3), (900_001, 3.2e6)),
             receives_mhz=((24.0, 1766.0),),
             usual_rate_hz=250e3,
-            # It lists all devices and exits, because no device has this serial number.
+            # airspy_rx lists all devices and exits, because no device has this serial number.
             lists=("rtl_sdr", "-d", "none", "/dev/null"),
             usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
         ),

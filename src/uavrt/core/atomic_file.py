@@ -59,7 +59,7 @@ def write_atomically(
         path.write_bytes(data)
         return
     with replacing(path, sync=sync) as part:
-        # Never through a link created by another user.
+        # Never write through a link created by another user.
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
         with open(os.open(part, flags, 0o600), "wb") as file:
             file.write(data)

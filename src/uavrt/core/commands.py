@@ -72,7 +72,7 @@ class CommandId(IntEnum):
     DETECTOR_HEARTBEAT = 23
 
 
-# ------------------------------------------------------------------- what it does in a state
+# ------------------------------------------------------------------- effects in a state
 
 
 @dataclass(frozen=True, slots=True)

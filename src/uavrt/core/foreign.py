@@ -141,7 +141,7 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
     with path.open("rb") as file:
         file.seek(max(0, size - _ZIP_END_BYTES))
         end = file.read()
-    # zipfile reads the whole directory, whose size stands 12 bytes after these marks.
+    # zipfile reads the whole directory; its size is 12 bytes after these marks.
     directories = [
         int.from_bytes(end[found.start() + 12 : found.start() + 16], "little")
         for found in re.finditer(rb"PK\x05\x06", end)

@@ -134,7 +134,7 @@ class DetectorGroup:
         self._channels[channel] = _Channel(
             members=members,
             ns_per_sample=NANOSECONDS_PER_SECOND / rate_hz,
-            # A little less than a detector's own.
+            # Slightly less than a detector's own.
             tolerance_ns=0.99 * width_s / 8.0 * NANOSECONDS_PER_SECOND,
         )
         self._rings.rebuild()
@@ -170,7 +170,7 @@ class DetectorGroup:
         regular = count > 0 and abs(time_ns - line.next_ns) < line.tolerance_ns
         line.next_ns = time_ns + count * line.ns_per_sample
         if regular and line.soonest:
-            # Nearly all blocks only wait: a thousand a second of a hundred tags.
+            # Nearly all blocks are only stored: a thousand a second for a hundred tags.
             line.blocks.append((samples, time_ns))
             line.samples += count
             line.longest.note(count)
@@ -276,7 +276,7 @@ class DetectorGroup:
         """Find ghosts of stronger tags; mark their pulses that are not collected yet."""
         if self._receiver is None:
             return
-        self.last_searched = ()  # no one tag's search
+        self.last_searched = ()  # not the search of a single tag
         for detector, track in mark_ghosts(self.detectors, self._receiver, self.carriers_hz):
             self._pulses += detector.drain()
             times_ns = {slot.time_ns for slot in track.slots}

@@ -61,6 +61,6 @@ class BlockTimes:
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:
-                # A time that the clock skipped when it was set forward.
+                # A time that was skipped when the clock was set forward.
                 return max(index, float(first)) if at else index
         raise ValueError("no block was added yet")

@@ -139,7 +139,7 @@ class Channelizer:
             return np.concatenate([self.process(part) for part in parts], axis=1)
         tail, hop = self._tail, self.hop
         rows = max(0, (tail.size + block.size - self._window) // hop)
-        # Outputs that need the tail of the block before; the rest reads the block in place.
+        # Outputs that need the tail of the previous block; the others read the block in place.
         head = min(rows, -(-tail.size // hop))
         pieces = []
         if head:
@@ -218,6 +218,6 @@ class Channelizer:
         if self._matrix is not None:
             product: NDArray[np.complex64] = self._matrix @ folded.T
             return product
-        # Transformed along columns, the result comes out as channels by outputs at no cost.
+        # Transformed along columns, the result is (channels, outputs) without a transposition.
         spectrum = transform_columns(folded.T)
         return spectrum if self._all else spectrum[self._selection]

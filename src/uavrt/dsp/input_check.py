@@ -64,7 +64,7 @@ class InputCheck:
         about_mean = parts - parts.mean(axis=0)
         power = np.square(about_mean, dtype=np.float64).mean(axis=0)
         if not np.isfinite(power).all() or not power.any():
-            return  # other checks report values that are no numbers, and silence
+            return  # other checks report non-finite values and silence
         middle = (np.abs(about_mean) < _EMPTY_MIDDLE).any(axis=0)
         if not middle.all():
             yield WRONG_FORMAT

@@ -220,7 +220,7 @@ def _best_center(
     points = _candidates(tags, spacing, low, high, dc_guard, image_guard)
     points = np.union1d(points, original[(original >= low) & (original <= high)])
     tags = np.sort(tags)
-    # Distance from DC: only the two neighbours of a point in the sorted tags can be nearest.
+    # Distance from DC: only the two neighbours in the sorted tags can be nearest.
     after = np.searchsorted(tags, points)
     nearest = np.minimum(
         np.abs(points - tags[np.minimum(after, tags.size - 1)]),
@@ -249,7 +249,7 @@ def _best_center(
         images,
     ]
     if worse.all():
-        # The guards cost something: as near to the original's optimum as they allow.
+        # Guards have a cost: choose the allowed frequency nearest to the original's optimum.
         ranks += [edge, per_channel]
     ranks.append(worse)
     return float(points[np.lexsort(ranks)[0]])

@@ -47,7 +47,7 @@ class BandDatagramSource(DatagramSource):
         center_frequency_hz: float,
         start_time_ns: int | None = None,
     ) -> None:
-        # Bursts of datagrams are normal here; a new start would make a step of the times.
+        # Bursts of datagrams are normal here; a new start would make times step.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
         self.realigned = 0
         """Number of corrections of the sample alignment."""

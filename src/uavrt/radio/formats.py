@@ -105,7 +105,7 @@ _SIGMF: dict[str, SampleFormat] = {
 
 def sample_format(name: str) -> SampleFormat:
     """Find a format by name; raises `FormatError` with a list if unknown."""
-    # rtl_sdr users write cs8, others sc16 or fc32; one alias each costs nothing.
+    # rtl_sdr users write cs8, others sc16 or fc32; aliases for these.
     aliases = {"cs8": "ci8", "ci16": "cs16", "sc16": "cs16", "fc32": "cf32"}
     found = FORMATS.get(aliases.get(name.lower(), name.lower()))
     if found is None:
@@ -161,7 +161,7 @@ def clean(samples: NDArray[np.complex64], what: str) -> int:
         bad = ~np.isfinite(values)
         count = int(np.count_nonzero(bad))
         values[bad] = 0.0
-        # Of random bytes one value in 256 is no number, and as many are beyond 1e36.
+        # In random bytes one value in 256 is not a number, and as many are beyond 1e36.
         if count > _INVALID_SHARE * values.size or not np.dot(values, values) < limit:
             raise FormatError(
                 f"{what} does not hold float samples: values are not numbers, or far too large",

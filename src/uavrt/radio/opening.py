@@ -171,7 +171,7 @@ def _layout(
             path, center_frequency_hz=center_frequency_hz, start_time_ns=start_time_ns
         )
     if kind is None:
-        file_size(path)  # a missing file is the more helpful complaint
+        file_size(path)  # a missing file is the more helpful error
         raise FormatError(
             f"the name of {path} does not reveal its format",
             remedy=f"Give --format: {', '.join(FORMATS)}, sigmf or wav",

@@ -205,7 +205,7 @@ def _enlarge_pipe(descriptor: int) -> int:
         try:
             return fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, size)
         except OSError as error:
-            # EPERM: the user's pipes have used up their share; EBUSY: it holds more now.
+            # EPERM: the user's pipes exceed their quota; EBUSY: the pipe holds more data now.
             if error.errno not in (errno.EPERM, errno.EBUSY):
                 break
     return fcntl.fcntl(descriptor, fcntl.F_GETPIPE_SZ)

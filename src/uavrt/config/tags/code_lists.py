@@ -89,7 +89,7 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
             last = f", none for {', '.join(absent)[:80]}" if absent else ""
             faults.append(Fault(line=number, text=fault + last))
         if len(cells) > len(names):
-            continue  # which is which is unknown
+            continue  # cells cannot be matched to columns
         pairs = zip(names, cells, strict=False)
         table = {name: _Cell(text=cell, line=number) for name, cell in pairs if cell}
         drafts.append(_draft(table, number, faults, absent))

@@ -38,7 +38,7 @@ def faults_of_gaps(
     factor, found = _faults_of_numbers(gaps, width_ms)
     if len(gaps) > MAX_GAPS:
         found.append((gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"))
-    # Invalid gaps were reported before, and are left out here.
+    # Invalid gaps were reported before, and are ignored here.
     meant_ms = [factor * gap.number for gap in gaps if 0.0 < factor * gap.number <= MAX_GAP_MS]
     length_ms = sum(meant_ms) + width_ms
     if interval is not None and length_ms >= interval.number:
@@ -156,7 +156,7 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
     for same in by_length.values():
         same.sort()
         for at, (length_s, place) in enumerate(same):
-            # Codes of lengths further apart are further apart in their gaps.
+            # Codes whose lengths differ more also differ more in their gaps.
             for other_s, other in same[at + 1 :]:
                 if other_s - length_s > GAP_TOLERANCE_S:
                     break

@@ -103,7 +103,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
     return replace(
         tag,
         pulse_intervals_s=tuple(listed),
-        # The other rate of a tag that has two was not measured.
+        # The other rate of a tag with two rates was not measured.
         interval_uncertainty_s=(
             round(DRIFT * measured_s, 4) if alone else tag.interval_uncertainty_s
         ),
@@ -231,7 +231,7 @@ def _is_narrow(tag: Tag, interval_s: float) -> bool:
     """True if a correction of the interval would not narrow the search."""
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
-    two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty stays as it is
+    two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty is unchanged
     return off_s <= 0.5 * uncertainty_s and (
         two_rates or uncertainty_s <= 2 * DRIFT * interval_s
     )

@@ -67,7 +67,7 @@ def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
     """Check tags from other sources by the rules of tag files; returns the faults."""
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
-    # The same fault of the same place, which here is the tag's, once.
+    # Report the same fault of a tag only once.
     return list(
         dict.fromkeys(f"tag {tags[fault.line].tag_id}: {fault.text}" for fault in faults)
     )

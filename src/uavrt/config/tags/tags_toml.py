@@ -119,7 +119,7 @@ def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> 
         required = {
             "id": "id",
             "frequency": "frequency_mhz",
-        }  # without the kind, which is known
+        }  # without the kind of tag, which is known
     else:
         required = _REQUIRED
     known = (*KEYS, *_CODED_KEYS)

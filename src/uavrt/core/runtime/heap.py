@@ -25,18 +25,18 @@ def fill_pools() -> list[object]:
     private: ten pages a minute, for hours. Once filled, new objects stay together. Takes 10 ms
     and 0.4 MB, once. Returns the filling objects, which must be kept.
     """
-    kept: list[object] = [None] * _MOST_BLOCKS  # made whole: growing it would take places
+    kept: list[object] = [None] * _MOST_BLOCKS  # allocated whole: growing uses free slots
     used = 0
-    # Objects below 48 bytes are numbers only, and few places.
+    # Objects below 48 bytes are numbers only; their pools have few free slots.
     for size in range(3 * _STEP_BYTES, _LARGEST_BYTES + 1, _STEP_BYTES):
         in_a_row, last = 0, 0
-        # This many in a row are a pool that was empty: there are no places between others.
+        # So many blocks in a row are an empty pool: no free slots between others remain.
         while in_a_row < _POOL_BYTES // size - 2 and used < _MOST_BLOCKS:
             block = bytes(size - b"".__sizeof__())
             in_a_row = in_a_row + 1 if id(block) == last + size else 1
             kept[used], last = block, id(block)
             used += 1
-        used -= in_a_row  # an empty pool is given back
+        used -= in_a_row  # an empty pool is returned to the system
         kept[used : used + in_a_row] = [None] * in_a_row
     del kept[used:]
     return kept

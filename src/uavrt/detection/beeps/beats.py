@@ -49,8 +49,8 @@ def _best_beat(
         chain = longest_chain(times_s, interval_s)
         if chain.size < INTERVALS.fewest_pulses:
             continue
-        # Votes give the interval to some milliseconds, which breaks chains: once more with
-        # what the first chain says.
+        # Votes give the interval to some milliseconds, which breaks chains: repeat with the
+        # interval of the first chain.
         again = longest_chain(times_s, fit_beat(times_s[chain], interval_s).interval_s)
         chain = again if again.size > chain.size else chain
         beat = fit_beat(times_s[chain], interval_s)
@@ -151,7 +151,7 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
         np.add.at(votes, np.round(distance / step_s).astype(np.int64), 1.0)
     smooth = np.convolve(votes, np.ones(5), mode="same")
     smooth[: int(INTERVALS.shortest_s / step_s)] = 0.0
-    # Times at random vote for all distances alike.
+    # Random times vote for all distances alike.
     by_chance = times_s.size**2 / max(float(np.ptp(times_s)), 1e-9) * 5.0 * step_s
     least = max(3.0, by_chance + 4.0 * by_chance**0.5)
     candidates = []
@@ -178,7 +178,7 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)
     count, places = beat.numbers.size, int(beat.numbers[-1]) + 1
     pairs = bursts * density * (INTERVALS.longest_s - INTERVALS.shortest_s)
-    # Binomial tail, by its largest term: choose which of the places are hit.
+    # Binomial tail, by its largest term: choice of the positions with a pulse.
     ways = lgamma(places - 1) - lgamma(count - 1) - lgamma(max(places - count, 0) + 1)
     exponent = log(max(pairs, 1e-9)) + ways + (count - 2) * log(hit)
     return exp(min(exponent, 50.0))

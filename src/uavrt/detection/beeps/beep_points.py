@@ -155,7 +155,7 @@ class PointSearch:
         power = self._power[: self._filled]
         held = power[-self._held :].copy()
         usual = medians(power[::2])
-        # A frequency whose level is next to nothing (a filter's stop band) never stands out.
+        # A frequency with a level near zero (a filter's stop band) never stands out.
         usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
         power *= 1.0 / usual
         row, column, over = self._candidates(power, self._from, until)
@@ -172,7 +172,7 @@ class PointSearch:
         """Cells above the threshold: frame, frequency, and power over that of the segment."""
         segments = max(1, self._bins // POINTS.segment_bins)
         places = []
-        for segment in range(0, segments, 256):  # 16384 bins at a time, in the cache's reach
+        for segment in range(0, segments, 256):  # 16384 bins at a time, which fit the cache
             count = min(256, segments - segment)
             low = segment * POINTS.segment_bins
             high = (
@@ -181,7 +181,7 @@ class PointSearch:
             part = power[first:until, low:high]
             above = np.flatnonzero(part > np.float32(self._factor))
             row, column = np.divmod(above, high - low)
-            # Few segments have such cells: the others' common rise is of no interest.
+            # Few segments have such cells; the common rise of the others is not needed.
             own = row * count + np.minimum(column // POINTS.segment_bins, count - 1)
             asked, place = np.unique(own, return_inverse=True)
             if segments == 1:

@@ -141,7 +141,7 @@ def _centers(points: Points) -> list[float]:
     tops = np.flatnonzero(
         (weights >= highest) & (weights > 0.0) & (counts >= INTERVALS.fewest_pulses)
     )
-    # Equal neighbours are one top.
+    # Equal neighbours are one maximum.
     tops = tops[np.diff(tops, prepend=-2) > 1]
     return [float(low_hz + TRAINS.step_hz * top) for top in tops[np.argsort(-weights[tops])]]
 

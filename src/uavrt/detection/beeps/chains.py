@@ -67,7 +67,7 @@ def _best_chain(
             fits = error <= 1.0
             if not fits.any():
                 continue
-            # Prefer long chains without holes, then the better fit.
+            # Prefer long chains without missing pulses, then the better fit.
             cost = hole * (steps - 1.0) + 0.1 * error
             merit = score[first:k] - switch[rate] - cost[:, np.newaxis]
             merit[~fits] = -np.inf

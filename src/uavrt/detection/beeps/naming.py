@@ -60,7 +60,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
         kind, names = BeepKind.DOUBTFUL, near[:1]
     elif near:
         kind, interval_s = BeepKind.OTHER_RATE, others_s[0]
-        # Prefer tags that change to this rate, or show it where pulses are missing.
+        # Prefer tags that change to this rate, or whose missing pulses would look like it.
         names = [
             one for one in near if _fits(interval_s, one, train, NAMING.interval_ratios)
         ] or near

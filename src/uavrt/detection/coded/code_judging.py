@@ -79,7 +79,7 @@ def measure(
     offsets = _finely(cells, book, seeds)
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3:4] + offsets - cells.recent_from
-    # What counts lies exactly at the gaps: each further column would be one more chance.
+    # Only cells exactly at the gaps count; each further column would add a chance match.
     energies = cells.recent[seeds[:, 1][:, None], np.clip(at, 0, last)]
     able = np.flatnonzero(may_suffice(energies, limits))
     seeds, offsets, at, energies = seeds[able], offsets[able], at[able], energies[able]
@@ -95,7 +95,7 @@ def measure(
         ),
     )
     amplitude = np.sqrt(energies)
-    # It ends on both sides; older tags send pulses up to three times as long as usual.
+    # A pulse ends on both sides; older tags send pulses up to three times as long as usual.
     far = np.rint(np.array(SHAPE.end_widths) * cells.pulse).astype(np.intp)[:, None, None]
     before = cells.recent[rows, np.maximum(at - far, 0)].min(axis=0)
     after = cells.recent[rows, np.minimum(at + far, last)].min(axis=0)
@@ -115,10 +115,10 @@ def measure(
     found = []
     enough = good.sum(axis=1) >= least_pulses(book.pulses)
     usual = _median(amplitude, good)[:, np.newaxis]
-    # Where nothing lies that could hide a pulse, a pulse is missing.
+    # If no signal could hide the pulse, the pulse is missing.
     enough &= ~((np.sqrt(near) < SHAPE.hit_amplitude * usual) & ~good).any(axis=1)
-    # One off its place that is as strong as the others is theirs: of another code. Nor do
-    # flanks of two pulses make a burst with nothing in the other places.
+    # A pulse off its position and as strong as the others means another code. Flanks of two
+    # pulses, without pulses at the other positions, are no burst either.
     tops = np.sqrt(highest)
     usual = _median(tops, good)[:, np.newaxis]
     alike = np.abs(tops - usual) <= 3.0 * LIKELIHOOD.fading * tops + SHAPE.higher_amplitude
@@ -253,7 +253,7 @@ def scores_of(
     """Ratio of the sum of each burst's undisturbed pulses to the required sum; 0 if too few."""
     least = np.array([limits.get(count, np.inf) for count in range(own.shape[1] + 1)])
     limit = least[own.sum(axis=1)][:, None]
-    # A pulse that is much stronger than the others does not stand for them.
+    # A pulse that is much stronger than the others is not representative of them.
     counted = np.minimum(np.where(own, energies, 0.0), 0.5 * limit)
     return np.asarray((counted / limit).sum(axis=1))
 
@@ -265,7 +265,7 @@ def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDAr
     able = np.zeros(len(energies), np.bool_)
     for count, limit in limits.items():
         able |= np.minimum(ordered[:, :count], 0.5 * limit).sum(axis=1) >= SHAPE.rounded * limit
-    # Most seeds are one or two pulses: of as many as must count, these are the most alike.
+    # Most seeds are one or two pulses: test the required number of the most equal ones.
     least = least_pulses(pulses)
     able &= ordered[:, least - 1] >= SHAPE.least_amplitude**2 * ordered[:, pulses - least]
     return able
@@ -424,7 +424,7 @@ def _greedy(
                 lost += len(alone) > 0 and burst.column < before
                 if len(alone) < SHAPE.sure_pulses or alone.min() < SHAPE.sure_energy:
                     continue
-                # Too much of it is hit; it is named, and others may not have its pulses.
+                # Too many pulses overlap: name the overlapping tag, which others may not use.
                 burst.hit_by += [other.tag_id for other in covered.overlapped_by(i)]
         accepted.append(burst)
         covered.add(burst)

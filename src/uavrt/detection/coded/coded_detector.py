@@ -274,7 +274,7 @@ class CodedDetector:
         if found.unlisted < required - IDENTITY.doubt_log:
             return
         over = found.energies.mean(axis=1) - 1.0
-        # Before the tag came and after it went there are none.
+        # There are no bursts before the tag arrived or after it left.
         own = np.flatnonzero(over >= 0.5 * over.mean())
         strong = np.flatnonzero(over >= LIMITS.least_energy)
         for place in strong[(strong >= own[0]) & (strong <= own[-1])].tolist():

@@ -200,7 +200,7 @@ class Sightings:
                 one,
                 *(others[place] for place in which[near][gains[near] > 0.0].tolist()),
             ]
-            # One unlisted tag is in step by chance, or the bursts of several are.
+            # Either one unlisted tag is in step by chance, or bursts of several tags are.
             by_one = evidence_in_step(
                 np.stack([each.alone for each in summed]),
                 np.stack([each.good for each in summed]),

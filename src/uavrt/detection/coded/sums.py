@@ -164,13 +164,13 @@ def _fold_in_numpy(
     base = column + np.floor(places * interval + 0.5).astype(np.int64)
     at = base[None] + np.floor(places[None] * off[:, None] + 0.5).astype(np.int64)
     where = at[:, :, None] + own
-    # A burst whose search does not lie within the cells counts nothing.
+    # A burst whose search is partly outside the cells counts as zero.
     half = (reach * np.abs(places)).astype(np.int64) + 2
     inside = (base - half >= 0) & (base + half + 1 + own[-1] <= kept.shape[1])
     picked = np.minimum(kept[row, np.clip(where, 0, kept.shape[1] - 1)], clip)
     sums = picked.sum(axis=2, dtype=np.int64) * inside
     total = np.concatenate((np.zeros((len(off), 1), np.int64), np.cumsum(sums, axis=1)), axis=1)
     windows = total[:, bursts:] - total[:, :-bursts]
-    # The first of equals by place, then by interval, as the kernel has it.
+    # Of equal sums the first by position, then by interval, as in the kernel.
     first, which = np.unravel_index(int(windows.T.argmax()), windows.T.shape)
     return int(windows[which, first]), int(which) - steps, int(first) + 1 - bursts

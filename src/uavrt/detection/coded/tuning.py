@@ -23,7 +23,7 @@ class CellTuning:
     """Duration for which cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
     """Duration of the samples collected before the search continues [s]."""
-    # Cells that are hidden from sums of several bursts.
+    # Limits for cells that are excluded from sums of several bursts.
     tall: float = 25.0
     """Maximum energy of a cell that may be part of a sum of several bursts [noise energies]."""
     echoing: float = 200.0
@@ -42,8 +42,8 @@ class SumTuning:
     """Range in which a seed is the largest sum of its row and code [columns]."""
     most_cell: float = 10.0
     """Largest value of a cell in a sum of several bursts [noise energies]."""
-    # Mean cell of a seed. Three of four sums of bursts at the limit contain one so large; noise
-    # has few.
+    # Mean cell of a seed. Three of four sums of bursts at the limit contain a cell of this
+    # size; noise has few.
     seed_of_many: float = 3.5
     seed_of_three: float = 4.3
     columns_per_step: float = 2.0

@@ -44,7 +44,7 @@ class AnchorSearch(RateSearch):
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
         """Number of columns of the ring buffer, with the columns repeated behind its end."""
         self.base = 0
-        # Its own when it is first needed: of a hundred tags in a group 48 MB never are.
+        # Separate memory only when first needed: in a group of a hundred tags 48 MB never are.
         self.memory = np.zeros(0, np.float32)
         self.cells = self.memory.reshape(0, self.width)
         self.pushed = 0
@@ -117,7 +117,7 @@ class AnchorSearch(RateSearch):
         count, cells, length = power.shape[1], self.cells, self.length
         at = self.pushed % length
         cells[:, at : at + count] = power
-        # What lies twice is written twice.
+        # Repeated columns are written twice.
         if at + count > length:
             cells[:, : at + count - length] = power[:, length - at :]
         spare = cells.shape[1] - length
@@ -159,7 +159,7 @@ class AnchorSearch(RateSearch):
                 due.powers += self.anchor_powers[done:upto]
                 due.places += [place] * (upto - done)
                 tested[place] = upto
-        # Those tested as the first of K, which waits longest, are done with.
+        # Anchors tested as the first of K, which takes longest, are finished.
         keep = tested[0]
         if keep:
             if self.pass_on is not None:
@@ -181,7 +181,7 @@ class AnchorSearch(RateSearch):
         strengths = (cells[hits].sum(axis=1) + power[hits][:, np.newaxis]) / level[hits][
             :, np.newaxis
         ]
-        # Of the intervals that the limit makes equal, the one with the most power.
+        # Of intervals made equal by the limit, take the one with the most power.
         totals = tested.totals[part][hits] / level[hits][:, np.newaxis]
         strengths[totals < best[hits][:, np.newaxis] - 0.01] = 0.0
         strength = strengths.max(axis=1)
@@ -371,7 +371,7 @@ def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) 
         needed = np.float32(search.threshold / search.k) * level
         np.greater_equal(search.cells[:, at : at + fresh], needed[:, np.newaxis], out=strong)
         places.append((search.base, search.width, search.length, at, first))
-    # In one dimension: for two NumPy walks through all cells, at 40 times the price.
+    # In one dimension: in two, NumPy visits all cells, at 40 times the cost.
     cells = mask.reshape(-1).nonzero()[0]
     if not len(cells):
         return

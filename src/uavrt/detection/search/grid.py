@@ -175,7 +175,7 @@ def power_by_halves(
     a = np.matmul(cosines, even, out=take("a", shape))
     b = np.matmul(sines, odd, out=take("b", shape))
     one, two = take("one", shape[1:]), take("two", shape[1:])
-    # Written to last: strided rows are slow, everything else is contiguous.
+    # Write the power last: strided rows are slow, all other accesses are contiguous.
     for out, join, part in (
         (power[:, middle::-1], np.subtract, np.add),
         (power[:, middle:], np.add, np.subtract),
@@ -287,7 +287,7 @@ def make_grid(
     hop = max(1, round(samples / decimation / HOPS_PER_PULSE))
     step_hz = sample_rate_hz / (length * decimation) / ROWS_PER_BIN
     if circular:
-        # The band is a circle: a whole number of rows, none of them twice.
+        # The band is circular: use a whole number of rows, without repetition.
         count = round(sample_rate_hz / step_hz)
         offsets = (np.arange(count) - (count - 1) // 2) * (sample_rate_hz / count)
     else:
@@ -402,7 +402,7 @@ def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float3
     """
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous
-    # As one long row: what runs from a row's end into the next is cut off with the margins.
+    # As one long row: values that cross into the next row are cut off with the margins.
     result = power.T.reshape(-1) if side_by_side else power
     width = 2 * reach + 1
     covered = 1

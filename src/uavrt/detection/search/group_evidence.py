@@ -40,7 +40,7 @@ class Evidence:
         self._side = max(2, math.ceil(reach / self._step))
         self._spread = _kernel(self._side, round(sigma, 3))
         self._lattices = _lattices(tag.k, self._side)
-        # Of a lattice's middle, of its ends against that, and of the frequency.
+        # Steps of a lattice's middle, of its ends relative to that, and of the frequency.
         self._cell = math.log((self._step / grid.window) ** 2 * EVIDENCE.row_bins)
         rates = len(tag.pulse_intervals_s)
         self._bounds = [self._bounds_of(rate) for rate in range(1, rates + 1)]
@@ -54,7 +54,7 @@ class Evidence:
             return True
         steady, first = self._bounds[candidate.rate - 1]
         bound = steady if search.steady else first
-        # What the margin of a young noise adds to the threshold, in the tail's exponent.
+        # Increase of the threshold by the margin for uncertain noise, in the tail's exponent.
         bound += search.threshold * max(0.0, search.margin / share - 1.0)
         starts = np.array([self._grid.start(column) for column in candidate.columns])
         offset = float(self._grid.offsets_hz[candidate.row])

@@ -119,7 +119,7 @@ class Leveller:
         self._usual = np.ones(count, np.float32)
         """(bands,) level of each band, averaged since its last change."""
         self._stayed = 0
-        # The rows' noise was just learnt from what came before.
+        # The noise of the rows was just estimated from earlier columns.
         self._past = np.ones((count, LEVEL.learnt_slots), np.float32)
         self._whole = np.ones(LEVEL.learnt_slots, np.float32)
         """(past slots,) 1 for slots without lost samples, else 0."""
@@ -243,7 +243,7 @@ class Leveller:
         lead = min(past, half)
         cells = slots / noise[:, np.newaxis]
         x = self._sums @ cells
-        # What is usual is not known yet for the newest: what a quarter of the bands exceed.
+        # The usual level of the newest slots is unknown: use the quartile of the bands.
         newest = np.zeros_like(x)
         last = LEVEL.beside_slots[0]
         newest[:, -last:] = np.quantile(x[:, -last:], 0.75, axis=0)
@@ -313,7 +313,7 @@ class Leveller:
         begin, end = _agreed(back, begin, ahead, len(common) - end, scale, total)
         n = total[end] - total[begin]
         level = np.where(n > 0.0, (sums[end] - sums[begin]) / np.maximum(n, 1e-9), back)
-        # Where little lies ahead a stretch takes in too much from before a rise.
+        # Near the newest slot a stretch includes too much from before a rise.
         level[-LEVEL.newest_slots :] = np.maximum(level, least)[-LEVEL.newest_slots :]
         level = np.maximum(level, LEVEL.least_level)
         margin = 0.5 * self._steepness * scale**2 / np.maximum(n, 1.0)
@@ -347,12 +347,12 @@ def _take_out_bursts(
     """Set the weights of strong pulses to zero; return which newest slots may be pulses."""
     near, far = LEVEL.beside_slots
     width = far - near + 1
-    # Nothing is known of what comes; before the first slot it was as after it.
+    # Later slots are unknown; before the first slot assume the same level.
     padded = np.pad(common, (0, far), mode="edge")
     padded = np.pad(padded, (far, 0), mode="reflect")
     medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
     before, after = medians[: len(common)], medians[far + near : far + near + len(common)]
-    # Of three slots together weaker pulses are seen, where the rows are many.
+    # Three slots together show weaker pulses, if there are many rows.
     three = np.convolve(np.pad(common, 1, mode="edge"), np.full(3, 1.0 / 3.0), "valid")
     burst = min(
         1.0 + LEVEL.pulse_sigmas * math.sqrt(LEVEL.slot_variance / bins), LEVEL.pulse_ratio
@@ -395,7 +395,7 @@ def _longest(
         high = np.minimum(high, here * (1.0 + error))
         going &= low <= high
         mean, first = np.where(going, here, mean), np.where(going, begin, first)
-        # Not of a longer one: it may reach back to before a fall.
+        # Not of a longer stretch, which may reach back to before a fall.
         least = np.where(going, np.maximum(least, surely), least)
     return mean, first, least
 

@@ -38,7 +38,7 @@ class LongSearch(RateSearch):
         if self.pass_on is not None:
             self._pass_on(power, noise)
         if not self.columns and not tail.size:
-            # The very first columns have no past: zeros stand for it.
+            # The first columns have no past: use zeros.
             tail = np.zeros((self.rows, reach), np.float32)
         block = np.concatenate((tail, power), axis=1)
         columns = block.shape[1]
@@ -90,7 +90,7 @@ class LongSearch(RateSearch):
         least = self.threshold * self.margin
         if not (largest >= least).any():
             return []
-        # At the limit all places and rows around a strong tag are alike: power decides.
+        # At the limit all cells around a strong tag are equal: the power decides.
         strengths = self._totals(done, upto, noise, math.inf)
         column = np.empty(largest.shape, np.intp)
         strength = np.empty_like(largest)
@@ -104,7 +104,7 @@ class LongSearch(RateSearch):
             choice = int(best[row])
             at = int(column[choice, row])
             if at == upto - done - 1:
-                # Maybe on the way to its top, 6 ms early: the next step looks at it again.
+                # Possibly before the maximum, 6 ms early: examine it again in the next step.
                 self._searched = upto - 1
                 continue
             interval = float(self.intervals[choice])

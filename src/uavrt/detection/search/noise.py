@@ -59,7 +59,7 @@ def _noise_near_edge(
     reach = windows.shape[1] // 2
     own = windows[:, reach]
     near = np.log(windows[:, max(0, reach - 2) : reach + 3]).mean(axis=1)
-    # Five rows a quarter of a bin apart know as much as one and a half.
+    # Five rows a quarter of a bin apart are worth one and a half independent rows.
     result = np.exp(near) * (1.0 + 0.5 * NOISE.usual_threshold * error**2 / 1.5)
     flattest = np.full(len(own), NOISE.edge_flat_ratio * error)
     for side in (windows[:, : reach + 1], windows[:, reach:]):
@@ -106,7 +106,7 @@ class RowNoise:
         """Relative standard deviation of a row's level in white noise."""
         seconds = min(self._seen_s, 2.0 * NOISE.long_s)
         pooled = 1.0 if self._long is None else 2.0 * self._reach(len(self._long)) + 1.0
-        # Rows a quarter of a bin apart and their median: measured, as good as one in five.
+        # Rows a quarter of a bin apart and their median: worth one independent row in five.
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds * pooled / 5.0, 1.0))
 
     def start(self, power: NDArray[np.float32]) -> None:
@@ -168,7 +168,7 @@ class RowNoise:
         assert self._long is not None
         self._settled_s = self._seen_s
         if self._seen_s < NOISE.young_s and self._is_flat(smooth):
-            # No more structure than chance makes: all rows together know the noise better.
+            # No more structure than by chance: all rows together give the better estimate.
             smooth = np.full_like(smooth, np.median(self._long))
         else:
             smooth = self._shaped(smooth, reach)
@@ -212,7 +212,7 @@ class RowNoise:
         """Fit one line in decibels to all rows; None if the medians deviate from the line."""
         assert self._long is not None
         rows = np.arange(len(smooth), dtype=np.float64)
-        # At the ends of a channel the medians take in what lies across the edge.
+        # At the ends of a channel the medians include rows across the edge.
         inner = slice(reach, len(smooth) - reach) if self._circular else slice(None)
         if len(rows[inner]) < 2 * reach:
             return None
@@ -221,7 +221,7 @@ class RowNoise:
         if float((smooth[inner] / line[inner]).std()) > NOISE.flat_ratio * self.relative_error:
             return None
         line *= np.median(self._long / line)
-        # Noise puts six rows in a thousand there; rows behind a filter's edge are more.
+        # Noise puts six rows in a thousand there; more rows mean a filter's edge.
         below = self._long < line * np.float32(1.0 - 2.5 * self._row_error)
         return line if float(below.mean()) < 0.03 else None
 

@@ -67,10 +67,10 @@ class Refiner:
 
     def noise_at(self, offset_hz: float, noise: NDArray[np.float32], start: float) -> float:
         """Noise power of one sample at a frequency, in the window that begins at `start`."""
-        # Rows lie equally far apart; numpy.interp, which must search for them, takes ten times.
+        # Rows are evenly spaced; numpy.interp, which must search, takes ten times as long.
         at = (offset_hz - self._lowest_hz) / self._row_hz
         if not 0.0 <= at < len(noise):
-            # Beyond an edge of the channel lies the other, if that is searched.
+            # Beyond one edge of the channel continues the other, if that is searched.
             around = at % (self._grid.sample_rate_hz / self._row_hz)
             at = around if around < len(noise) else at
         below = min(max(int(at), 0), len(noise) - 2) if len(noise) > 1 else 0
@@ -123,12 +123,12 @@ class Refiner:
             power -= (0.5 * level)[:, np.newaxis, np.newaxis] * away[:, np.newaxis] ** 2
             np.maximum(power, 0.0, out=power)
         best = power.max(axis=2) / level[:, np.newaxis]
-        # The root keeps one strong pulse from choosing alone for all.
+        # The root keeps one strong pulse from deciding for all.
         common = int(np.sqrt(best).sum(axis=0).argmax())
         at = power[:, common].argmax(axis=1)
         edge = (at == 0) | (at == power.shape[2] - 1)
         if climb and edge.any():
-            # The peak may lie beyond: a limited cell is as good on the flank of a strong pulse.
+            # The peak may be farther: a limited cell scores the same on a strong pulse's flank.
             moved = first + np.where(at == 0, -lead, np.where(edge, lead, 0))
             if int(moved.min()) >= buffer.start and int(moved.max()) + length <= self.upto:
                 first = moved
@@ -354,7 +354,7 @@ class Refiner:
                 sides.append(float(np.median(power)) / math.log(2.0))
         if not sides:
             return 0.0
-        # The first moment of a rise, measured by the level before it, is an impulse.
+        # The first moment of a rise, relative to the level before it, looks like an impulse.
         return max(min(sides), min(max(sides), pulse.noise))
 
     def _looks_like_impulse(self, pulse: Measured, floor: float) -> bool:

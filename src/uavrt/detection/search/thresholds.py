@@ -68,7 +68,7 @@ def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(total_length) * THRESHOLDS.tail_step, tail
 
 
-@lru_cache(maxsize=8)  # of 20 kB; a threshold looks fifty times, and is then kept itself
+@lru_cache(maxsize=8)  # of 20 kB; a threshold is computed in fifty look-ups, then stored
 def _log_tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     x, tail = _tail(k, spread, limit)
     return x, np.log(np.maximum(tail, 1e-300))

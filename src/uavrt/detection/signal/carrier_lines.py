@@ -56,7 +56,7 @@ class LineCanceller:
             power.reshape(-1, CARRIERS.group_bins), CARRIERS.floor_rank, axis=1
         )[:, CARRIERS.floor_rank]
         floor *= CARRIERS.floor_scale
-        # Near an edge of the noise the group on its louder side counts.
+        # Near an edge of the noise the group on the stronger side counts.
         floor = np.maximum(floor, np.maximum(np.roll(floor, 1), np.roll(floor, -1)))
         least = np.finfo(np.float32).tiny
         over = power > np.maximum(

@@ -26,7 +26,7 @@ class Occupancy:
         bin_hz = sample_rate_hz / self._length
         offsets = offset_hz + OCCUPANCY.apart_bins * bin_hz * np.array([-1.0, 0.0, 1.0])
         turn = np.arange(self._length)[:, np.newaxis] * offsets / sample_rate_hz
-        # Side lobes would show a neighbour.
+        # Side lobes would show a neighbouring signal.
         self._taper = np.hanning(self._length + 2)[1:-1].astype(np.float32)
         self._filters = (self._taper[:, np.newaxis] * np.exp(-2j * np.pi * turn)).astype(
             np.complex64

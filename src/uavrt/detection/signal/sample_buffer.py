@@ -56,7 +56,7 @@ class SampleBuffer:
         self._ns_per_sample = NANOSECONDS_PER_SECOND / sample_rate_hz
         self._keep = keep
         self._tolerance_ns = tolerance_s * NANOSECONDS_PER_SECOND
-        # What is kept moves to the front when the rest is full: a quarter as much, every
+        # Stored samples move to the front when the buffer is full: a quarter as many, every
         # second. With half, 5 MB more for 100 tags, that happens half as often (50 us each).
         self._data = np.zeros(keep + keep // 4 + 1024, np.complex64)
         self.start = 0

@@ -86,6 +86,6 @@ class SparkLimiter:
             outside = np.convolve(whole, taps, "valid")
             power = outside.real**2 + outside.imag**2
             sides.append(np.convolve(power, self._smooth, "valid"))
-        # Near the lower of the two, and less scattered.
+        # Near the lower of the two levels, with less scatter.
         low, high = sides
         return np.asarray(2.0 * low * high / (low + high + np.float32(1e-30)), np.float32)

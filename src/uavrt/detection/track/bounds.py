@@ -58,7 +58,7 @@ class Bounds:
         """Maximum deviation from a rate's declared interval, by the samples' clock [s]."""
         nominal_s = self.tag.pulse_intervals_s
         own_s = nominal_s[rate - 1]
-        # One crystal makes both rates: of the longer interval it errs by more.
+        # One crystal determines both rates: the error of the longer interval is larger.
         most_s = self.tag.interval_uncertainty_s * own_s / min(nominal_s)
         return most_s + BOUNDS.clock_error * own_s
 
@@ -93,7 +93,7 @@ class Bounds:
         span = last - first
         if span > 0 and abs((end_s - begin_s) / span - own_s) > most_s + jitter_s / span:
             return True
-        # Of many pulses it is known far better than by the first and the last.
+        # Many pulses give the interval far more accurately than the first and the last.
         interval_s, error_s = self._line(pulses)
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
@@ -117,7 +117,7 @@ class Bounds:
         )
 
     def _line(self, pulses: list[tuple[int, float, float]]) -> tuple[float, float]:
-        # In plain numbers: of the few pulses of a track NumPy takes four times as long.
+        # In plain Python: for the few pulses of a track NumPy takes four times as long.
         jitter_s = self.tag.interval_jitter_s / math.sqrt(3.0)
         width_s, begin_s = self.tag.pulse_width_s, pulses[0][1]
         weights = [

@@ -71,7 +71,7 @@ class Follower:
             while not track.dead and self._step(track, upto, noise=noise, floor=floor):
                 self._follow_other_rate(track, upto, settle, noise=noise, floor=floor)
                 settle()
-            # What the other rate could not yet look at may be there now.
+            # Samples that the other rate still needed may have arrived now.
             self._follow_other_rate(track, upto, settle, noise=noise, floor=floor)
         settle()
         tracks[:] = [t for t in tracks if not t.dead]
@@ -106,7 +106,7 @@ class Follower:
                     return
         winner = decide_rate(track)
         if winner is not None:
-            settle()  # what it found at the rate it had
+            settle()  # pulses found at the previous rate
             if self._belongs_to_other(track, winner.last_accepted_s):
                 track.dead = True
             else:
@@ -163,7 +163,7 @@ class Follower:
         was_confirmed = track.confirmed
         track.interval_open = not was_confirmed and self._bounds.leaves_open(track)
         track.step(slot)
-        # Else the flanks of a stronger signal lead it to that one's frequency or interval.
+        # Otherwise a stronger signal's flanks pull the track to its frequency or interval.
         if self._bounds.left_by(track):
             track.slots.pop()
             track.confirmed &= was_confirmed

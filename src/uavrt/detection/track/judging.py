@@ -78,7 +78,7 @@ class Judge:
         kept = (starts >= self._buffer.start) & (starts < self._refiner.upto - margin)
         if not kept.any():
             return None
-        # At the stream's first sample the stretch looked at is moved, not given up.
+        # At the stream's first sample the examined stretch is moved, not omitted.
         starts = np.maximum(starts, self._buffer.start + math.ceil(half) + 1)
         starts, offset = starts[kept], float(grid.offsets_hz[candidate.row])
         bin_hz = grid.sample_rate_hz / grid.window
@@ -100,7 +100,7 @@ class Judge:
             elif abs(strongest.offset_hz - offset) < JUDGE.off_row_hz:
                 break
             else:
-                # The limit on a cell lets noise choose among the rows of a strong pulse.
+                # Because cells are limited, noise decides among the rows of a strong pulse.
                 offset = strongest.offset_hz
         assert found is not None
         places = zip(np.flatnonzero(kept).tolist(), found, strict=True)
@@ -214,7 +214,7 @@ class Judge:
         strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
         width = self._grid.window
         half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
-        # The best of many cells counts: noise has one that is likelier than none.
+        # The best of many cells counts: even noise has a likely one.
         half_s = half / self._grid.sample_rate_hz
         cells = independent_cells(half_s, MEASURE.track_band_hz, self._tag.pulse_width_s)
         price = math.log(FOLLOW.more_cells * cells)

@@ -146,7 +146,7 @@ class Reporter:
             margin_hz=CHANNEL.edge_hz if track.placed else 0.0,
         )
         track.placed = True
-        # Everything that it measures from now on lies near it.
+        # All later measurements are near this frequency.
         track.offset_hz += place_hz - track.steady_hz
         track.steady_hz = place_hz
 
@@ -160,8 +160,8 @@ class Reporter:
         group = slot.number // tag.k
         index = slot.number % tag.k + 1
         known = (track.rate, track.sequences.get(group), index)
-        # Without a lock two pulses may claim one place of a lattice, one of them a neighbour's:
-        # the later one begins a group of its own.
+        # Without a lock two pulses may have the same lattice number, one of them a neighbour's:
+        # the later pulse begins a group.
         if known[1] is None or known in self._given:
             self._sequence[track.rate] += 1
             track.sequences[group] = self._sequence[track.rate]

@@ -175,7 +175,7 @@ class Tracking:
         track.begin(pulses, self._around)
         track.clashing = held
         if self.senders is not None:
-            track.held = True  # until they have decided
+            track.held = True  # until the assignment is decided
         elif self._mode is not OperatingMode.ALL_NEVER_LOCK:
             track.held = held or self.owner() is not None
         self._counters.tracks += 1
@@ -211,7 +211,7 @@ class Tracking:
     def _settle(self) -> None:
         if self.senders is not None:
             for track in self.tracks:
-                # Of what has just been confirmed they decide first whose it is.
+                # Groups just confirmed are assigned to tags first.
                 if track.confirmed == track.confirmed_at_assignment:
                     self._reporter.report(track)
         elif self.tracks:

@@ -139,7 +139,7 @@ class Track:
                 self.odds = log_begin(around(self, measured).begin_per_s)
             if not real or number == first:
                 continue
-            # Noise in a place says nothing of the phase: it would bend the interval.
+            # A noise peak contains no phase information and would bias the interval.
             while self.number < number:
                 self._predict()
                 self.number += 1
@@ -202,8 +202,8 @@ class Track:
                 self.last_accepted_s = time_s
                 self.tested += 1
         self._keep_slots(max(2 * self.tag.k, 6))
-        # A second group on the lattice of the first is no accident of noise; which of two
-        # rates it has is open.
+        # A second group on the lattice of the first is not noise; which of two rates it has is
+        # undecided.
         one_rate = len(self.tag.pulse_intervals_s) == 1
         if self.tested >= self.tag.k and one_rate and self.odds >= 0.0:
             self.confirmed = True
@@ -257,7 +257,7 @@ class Track:
             self.since_accepted += 1
             self.drift_hz *= 0.8
             if self.confirmed and power > 4.0 and slot.state != "missed":
-                # Too weak to report, good enough to keep the phase from wandering.
+                # Too weak to report, but sufficient to stabilise the phase.
                 self._correct(slot.time_s, power * 0.3)
             if self.since_accepted > FOLLOW.most_missed or self.trust <= 0.0:
                 self.dead = True
@@ -320,7 +320,7 @@ class Track:
         elif not self.stands_out:
             self.dead = self.tested >= tests
         else:
-            # Noise it is not; of what else is on air it may yet be an accident.
+            # It is not noise, but may still be a chance series of other bursts.
             self.dead = self.odds < self.best_odds - FOLLOW.odds_lost
             self.dead |= self.tested >= FOLLOW.most_tests
             if slot.tag_odds > 0.0:
@@ -397,8 +397,8 @@ class Track:
                 continue
             if self._sends_nothing(weak):
                 continue
-            # Its fellows vouch for a weak pulse no further than to twice its own power:
-            # between strong ones it is the noise in a null of the antenna.
+            # Other pulses support a weak one only up to twice its own power: between strong
+            # pulses a weaker peak is noise in a null of the antenna.
             total = own + sum(min(power, FOLLOW.joint_ratio * own) for power in others)
             if total >= limit:
                 weak.state = "accepted"

@@ -42,7 +42,7 @@ def _at_other_rate(track: Track, start: Slot) -> Track:
     rate = 3 - track.rate
     nominal_s = track.tag.pulse_intervals_s
     other = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
-    # The crystal's error is the same at both rates; what is left is that of their ratio.
+    # The crystal's error is the same at both rates; the error of their ratio remains.
     scale = track.interval_s / nominal_s[track.rate - 1]
     other.continue_from(
         start, interval_s=nominal_s[rate - 1] * scale, share=RATES.uncertainty_share

@@ -42,7 +42,7 @@ def read_ulog(path: Path) -> VehicleTrack:
         from pyulog import ULog
     try:
         TRACK.check_size(size_of(path), path)
-        # Opened here: pyulog leaves a file open that it cannot read; and it prints.
+        # Open the file here: pyulog leaves an unreadable file open, and prints.
         with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
             _check_formats(file)
             log = ULog(_Damaged(file), _TOPICS)

@@ -83,7 +83,7 @@ def switched_bearing(
     for amplitude, count, yaw, noise in zip(amplitudes, counts, yaw_deg, noises, strict=True):
         weight = np.sqrt(count / noise)
         expected = steering(GRID_DEG - yaw) * weight
-        # Strength and phase of the pulse are unknown: what is left is the projection.
+        # Strength and phase of the pulse are unknown, so only the projection counts.
         matched = np.abs(expected.conj() @ (amplitude * weight)) ** 2
         log_density += matched / np.sum(np.abs(expected) ** 2, axis=1)
     return described(log_density, method=method, pulses=len(yaw_deg))

@@ -161,7 +161,7 @@ def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
         sigma_deg=sigma,
         interval90_deg=shortest_arc(density, 0.9),
         second_lobe_probability=second,
-        # A misfit makes the odds less certain just as it does the direction.
+        # A misfit makes the odds less certain, as well as the direction.
         evidence=(directional - found.log_flat) / inflation,
         reduced_chi2=misfit.reduced_chi2,
         multipath_suspected=paths_deg is not None or misfit.marked,

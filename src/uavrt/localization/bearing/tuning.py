@@ -65,7 +65,7 @@ class PatternTuning:
     """Half-width of a lobe of the posterior [°]."""
     correlation_pulses: int = 12
     """Minimum number of pulses for estimating the correlation of fading."""
-    # Fading that lasts from pulse to pulse.
+    # Fading that is correlated from pulse to pulse.
     correlations: tuple[float, ...] = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
     """Candidate correlations of neighbouring pulses' fading."""
     variance_factors: tuple[float, ...] = (1.0, 2.0, 4.0)

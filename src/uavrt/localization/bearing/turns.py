@@ -252,7 +252,7 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
         if seconds[index - 1] - seconds[start] >= TURNS.stop_s:
             held = float(np.median(yaw[start:index]))
             before = stops[-1] if stops else None
-            # A stop that begins with the end of a turn is cut in two by its own drift.
+            # A stop that begins with the end of a turn is divided by its own drift.
             if (
                 before
                 and abs(held - np.median(yaw[before[0] : before[1] + 1])) <= TURNS.stop_deg

@@ -182,7 +182,7 @@ def turns_in(
 ) -> list[Turn]:
     """Find the turns of a flight, including one in progress."""
     if len(poses.time_ns) < 4 or poses.on_ground.all():
-        return []  # what flew before is not among these poses any more
+        return []  # earlier times in flight are no longer among these poses
     every = find_turns(
         poses.time_ns,
         poses.yaw_deg,
@@ -570,8 +570,8 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 def _placed(
     tag_id: int, found: Sequence[Found], how: ReadAs, over: FlightGround | None, cache: Cache
 ) -> TagPosition | None:
-    # Each has its own gain: two flights may be of two drones under one number, and a shared
-    # gain narrows no circle by more than 4 %.
+    # Separate gains: two flights may be of two drones under one number, and a common gain
+    # reduces circles by less than 4 %.
     bearings = [
         replace(one, flight=number)
         for number, each in enumerate(found)
@@ -629,7 +629,7 @@ def _position_of(
             hills=hills,
         )
     except UsageError as error:
-        # One tag with a single bearing must not keep the others from the list.
+        # One tag with a single bearing must not remove the others from the list.
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     if method not in ("bayes", "track") and stations.listeners:
         left_out = f"the method {method} takes bearings alone"

@@ -255,7 +255,7 @@ def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
     """Warn if elevation files and flight disagree on the height of the take-off."""
     if (
         not abs(said_m - ground_m) > FLIGHT.reported_height_m
-    ):  # so, too, where one of them is not known
+    ):  # also if one of the heights is unknown
         return ()
     return (
         f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "

@@ -50,7 +50,7 @@ class LiveBearings:
         for pose in poses:
             if self._first_ns is None:
                 self._first_ns = pose.time_ns
-            # As `Heard` thins them, so that the drone finds the turns that others find.
+            # Thinned as by `Heard`, so that drone and ground station find the same turns.
             slot = (pose.time_ns - self._first_ns) // FLIGHT.pose_step_ns
             if not self._poses or slot > (
                 (self._poses[-1].time_ns - self._first_ns) // FLIGHT.pose_step_ns
@@ -127,7 +127,7 @@ def bearing_from_drone(one: LiveBearing) -> TagBearing:
             pulses=one.pulses,
             sigma_deg=one.sigma_deg,
             interval90_deg=one.interval90_deg,
-            # The message says only whether there is another lobe.
+            # The message contains only whether there is another lobe.
             second_lobe_probability=1.0 if one.ambiguous else 0.0,
             evidence=ACCEPTANCE.evidence_nats if one.accepted else 0.0,
             multipath_suspected=one.multipath_suspected,

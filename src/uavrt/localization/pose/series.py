@@ -36,7 +36,7 @@ class Series(Generic[S]):
     ) -> None:
         self._capacity = capacity
         self._pack, self._unpack = pack, unpack
-        # A fourth more: removing the first moves all the others, so it is done in batches.
+        # A quarter more: removing the first sample moves all others, so it is done in batches.
         self._room = capacity + capacity // 4 + 1
         self._times = array("q", bytes(8 * self._room))
         self._values = array("d", bytes(32 * self._room))

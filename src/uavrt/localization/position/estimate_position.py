@@ -89,7 +89,7 @@ def estimate_position(
             heading_sigma_deg=heading_sigma_deg,
             propagation=propagation or Propagation(),
             max_range_m=max_range_m,
-            # Headings that are known leave no compass wrong.
+            # Exact headings exclude a wrong compass.
             unusual=UNUSUAL if heading_sigma_deg > 0.0 else UNUSUAL - {"compass"},
             height_sigma_m=height_sigma_m,
             hills=hills,

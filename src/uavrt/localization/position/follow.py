@@ -39,7 +39,7 @@ def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
     stations, grid = model.stations, position.grid
     assert stations is not None
     named = {one.name for one in position.cautions}
-    # Bearings from one side, or three, contradict each other in more ways than by a walk.
+    # Bearings from one side, or only three, may contradict each other without a walk.
     contradicted = bool(named & _CONTRADICTS) and "unchecked" not in named
     has_times = stations.time_s is not None and len(stations.time_s) >= TRACK.least_times
     if follow == "contradicted" and not (contradicted and has_times):

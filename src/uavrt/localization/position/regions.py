@@ -41,7 +41,7 @@ def refined(
     x: _Floats, y: _Floats, probability: _Floats, times: int = 4
 ) -> tuple[_Floats, _Floats, _Floats]:
     """Interpolate a probability on a finer grid: x, y and values, cubic in the logarithm."""
-    # Below 1e-12 of the peak nothing is drawn; a zero has no logarithm.
+    # Nothing is drawn below 1e-12 of the peak; zero has no logarithm.
     logs = np.log(np.maximum(probability, 1e-12 * probability.max()))
     fine = np.exp(_cubic(_cubic(logs, times).T, times).T)
     return (
@@ -91,8 +91,8 @@ def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
         enters = [edge for edge, a, b in zip(edges, within, turned, strict=True) if b and not a]
         leaves = [edge for edge, a, b in zip(edges, within, turned, strict=True) if a and not b]
         if len(enters) == 2:
-            # A saddle: its middle says whether the two corners hang together. Going round, each
-            # corner is entered before it is left.
+            # A saddle: the value in its middle decides if the two corners are connected. On the
+            # way around, each corner is entered before it is left.
             first = edges.index(enters[0]) < edges.index(leaves[0])
             together = np.mean([values[corner] for corner in corners]) >= level
             if first == together:

@@ -65,7 +65,7 @@ class Elevation:
                     break
             else:
                 sheets.append([one])
-        # The finest first: it knows best.
+        # The finest raster first, as the most accurate.
         sheets.sort(key=lambda sheet: _step_m(sheet[0]))
         object.__setattr__(self, "_sheets", sheets)
 
@@ -231,7 +231,7 @@ def _projected(epsg: int, lat: _Floats, lon: _Floats) -> tuple[_Floats, _Floats]
                 return np.full(lat.shape, 1e12), np.full(lat.shape, 1e12)
             east[i, j] = at.easting_m
             north[i, j] = at.northing_m - (1e7 if phi < 0.0 else 0.0) + (1e7 if south else 0.0)
-    # The grid bends by metres over the whole area: a cubic through 144 points misses nothing.
+    # The grid is distorted by metres over the whole area: a cubic through 144 points suffices.
     return (
         np.asarray(RectBivariateSpline(lats, lons, east, s=0).ev(lat, near)),
         np.asarray(RectBivariateSpline(lats, lons, north, s=0).ev(lat, near)),

@@ -97,7 +97,7 @@ def geotiff_raster(path: Path) -> Raster:
             f"{path.name} {text}", remedy=f"Run: {command} {path.name} turned.tif"
         ) from None
     except _DAMAGED as error:
-        # Other errors are of the library that reads numbers, and mean nothing to a reader.
+        # Other errors come from the decoding library and would not help the user.
         readable = isinstance(error, OSError | ValueError) and not isinstance(
             error, UnicodeError
         )
@@ -269,7 +269,7 @@ def _points(blocks: _Blocks, window: tuple[int, int, int, int]) -> NDArray[np.fl
     points = np.full((bottom - top, right - left), np.nan, np.float32)
     across = math.ceil(blocks.columns / blocks.wide)
     try:
-        # Damaged floating point numbers are no reason for warnings.
+        # Damaged floating-point numbers must not cause warnings.
         with blocks.path.open("rb") as file, np.errstate(all="ignore"):
             for i in range(top // blocks.high, (bottom - 1) // blocks.high + 1):
                 for j in range(left // blocks.wide, (right - 1) // blocks.wide + 1):
@@ -292,7 +292,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
         high = min(high, blocks.rows - number * high) if high < blocks.rows else high
     shape, kind = (high, blocks.wide), blocks.dtype
     size = high * blocks.wide * kind.itemsize
-    if not blocks.sizes[number]:  # left out where nothing is known
+    if not blocks.sizes[number]:  # omitted where no height is known
         return np.full(shape, np.nan, np.float32)
     file.seek(blocks.places[number])
     data = file.read(blocks.sizes[number])

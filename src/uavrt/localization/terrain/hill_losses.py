@@ -165,7 +165,7 @@ class HillLosses:
             none = np.zeros((1, 2, 2), np.float32)
             which = np.zeros(np.size(drone_east_m), np.intp)
             return LossesFrom(maps=none, which=which, west_m=0.0, south_m=0.0, cell_m=1.0)
-        # Each tag of a search asks for the same ways in turn.
+        # Each tag of a search requests the same paths in turn.
         asked = np.stack((drone_east_m, drone_north_m, drone_up_m)).astype(np.float64)
         of = (self.frequency_hz, self.tag_m, self.origin_m)
         last = self._squares.last
@@ -288,7 +288,7 @@ class _Squares:
         needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
         if needed <= self.reach_m or not np.isfinite(self.start_m):
             return
-        # In steps of the root of two: a flight that goes on is not laid again with each pulse.
+        # In steps of the root of two, so that a growing flight is not gridded at each pulse.
         steps = np.ceil(2.0 * np.log2(needed / _LEAST_REACH_M))
         self.reach_m = reach = float(_LEAST_REACH_M * 2.0 ** (0.5 * steps))
         self._grid = ground_grid(

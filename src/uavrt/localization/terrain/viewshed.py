@@ -44,7 +44,7 @@ def terrain_loss_map(
             remedy="Choose a map that covers the whole path",
         )
     drone_m = float(ground.at(np.array([column]), np.array([row]))[0]) + antenna_m
-    # A column and a row more, for points between: no profile asks where the map ends.
+    # One column and row more, for points between cells at the edge of the map.
     over = np.pad(height - np.float32(drone_m), ((0, 1), (0, 1)), mode="edge")
     over = np.ascontiguousarray(over)
     wavelength = SPEED_OF_LIGHT_M_S / frequency_hz

@@ -329,7 +329,7 @@ def search_flight(
     weak = _weak_trains(energies, weights, folded, tag, most)
     loud = _loud_trains(energies, tag, most)
     both = sorted([*weak, *loud], key=lambda one: one.false_alarm_probability)
-    if both and both[0].loud:  # of trains of the same pulses the most central
+    if both and both[0].loud:  # of trains of the same pulses, the most central
         first = next(one for one in loud if one.rate == both[0].rate)
         both = [first, *(one for one in both if one is not first)]
     return both[:most]

@@ -51,7 +51,7 @@ def train_pulses(
     span_s = slots * slot_s
     count = int((span_s - train.phase_s) / train.interval_s) + 1
     weight = np.ones(slots)
-    if not train.loud:  # its marks do not depend on place
+    if not train.loud:  # its marks do not depend on the position
         weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
     step_s = slot_s / max(count - 1, 1)
     row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))

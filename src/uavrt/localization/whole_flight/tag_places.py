@@ -67,7 +67,7 @@ class Track:
         if self.hills is not None:
             seen = self.hills.seen_from(self.east_m, self.north_m, self.height_m)
             lost_db, rise = seen(east_m, north_m), self.hills.rise_m(east_m, north_m)
-        # A contiguous row for each axis and component: these sums take most of a search.
+        # A contiguous row for each axis and component: these sums dominate the search's time.
         axes = np.ascontiguousarray(np.moveaxis(self.axes, 0, 2))
         for place, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
             ahead, aside = north - self.north_m, east - self.east_m
@@ -85,7 +85,7 @@ class Track:
     ) -> _Floats:
         """(times,) antenna gain in unit directions [dB]; `axes` has the shape (3, 3, times)."""
         if self.pattern.name == MONOPOLE:
-            # It stays upright however the drone leans, and receives nothing from below.
+            # A monopole stays upright however the drone tilts, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
         return self.pattern.gain_towards_db(
             *(axis[0] * north + axis[1] * east + axis[2] * down for axis in axes)
@@ -156,7 +156,7 @@ def places_around(
     )
     gain = track.gain_db(place_east, place_north)
     strongest_db = gain.max(axis=1)
-    # In place: these are many for a long flight, and new pages cost more than the sums.
+    # In place: the arrays of a long flight are large, and new pages cost more than the sums.
     gain -= strongest_db[:, np.newaxis]
     gain *= 0.1
     np.power(10.0, gain, out=gain)

@@ -227,7 +227,7 @@ def _sums(search: _Search, *, moves: bool) -> tuple[_Floats, _Floats]:
         best = search.best(number)[:, rows].astype(np.float64)
         deviation = weights.deviation[rows].T[..., np.newaxis]
         skewness = np.broadcast_to(weights.skewness[rows].T[..., np.newaxis], best.shape)
-        if moves:  # each flight's own place, and all flights alike
+        if moves:  # each flight has its own position, and all flights count alike
             place = best.argmax(axis=0)[np.newaxis]
             best = np.take_along_axis(best, place, axis=0)
             skewness, deviation = np.take_along_axis(skewness, place, axis=0), np.ones(1)

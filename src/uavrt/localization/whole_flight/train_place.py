@@ -97,7 +97,7 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
     gains = _gains_anywhere(heard, from_here)
-    # An unusual fall with distance must not pass for fading.
+    # An unusual path loss exponent must not be taken for fading.
     falls = _shows_falls(heard, (heard[0].places.east_m, heard[0].places.north_m))
     evidence = []
     for reading in readings:
@@ -226,7 +226,7 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
             counted = _counted(one, reading.fading_db)
         own = _logs(one, gain_db, table, levels_db, counted)
         if one.log_trains is not None:
-            # All evidence counts for whether it is the tag's train, less for where it is.
+            # All evidence counts for whether the train is the tag's, less for the position.
             own = PLACE.counted * np.logaddexp(0.0, own - one.log_trains)
         if len(heard) > 1:
             top = own.max(axis=1, keepdims=True)
@@ -270,7 +270,7 @@ def _logs(
     if one.rates > 1:
         inverses = np.exp(-thinned.astype(np.float64))
         inverses = np.lib.stride_tricks.sliding_window_view(inverses, len(levels_db), axis=2)
-    # Few places at a time: what is looked up stays in the processor's cache.
+    # Few positions at a time, so that look-ups stay in the processor's cache.
     block = max(1, PLACE.block // max(len(at), 1)) if one.rates == 1 else PLACE.rates_block
     for low in range(0, len(gain_db), block):
         some = slice(low, low + block)

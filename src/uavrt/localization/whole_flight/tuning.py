@@ -44,7 +44,7 @@ class EnergyTuning:
 class SearchTuning:
     """Constants for finding trains over positions, intervals, frequencies and drifts."""
 
-    # Places where a tag may be: bearings, and rings between two radii [m]; time step [s].
+    # Possible tag positions: bearings, and rings between two radii [m]; time step [s].
     bearings: int = 72
     nearest_m: float = 40.0
     farthest_m: float = 5000.0
@@ -78,9 +78,9 @@ class SearchTuning:
     """Factor for bursts of a coded tag, because each is the best of some stretches."""
     lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a row's energies is computed [slots]."""
-    # Trains of loud pulses: share of the false alarms, hypotheses for each cell of marks, least
-    # number of marks, share of the best log probability from which another train may be of the
-    # same marks, and weight for central slots, below that of any mark.
+    # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,
+    # minimum number of marks, share of the best log probability above which another train may
+    # have the same marks, and weight for central slots, below that of any mark.
     loud_share: float = 0.02
     loud_hypotheses: float = 1.5
     least_marks: int = 4
@@ -106,13 +106,13 @@ class SearchTuning:
     # Ratios of small numbers that count as the same interval, and how nearly.
     small_number: int = 3
     same_ratio: float = 0.01
-    # Most other trains, and senders of other codes, removed before a tag counts as not found.
+    # Maximum other trains and other codes removed before a tag counts as not found.
     most_others: int = 4
     most_codes: int = 12
 
-    # Several flights: relative difference of the interval between them that is allowed, least
-    # number of cells of the shortest flight's fold in such a stretch, and frequencies by which
-    # a tag may be off its mean in a flight (25 Hz at 20 ms).
+    # Several flights: allowed relative difference of the interval between them, minimum number
+    # of cells of the shortest flight's fold in such a stretch, and maximum frequency error of a
+    # tag in one flight, relative to its mean [rows] (25 Hz at 20 ms).
     stretch: float = 2e-4
     least_cells: float = 2.0
     rows_beside: int = 1
@@ -178,14 +178,14 @@ class PlaceTuning:
     least_quiet: int = 200
     """Minimum number of slots without pulses used to estimate the noise."""
 
-    # A likely cell is divided in bearing and distance into parts of this number each: the
-    # likeliest ones always, however little they hold, and at most this many cells. Cells are
-    # wide for a loud tag: the likelihood varies within them by more than to the next.
+    # A likely cell is divided in bearing and distance into this number of parts each: always
+    # the likeliest cells, and at most this number of cells. For a strong tag the likelihood
+    # varies more within such a wide cell than from cell to cell.
     parts: int = 3
     always_divided: int = 60
     most_divided: int = 300
-    # Parts are divided again if their log likelihoods differ by more, and they are larger [m];
-    # positions of the drone are not better.
+    # Parts are divided again if their log likelihoods differ by more than this and they are
+    # larger than this [m]; the drone's positions are not more accurate.
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8

@@ -42,7 +42,7 @@ class ChannelDatagramSender:
         self._style: StampStyle = style
         self._ports = {channel: tuple(numbers) for channel, numbers in ports.items()}
         self._frames = {channel: _Frame() for channel in self._ports}
-        # One socket for each port: a refusal shows at the next datagram of the same socket.
+        # One socket per port: a refusal is reported at the next datagram of the same socket.
         self._sockets: dict[int, socket.socket] = {}
         for numbers in self._ports.values():
             for port in numbers:
@@ -105,7 +105,7 @@ class ChannelDatagramSender:
                 self.dropped += 1
                 return
             except OSError:
-                self.dropped += 1  # the network is down; the next one may find it up
+                self.dropped += 1  # the network is down; later datagrams may pass
                 return
             else:
                 self.datagrams += 1

@@ -303,7 +303,7 @@ def raw_layout(
 
 def _refuse_floats(path: Path, sample_format: SampleFormat) -> None:
     with reading(path), path.open("rb") as file:
-        # Enough to decide, in no noticeable time.
+        # Enough samples to decide, in negligible time.
         start = file.read(1 << 16)
     if look_like_floats(start):
         raise FormatError(

@@ -41,7 +41,7 @@ def ambiguous_radios(settings: RadioSettings) -> tuple[str, str] | None:
         return None
     if len(set(serials)) == len(serials) and all(serials):
         remedy = "Set [radio] serial to " + " or ".join(f'"{one}"' for one in serials)
-    elif settings.kind == "rtlsdr":  # its programs take a place in their list, too
+    elif settings.kind == "rtlsdr":  # its programs also accept an index
         remedy = 'Set [radio] serial to "0" or "1"; rtl_eeprom -s gives them names of their own'
     else:
         remedy = "Unplug all but one: they have no serial numbers of their own"

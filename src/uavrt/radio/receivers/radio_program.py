@@ -216,7 +216,7 @@ class ProgramSource(StreamSource):
         try:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
-            # It has closed its stdout but continues to run, which is useless.
+            # The program has closed its stdout but continues to run, which is useless.
             self._signal(signal.SIGKILL)
             code = self._child.wait()
         if enough:

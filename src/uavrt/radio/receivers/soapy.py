@@ -94,7 +94,7 @@ class SoapySource(LiveSource):
             device.setGainMode(_RX, 0, False)  # automatic gain would follow the pulses
         if settings.gain is not None:
             device.setGain(_RX, 0, float(settings.gain))
-        # Set in any case: it stays on from an earlier flight.
+        # Set in any case: the setting remains from an earlier flight.
         if settings.bias_tee or "biastee" in [one.key for one in device.getSettingInfo()]:
             device.writeSetting("biastee", "true" if settings.bias_tee else "false")
 
@@ -143,7 +143,7 @@ class SoapySource(LiveSource):
             self._last_s = monotonic_s()
             self._placer.arrived(self._filled, self._clock.now_ns())
         elif result.ret == _OVERFLOW:
-            # Its times or the arrivals will show how many are missing; drivers do not.
+            # Drivers do not report the number lost; time stamps or arrival times will show it.
             self.overflows += 1
             self._placer.expect_losses()
             log.seldom(self.overflows, "radio overflow")

@@ -55,7 +55,7 @@ class ArrivalRate:
             self._now_s = min(self._now_s, delay_s)
             return
         if stretch > self._period + 1:
-            # A pause; another one before it has caught up leaves the delay to be reached.
+            # A pause; another one before the sender has caught up keeps the delay to reach.
             self._catch_up_to_s = min(self._catch_up_to_s, self._now_s, *self._least_s)
             self._least_s.clear()
         else:
@@ -80,6 +80,6 @@ class ArrivalRate:
             self.wrong_hz = None
         elif abs(mean_s) > _TOLERANCE * _PERIOD_S and min(s / mean_s for s in steps_s) > 0.5:
             wrong_hz = self._rate_hz * (1.0 - mean_s / _PERIOD_S)
-            # Reported once for as long as it lasts.
+            # Reported once while the fault lasts.
             if self.wrong_hz is None or abs(wrong_hz / self.wrong_hz - 1.0) > _CHANGE_SHARE:
                 self.wrong_hz = wrong_hz

@@ -297,7 +297,7 @@ class LossFinder:
         if not cell.fresh or not self._cells or not self._cells[-1].fresh:
             return
         if self.suspect_s is not None:
-            return  # what falls now may be a program that catches up
+            return  # a decrease may mean that the program catches up
         fall_s = self._cells[-1].late_s - cell.late_s
         if fall_s <= 0.0:
             return

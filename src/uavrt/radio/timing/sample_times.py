@@ -94,7 +94,7 @@ class TimeKeeper:
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
-        # Rows of nominal seconds and delay, in room taken at the beginning.
+        # Rows of nominal seconds and delay, in memory allocated at the start.
         self._finder = LossFinder(may_be_slow=may_be_slow)
         self._lost_s = 0.0
         """Duration of losses found and not yet returned by `lost_samples` [s]."""
@@ -114,7 +114,7 @@ class TimeKeeper:
         self._offset_s = 0.0
         self._slope = 0.0
         self._pivot_s = 0.0
-        # What was given out last: nominal seconds, and its correction [s].
+        # Last time returned: nominal seconds, and the correction [s].
         self._asked = False
         self._given_s = 0.0
         self._correction_s = 0.0
@@ -153,7 +153,7 @@ class TimeKeeper:
         nominal_s = end_index / self._nominal_hz + self._lost_s
         delay_s = (now_ns - self._start_ns) / NANOSECONDS_PER_SECOND - nominal_s
         if catching_up and not self._kept_pace and nominal_s < _SETTLE_S:
-            # The first arrival was held up: the following samples come at once.
+            # The first arrival was delayed: the following samples come at once.
             self._settled = False
         self._kept_pace = self._kept_pace or not catching_up
         if not self._settled:
@@ -163,7 +163,7 @@ class TimeKeeper:
             if not catching_up:
                 self._offset_s = self._correction_s = min(delay_s, 0.0)
         elif not self._asked and delay_s < self._offset_s:
-            # No time has been given yet: the start can still move.
+            # No time has been returned yet: the start can still move.
             self._offset_s = self._correction_s = delay_s
         if delay_s < self._model_s(nominal_s) - _NOT_LIVE_S:
             self._forget("the samples came faster than a radio takes them, as from a recording")
@@ -217,7 +217,7 @@ class TimeKeeper:
         self._credit_s += loss.duration_s
         self._finder.skip(loss.duration_s)
         self._bin = None
-        # A drift that is taken for losses must not be taken for the crystal's as well.
+        # A drift that is counted as losses must not be attributed to the crystal as well.
         clean_s = loss.since_s if loss.sharp else self._loss_at_s
         while self._bin_count and self._bins[self._bin_count - 1, 0] >= clean_s:
             self._bin_count -= 1
@@ -255,7 +255,7 @@ class TimeKeeper:
             self._credit_s = 0.0
         known_s = min(seconds, self._credit_s)
         self._credit_s -= known_s
-        # Time goes on where the gap ends: the correction at the new index is the old one.
+        # Times continue where the gap ends: the correction at the new index is the old one.
         left = samples - round(known_s * self._nominal_hz)
         self._given_s += left / self._nominal_hz
         self._finder.skip(left / self._nominal_hz)
@@ -330,7 +330,7 @@ class TimeKeeper:
             slope = float(centred @ (delay - mean_d)) / spread
             slope = min(max(slope, -_MAX_RATE_ERROR), SLOWEST_RATE)
             offset = mean_d - slope * mean_x
-        # No crystal makes the delay leap: the source is slow, or samples are lost.
+        # No crystal changes the delay suddenly: the source is slow, or samples are lost.
         offset = min(offset, self._model_s(pivot) + _FAR_S)
         self._offset_s, self._slope, self._pivot_s = offset, slope, pivot
 

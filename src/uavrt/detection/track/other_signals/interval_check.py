@@ -44,7 +44,7 @@ class Intervals:
         cells = self._cells(candidate, search, starts, most, noise)
         if cells is None:
             return none
-        # A train is known by how its interval differs and by the place at which it crosses.
+        # A train is described by its interval difference and the pulse at which it crosses.
         crossing = places[np.newaxis, :] - places[:, np.newaxis]
         shift = np.rint(change[:, np.newaxis, np.newaxis] * crossing).astype(np.intp) + most
         sums = np.zeros((3, *shift.shape[:2]))

@@ -95,7 +95,7 @@ class Bursts:
                 self._time_s = self._time_s[first:]
                 self._row, self._power = self._row[first:], self._power[first:]
         self._begin_s = oldest_s
-        # Also of those before: a tag is known some pulses after its first.
+        # Also earlier ones: a tag is confirmed some pulses after its first.
         held = self._without(known, (self._time_s, self._row, self._power))
         self._time_s, self._row, self._power = held
         if fresh[0]:

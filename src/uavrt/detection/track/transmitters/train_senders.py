@@ -44,7 +44,7 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
     room_s = gap_s - 2.0 * BOUNDS.clock_error * nominal_s
     jitter_s = max(one.interval_jitter_s, two.interval_jitter_s)
     width_s = max(one.pulse_width_s, two.pulse_width_s)
-    # Of a pulse of 13 dB; the jitter is uniform.
+    # For a pulse of 13 dB; the jitter is uniform.
     error_s = math.hypot(0.08 * width_s, jitter_s / math.sqrt(3.0))
     pulses = None
     if gap_s > 2.0 * SENDERS.interval_drift * nominal_s:
@@ -157,7 +157,7 @@ class Senders(Generic[H]):
         )
         self._frequencies_hz = [detector.tag.frequency_hz for detector in self._by_frequency]
         self._rate_hz = max(detector.sample_rate_hz for detector in self.detectors)
-        # Locked or not, a search stays within its window around the tag's frequency.
+        # Locked or not, a search stays within the window around the tag's frequency.
         self._reach_hz = 1.0 + max(
             2.0 * h.half_width_hz + 1.0 / h.tag.pulse_width_s for h in self.detectors
         )
@@ -186,7 +186,7 @@ class Senders(Generic[H]):
         owned = {tag_id: not others for _, tag_id, others, _ in given}
         for train, tag_id, others, sure in given:
             _assign(train, tag_id, others)
-            # What a train that comes to nothing leaves to the others teaches nothing.
+            # Learn an interval only from a confirmed train without competing tags.
             if sure and not others:
                 self._learn(train, tag_id)
         shared = {id(train) for train, *_ in given}
@@ -216,7 +216,7 @@ class Senders(Generic[H]):
             if (slots := _unsettled_pulses(track))
         ]
         for train, tag_id, *_ in given if unsettled else ():
-            # What may be its own tag's is shared out by interval and frequency.
+            # Trains that may be the detector's own tag are assigned by interval and frequency.
             others = [
                 (detector, track, slots)
                 for detector, track, slots in unsettled
@@ -248,7 +248,7 @@ class Senders(Generic[H]):
         for detector, track in pairs:
             if track.confirmed:
                 done.add(detector, track, _reported_ns(track))
-        # What was heard longest is least likely to have others' pulses.
+        # The train received longest is least likely to have other trains' pulses.
         for detector, track in sorted(pairs, key=lambda pair: -len(pulse_times_ns(pair[1]))):
             if not track.held:
                 for times_ns in done.near(detector, track):
@@ -300,7 +300,7 @@ class Senders(Generic[H]):
             possible.append(
                 [i for i, loss in behind[at].items() if loss <= SENDERS.ruled_out_log]
             )
-            # The likeliest may not have found it yet; if nothing else can be, it is waited for.
+            # The likeliest may not have found the train yet; wait if no other is possible.
             able.append(
                 {
                     i: likely[at][i] + (0.0 if followers[i].held else SENDERS.stay_log)
@@ -367,7 +367,7 @@ class Senders(Generic[H]):
             bound_s = _bound_s(tag, nominal_s)
             value = _normal(train, nominal_s, bound_s)
             if learnt is not None and value > -math.inf:
-                # What was learnt may be wrong, or no longer hold.
+                # A learned interval may be wrong, or no longer valid.
                 value -= SENDERS.ruled_out_log
                 known_s = nominal_s * learnt.scale
                 value = max(value, _normal(train, known_s, learnt.bound * nominal_s))
@@ -383,7 +383,7 @@ class Senders(Generic[H]):
         scale = train.interval_s / nominal_s
         known = self._learnt.get(tag_id)
         if known is not None and abs(scale - known.scale) > known.bound + bound:
-            # Where trains cross, a track may change over to another animal, step by step.
+            # Where trains cross, a track may change to another animal step by step.
             since_ns = train.last_pulse_ns if known.otherwise_ns is None else known.otherwise_ns
             if train.last_pulse_ns - since_ns < SENDERS.relearn_ns:
                 self._learnt[tag_id] = replace(known, otherwise_ns=since_ns)
@@ -438,7 +438,7 @@ def _assign(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> Non
         if slot.state == "reported"
     ]
     mine = [t for h, t in train.tracks if h.tag.tag_id == tag_id]
-    # Of two that one detector follows the one that is certain, then the one heard last.
+    # Of two tracks of one detector take the confirmed one, then the one received last.
     best = max(mine, key=lambda t: (t.confirmed, t.last_accepted_s), default=None)
     for _, track in train.tracks:
         begins = track is best and track.held

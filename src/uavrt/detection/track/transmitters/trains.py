@@ -72,13 +72,12 @@ class Train(Generic[H]):
 
     def combine(self) -> None:
         """Set interval, frequency and times from the best track of the train."""
-        # What is not confirmed yet says nothing of a train that is, what is mere noise nothing
-        # of one that is likely.
+        # Unconfirmed tracks do not count for a confirmed train, nor noise for a likely one.
         sure = [pair for pair in self.tracks if pair[1].confirmed]
         sure = sure or [pair for pair in self.tracks if _is_likely(pair[1])] or self.tracks
         some = _best_explained(sure)
         shortest_s = min(track.interval_s for _, track in some)
-        # One of twice the interval has every second pulse.
+        # A track of twice the interval has every second pulse.
         some = [
             pair
             for pair in some
@@ -188,7 +187,7 @@ def known_pulses(train: Train[H]) -> list[KnownPulse]:
         received = track.received
         known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in received]
         if received:
-            # Who began with it may have been faster than this detector.
+            # Tracks that began with it may have been faster than this detector.
             time_s, half_s = track.expected()
             half_ns = NANOSECONDS_PER_SECOND * half_s
             power = max(slot.measured.power for slot in received)
@@ -258,7 +257,7 @@ def _are_one(
     ones, twos = pulse_times_ns(one), pulse_times_ns(two)
     intervals_s = one.interval_s, two.interval_s
     if max(intervals_s) > SENDERS.same_interval_ratio * min(intervals_s):
-        # The slower one's pulses lie further back than the other's slots.
+        # The slower track's pulses are older than the other track's slots.
         ones, twos = one.past_ns + ones, two.past_ns + twos
     if ones and twos:
         first, last = max(ones[0], twos[0]) - near_ns, min(ones[-1], twos[-1]) + near_ns
@@ -268,7 +267,7 @@ def _are_one(
         if fewer > 1:
             shared = sum(any(abs(a - b) < near_ns for b in twos) for a in ones)
             return shared >= SENDERS.same_train_share * fewer
-    # Too little in common: compare the places at which they expect their pulses.
+    # Too few common pulses: compare the expected times.
     interval_ns = NANOSECONDS_PER_SECOND * min(one.interval_s, two.interval_s)
     apart_ns = one_at.time_ns(one.time_s) - two_at.time_ns(two.time_s)
     return abs(math.remainder(apart_ns, interval_ns)) < near_ns / 2.0

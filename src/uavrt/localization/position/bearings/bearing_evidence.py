@@ -110,7 +110,7 @@ class BearingEvidence:
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
     ) -> "Doubts":
         """Heading error and outlier probabilities, averaged over a posterior of positions."""
-        # Cells in the far tails are many, and decide nothing.
+        # Cells in the far tails are many and have no influence.
         order = np.argsort(-probability)
         count = (
             int(np.searchsorted(np.cumsum(probability[order]), BEARING_FIX.evaluated_share)) + 1

@@ -81,7 +81,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
             return None
         moved = float(np.hypot(*(step - point)))
         if moved < BEARING_FIX.converged_m:
-            # The original hands out the iterate before the last; it is the same millimetre.
+            # The original returns the iterate before the last, less than a millimetre away.
             return _placed(rays, point, weights)
         point = step
     return None
@@ -106,8 +106,8 @@ def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
         return None
     east = float(np.median(np.nanmedian(x[crossing], axis=1)))
     north = float(np.median(np.nanmedian(y[crossing], axis=1)))
-    # Its scatter is larger than the MLE's by a factor that depends on the geometry; none is
-    # claimed.
+    # The scatter exceeds the MLE's by a factor that depends on the geometry; no covariance is
+    # given.
     return PlanePosition(
         east_m=east, north_m=north, covariance_m2=None, weights=np.ones(len(rays.east_m))
     )

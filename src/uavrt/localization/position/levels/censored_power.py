@@ -138,7 +138,7 @@ def censored_fit(
         + miss_weight * misses
         + count * np.log1p(-chance)
     )
-    # Fading that lasts makes neighbours one fact.
+    # Correlated fading makes neighbours count as one.
     score *= (1.0 - correlation) / (1.0 + correlation)
     prior_pulses = POWER.missed_share * POWER.missed_pulses
     score += prior_pulses * np.log(chance)

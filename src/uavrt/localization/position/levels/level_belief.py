@@ -96,7 +96,7 @@ def antenna_gain_db(
         return np.asarray(10.0 * np.log10(np.maximum(flat, 10.0 ** (NULL_DB / 10.0))))
     yaw = np.radians(yaw_deg)
     if isinstance(yaw_deg, float | int):
-        # As Python's floats they leave single precision as it is.
+        # As Python floats they do not change single precision to double.
         sine, cosine = float(np.sin(yaw)), float(np.cos(yaw))
         ahead, right = dx * sine + dy * cosine, dx * cosine - dy * sine
     else:
@@ -165,7 +165,7 @@ class LevelBelief:
         behind: GroundEffect | None = None,
     ) -> _Floats:
         """Expected SNR at the drone if the tag is at each position [dB]."""
-        # As Python's floats they leave single precision as it is.
+        # As Python floats they do not change single precision to double.
         dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
         height: _Floats | float = float(heard.height_m)
         if behind is not None:
@@ -218,7 +218,7 @@ class LevelBelief:
             others = chance_share * false_pulse_density(heard) + elsewhere
             mixed = density + max(others, LEVEL.least_share)
             if learns:
-                # What came by chance says nothing of the strength.
+                # Chance pulses contain no information about the strength.
                 part = density / mixed / variance
                 self._learn(behind, part * innovation, part)
             return np.asarray(np.log(mixed))

@@ -116,7 +116,7 @@ class LevelEvidence:
         (xx, xr), (_, rr) = np.einsum("apn,bpn->abp", weighed, both) - np.einsum(
             "apj,bpj->abp", fitted, explained
         )
-        # What is left of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
+        # Remaining part of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
         prior = 1.0 / max(self._known.exponent_sigma, 1e-6) ** 2
         score = np.log(weight).sum(axis=1) - np.linalg.slogdet(normal)[1]
         score = score - 2.0 * listeners * np.log(gain_db) - np.log((xx + prior) / prior)

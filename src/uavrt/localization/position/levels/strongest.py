@@ -154,7 +154,7 @@ def signal_surface(track: PowerTrack) -> SignalSurface:
     60th of the track's extent.
     Raises `UsageError`: the positions do not span an area.
     """
-    # The interpolator takes long to import, and only maps want it.
+    # The interpolator takes long to import and is needed for maps only.
     from scipy.interpolate import LinearNDInterpolator
 
     heard = ~np.isnan(track.snr_db)

@@ -66,8 +66,8 @@ class SurveyEvidence:
             place, spread_m, shift_m = self._rough_fit(heard)
             readings = self._readings(heard, place, spread_m, shift_m)
             self.kept = readings[0]
-            # What is made of misses compares places, but not heights: a flight whose heights
-            # were true, with half of its pulses missed, was taken for one 30 m lower.
+            # Misses allow positions to be compared, but not heights: a flight with true heights
+            # and half of its pulses missed was estimated 30 m too low.
             if height_sigma_m > 0.0 and np.mean(heard) >= SURVEY.received_share:
                 shifts_m = self._weigh_heights(place, spread_m)
                 self._log_prior = _log_prior_of_height(shifts_m, self._height_sigma_m)

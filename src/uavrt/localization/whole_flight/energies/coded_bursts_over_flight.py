@@ -133,7 +133,7 @@ def sender_of(
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
     capped = np.minimum(single.level[row].astype(np.float64), BURSTS.most_energy)
-    # Neighbouring slots belong to the pulse, too: the train's times are rough.
+    # Neighbouring slots belong to the pulse, too: the train's times are approximate.
     near = ndimage.maximum_filter1d(capped, 3)
     listened = near > 0.0
     reach = 2 * round((single.starts_s[-1] + BURSTS.beside_s) / slot_s)

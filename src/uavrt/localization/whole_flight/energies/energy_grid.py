@@ -224,7 +224,7 @@ def gather(
             <= gap
             < ENERGY.most_gap_s * sample_rate_hz
         ):
-            set_by += gap  # a clock that was set
+            set_by += gap  # the clock was set
             gap = 0
         if gap >= least:
             gaps.append((end, end + gap))
@@ -303,7 +303,7 @@ def slot_energies(
         quiet, whole = bursts.heard, bursts.listened
     heard = ~_spread(~quiet, reach)
     count = max(0, (columns - 2 * reach - per_slot) // per_slot)
-    # Slot s begins at column s × per_slot + reach; its value is looked at from its middle.
+    # Slot s begins at column s × per_slot + reach; the search is around its middle.
     at = np.arange(count) * per_slot + per_slot // 2
     level = _tops(power, reach, at)
     marked = _tops(seen.astype(np.float32), reach, at) > 0.0
@@ -409,7 +409,7 @@ def _standardise(
     for part in _stretches(columns, length):
         some, good = power[:, part], whole[part]
         if np.count_nonzero(good) < length // 8:
-            loud[part] = True  # too little to know the noise
+            loud[part] = True  # too few samples to estimate the noise
             some[:] = 0.0
             continue
         medians = np.median(some[:, good], axis=1)

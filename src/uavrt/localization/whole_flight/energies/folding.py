@@ -48,7 +48,7 @@ def _fold_numpy(
     rows = fold_rows(slots, period)
     now = np.zeros((rows, 1, period, many), np.float32)
     now.reshape(-1, many)[:slots] = values.T
-    # Two arrays for all levels: new pages for each would take as long as the sums.
+    # Two arrays for all levels: allocating new pages would take as long as the sums.
     other = np.empty_like(now)
     blocks, size = rows, 1
     while blocks > 1:
