@@ -6,8 +6,7 @@ and an action in `uavrt.drone.supervisor.mission.operator_commands`. A command w
 also needs a layout in the protocol versions (`uavrt.link.tunnel.generations.g1`, `g2`).
 
 A command that a state does not allow is refused with a reason that the operator can act on. A
-repeated command is accepted and changes nothing, so a ground station may retry over a lossy
-link.
+repeated command is accepted without effect, so a ground station may retry over a lossy link.
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,7 @@
 
 The sum of n cells of noise has Erlang's distribution. Of the sums tried in an hour only some
 are independent, a number that was measured (docs/explanation/coded-tags.md). Several bursts are
-judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and Rice (1980).
+tested by their sum of Rayleigh amplitudes; its tail is that of Lugannani and Rice (1980).
 """
 
 import math

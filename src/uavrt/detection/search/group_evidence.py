@@ -1,6 +1,6 @@
 """Compute the likelihood ratio of a candidate, summed over its unknown parameters.
 
-For speed the search takes the best cell at each place, but the best cells do not give the best
+For speed the search takes the best cell for each pulse, but the best cells do not give the best
 sum. In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
 pulse of ENR E as without. The product over K places, averaged over each pulse's time and summed
 over the lattices and frequencies around a candidate, is a Bayes factor. In noise its mean is

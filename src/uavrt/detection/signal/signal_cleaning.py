@@ -149,7 +149,7 @@ class Cleaner:
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Blank impulses in [first, last), examining a flank on either side.
 
-        White noise is examined, where a strong neighbour's peaks of power are no impulses.
+        In whitened samples power peaks of a strong neighbour are no impulses.
         """
         margin = self._beyond
         low = max(buffer.start, first - margin)

@@ -119,7 +119,7 @@ class Judge:
         """Distinguish a tag's group from other signals, and the tag's pulses from others'.
 
         Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: it is left out, and the group must suffice without it. If this
+        signal is stronger: it is excluded, and the group must suffice without it. If this
         affects more than one pulse in four, or one without which the group fails, the group is
         rejected. `places`: places among the K, in order of time. `floor`: mean power of noise.
         Returns (own, reason): the tag's pulses; why the group is rejected.
@@ -252,8 +252,8 @@ def _leak(power: float, apart_bins: float) -> float:
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
     """True if pulses of a group are missing, such as every second one at the other rate.
 
-    Of few pulses each is compared with the strongest. Of many weak ones some are always low:
-    there every second place is tested as a whole, a pulse of the same strength against none.
+    Of few pulses each is compared with the strongest. Of many weak pulses some are always low:
+    then all second slots are tested together, a pulse of the same strength against none.
     """
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:

@@ -264,7 +264,7 @@ class SenderTuning:
     """Log-likelihood ratio above which another tag is ruled out."""
     interval_drift: float = 2e-3
     """Relative change of a tag's interval within a flight. The crystals and oscillators of tags
-    keep to 1e-4 and 1e-3 over the temperatures of a day."""
+    vary by 1e-4 and 1e-3 over the temperatures of a day."""
     interval_sigmas: float = 2.5
     """Tolerance of a measured interval beyond a tag's bound [standard deviations]."""
     bound_sigmas: float = 3.0

@@ -39,7 +39,7 @@ def learn_pattern(
 
     `turns`: three or more for a useful result; tags may differ.
     `antenna`: the table to correct; its plane across the elements is kept.
-    `threshold_db`: SNR above which a missed pulse would have been heard.
+    `threshold_db`: SNR above which a missed pulse would have been detected.
     Raises `UsageError`: no turn was given.
     """
     if not turns:

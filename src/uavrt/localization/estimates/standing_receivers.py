@@ -29,7 +29,7 @@ def strengths_of(
 
     `listener`: name of the receiver, for the operator.
     `height_m` (n,): height of the vehicle above the take-off at each pulse.
-    `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are left out.
+    `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are excluded.
     `rhythm`: expected pulse times; pulses missed at those count as weaker than the received
         ones.
     """

@@ -26,7 +26,7 @@ a link of 57 600 baud messages are late by tens of milliseconds, never by half a
 class Series(Generic[S]):
     """Samples in order of time; the oldest are dropped first.
 
-    They are kept as bare numbers in memory allocated at the start, 40 bytes each (330 as
+    Samples are stored as numbers in memory allocated at the start, 40 bytes each (330 as
     records), so that memory does not grow in flight. `pack` converts a sample to its four
     numbers, `unpack` a time and four numbers to a sample.
     """

@@ -200,7 +200,7 @@ def _level_evidence(
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
     """Log-prior of a position far from the stations: uniform over the logarithm of distance.
 
-    The prior has no effect where bearings cross well. Where they hardly do, a uniform prior
+    The prior has no effect where bearings cross well. Where they hardly cross, a uniform prior
     would put the tag into the far end of the wedge, which has the largest area. For stations 60
     m apart and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the
     runs; with this prior they are 77 m and 153 m, and the circles hold the stated probability.

@@ -55,7 +55,7 @@ def estimate_position(
         them; ``"rmr_ahead"``, ``"mest_lenth"``, which are corrected; or one of an installed
         package (docs/how-to/extend.md).
     outlier_share : float, optional
-        Prior probability that a bearing has nothing to do with the tag; by default 0.05, and
+        Prior probability that a bearing is unrelated to the tag; by default 0.05, and
         0.02 for one to three bearings, which cannot expose an outlier.
     heading_sigma_deg : float
         Standard deviation of the error that all headings of the flight share (compass,

@@ -320,8 +320,8 @@ def search_flight(
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag; the least likely in noise comes first.
 
-    All its rates are searched: weak pulses by their weighted energies, and loud ones, which
-    these leave out, by their number. Of trains of strong pulses with the same pulses the most
+    All its rates are searched: weak pulses by their weighted energies, and strong ones, which
+    these exclude, by their number. Of trains of strong pulses with the same pulses the most
     central comes first. `most`: number of trains returned. `few_patterns`: number above which
     fewer places choose cells, which are then examined in full.
     """

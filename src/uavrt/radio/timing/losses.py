@@ -180,7 +180,7 @@ class LossFinder:
     Lateness is the delay above the lower envelope of all arrivals, in nominal seconds (samples
     divided by the nominal rate). The caller adds losses to later nominal seconds.
 
-    `may_be_slow`: the sender may be slower than real time; a radio never is.
+    `may_be_slow`: the sender may be slower than real time; False for a radio.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:

@@ -43,7 +43,7 @@ class Placer:
     `start_time_ns`: time of the first sample [ns, UTC]; times then follow from the nominal
     rate, and only losses reported by the sender are known. `start_moves`: correct the start
     time if the first arrivals were delayed; False where times must not jump. `may_be_slow`: the
-    sender may be slower than real time; a radio never is. `rate_remedy`: remedy for a wrong
+    sender may be slower than real time; False for a radio. `rate_remedy`: remedy for a wrong
     sample rate.
     """
 
@@ -104,7 +104,7 @@ class Placer:
     def rate_fault(self) -> str | None:
         """Text with the measured sample rate and a remedy; None if the rate is as requested.
 
-        A recording piped at more than three times real time is no fault.
+        A recording piped at more than three times real time is not a fault.
         """
         wrong_hz = self._arrival_rate.wrong_hz
         if (

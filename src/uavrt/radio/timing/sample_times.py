@@ -82,8 +82,8 @@ class TimeKeeper:
     towards the envelope, by at most 0.2 ms a second (1 ms in the first 10 s). They never jump,
     except over a gap by `lost_samples`.
 
-    `sample_rate_hz`: nominal rate. `may_be_slow`: the sender may be slower than real time; a
-    radio never is.
+    `sample_rate_hz`: nominal rate. `may_be_slow`: the sender may be slower than real time;
+    False for a radio.
     """
 
     def __init__(self, sample_rate_hz: float, *, may_be_slow: bool = False) -> None:

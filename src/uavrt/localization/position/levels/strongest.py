@@ -1,6 +1,6 @@
 """Find the position of a survey's strongest signal, which is not the tag's position.
 
-A monopole receives nothing straight below it, so a tag is strongest on a ring around it: the
+A monopole receives nothing from straight below, so a tag is strongest on a ring around it: the
 largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n), 36 m for 40 m above the tag and an
 exponent of 2.5. Users of surveys walk to the peak, so maps label it.
 """

@@ -3,7 +3,7 @@
 A wrong height (terrain, a tag on a tree, a take-off on a hill) moves the minimum and changes
 the slope of the strength; several heights are compared together with the position. Pulses of
 other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
-approximate position. Pulses far outside the others' scatter there are left out and counted.
+approximate position. Pulses far outside the others' scatter there are excluded and counted.
 """
 
 from collections.abc import Sequence
@@ -212,11 +212,11 @@ class SurveyEvidence:
     ) -> list[NDArray[np.bool_]]:
         """Sets of the tag's own pulses, as masks (n,), the most probable first.
 
-        A pulse is left out where another sender is more probable than its deviation. That
+        A pulse is excluded where another sender is more probable than its deviation. That
         depends on the position: a monopole receives little right beneath the drone, so a weak
         foreign pulse looks like a tag there. Places around the approximate one and beneath weak
         pulses are examined. With missed pulses or over hills, likelihoods of different sets do
-        not compare; then only pulses that are outliers at all places are left out.
+        not compare; then only pulses that are outliers at all positions are excluded.
         """
         reach_m = SURVEY.mirror_reach * step_m
         off = np.linspace(-reach_m, reach_m, SURVEY.mirror_cells)

@@ -46,8 +46,8 @@ def burst_columns(
     """Average the pulses of each burst, with the best of some stretches of the gaps.
 
     `power`, `seen` (rows, columns): power of pulses that begin in each column, and whether they
-    are loud and look like pulses.
-    `quiet`, `whole` (columns,): True without anything loud near, and without missing samples.
+    are strong and look like pulses.
+    `quiet`, `whole` (columns,): True without a strong signal near, and without missing samples.
     `hop_s`: time from one column to the next.
     """
     rows, columns = power.shape
