@@ -2,7 +2,7 @@
 
 A package lists its objects in its own ``pyproject.toml``::
 
-[project.entry-points."uavrt.antennas"]
+    [project.entry-points."uavrt.antennas"]
     "my-yagi" = "my_package:YAGI"
 
 Nothing is imported until a name from another package, or the list of names, is requested.

@@ -2,7 +2,7 @@
 
 The file has no heading, and one line for each tag and bearings file, with a comma at the end::
 
-tag_id,bearing_file,latMLE,lonMLE,latRMR,lonRMR,latMEST,lonMEST,
+    tag_id,bearing_file,latMLE,lonMLE,latRMR,lonRMR,latMEST,lonMEST,
 
 An estimator without a result has ``NaN`` in its two cells.
 """

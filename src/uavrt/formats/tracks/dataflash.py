@@ -2,7 +2,7 @@
 
 ::
 
-0xA3 0x95 | type | values of that type's format …      little endian
+    0xA3 0x95 | type | values of that type's format …      little endian
     type 128, FMT: type u8, length u8, name 4, format 16, columns 64 (with commas)
 
 These messages are used: FMT, ATT (roll, pitch, yaw), POS (fused position; else GPS), GPS (week

@@ -4,7 +4,7 @@ A loss makes everything after it late, permanently and by the same amount. A com
 briefly busy makes a few arrivals late; then the buffered samples arrive at once. Jitter delays
 single arrivals. The pattern of later arrivals distinguishes the three::
 
-late |            : :  :.: : :    a loss: late by one amount, at the pace of the samples
+    late |            : :  :.: : :    a loss: late by one amount, at the pace of the samples
          |        :
          |     :    :                 a stall: then all at once, each less late than the last
          |__:_.__:_._:_:___________
