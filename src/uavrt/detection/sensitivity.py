@@ -30,7 +30,7 @@ from uavrt.detection.search.tuning import GROUPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensitivityTuning:
-    """Measured differences between the computed sensitivity and that in experiments."""
+    """Measured differences between the computed and the experimental sensitivity."""
 
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K for which `gains_db` are given."""
@@ -145,7 +145,7 @@ def enr_needed_db(
     frequency_window_hz: float = 500.0,
     sample_rate_hz: float = 3750.0,
 ) -> float:
-    """ENR [dB] at which a group is found with a probability between 0 and 1."""
+    """ENR at which a group is found with a given probability, between 0 and 1 [dB]."""
     low, high = -30.0, 60.0
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -157,7 +157,7 @@ def enr_needed_db(
 
 
 def gain_in_words(before: Tag, after: Tag) -> str:
-    """Sentence about how much weaker pulses may be with a corrected interval; else empty."""
+    """Sentence on the gain in sensitivity by a corrected interval; empty if negligible."""
     if replace(before, frequency_hz=after.frequency_hz) == after:
         return ""
     gained_db = enr_needed_db(before, 0.5) - enr_needed_db(after, 0.5)

@@ -20,7 +20,7 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBeat:
-    """An interval and the pulses that follow it."""
+    """Interval found in pulse times, and the pulses that follow it."""
 
     beat: Beat
     members: NDArray[np.intp]
@@ -64,7 +64,7 @@ def _best_beat(
 def _at_one_rate(
     times_s: NDArray[np.float64], beat: Beat, chain: NDArray[np.intp], span_s: float
 ) -> tuple[Beat, NDArray[np.intp]]:
-    """Keep the longest stretch of a chain, if it runs on through another rate of the tag."""
+    """Keep the longest stretch of a chain that continues through another rate of the tag."""
     low, high = int(chain[0]), int(chain[-1]) + 1
     within_s = times_s[low:high]
     best, kept = -np.inf, (beat, chain)

@@ -29,7 +29,7 @@ class Points:
     widths_s: NDArray[np.float64]
     """(n,) lengths [s], within about 5 ms; 0 for pulses much shorter than the window."""
     levels_db: NDArray[np.float64]
-    """(n,) power over the noise in 94 Hz [dB]."""
+    """(n,) power over the noise in a bandwidth of 94 Hz [dB]."""
 
     def __len__(self) -> int:
         return self.times_s.size

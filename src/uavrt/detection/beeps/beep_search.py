@@ -20,7 +20,7 @@ from uavrt.dsp.block_times import BlockTimes
 
 
 class _Band:
-    """Searches a band for part of the time.
+    """Searches a band periodically, for a part of the time.
 
     `turns`: durations of searching at the start and at the end of each period, and the period.
     """

@@ -105,7 +105,7 @@ def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
 def _mirrored(
     one: Beep, train: Train, silent: Sequence[Tag], window_hz: float, center_hz: float
 ) -> Beep:
-    """Recognise a tag that appears on the other side of the radio's centre."""
+    """Recognise a tag at the mirror frequency about the radio's centre (I and Q swapped)."""
     if one.kind is not BeepKind.UNLISTED:
         return one
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)

@@ -212,7 +212,7 @@ class Folds:
         )
 
     def _steady(self, one: Found) -> bool:
-        """True if no single burst makes the sum: each counts at most 1.6 times the median."""
+        """True if no single burst dominates the sum: none exceeds 1.6 times the median."""
         sums = np.sqrt(one.energies).sum(axis=1)
         limited = np.minimum(sums, 1.6 * np.median(sums))
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))

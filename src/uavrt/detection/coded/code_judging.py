@@ -341,7 +341,7 @@ class Overlaps:
         return [burst for burst, hit in self._by if hit[claim]]
 
     def is_sending(self, burst: Burst) -> bool:
-        """True if the tag of a burst already has an accepted one at that time."""
+        """True if the tag of a burst already has an accepted burst at that time."""
         own = self._accepted.get(burst.tag_id)
         if own is None:
             return False

@@ -68,7 +68,7 @@ class Tracks:
         return track
 
     def drop_silent(self, now_ns: int) -> None:
-        """Drop tags that have been silent too long."""
+        """Drop tags without a burst for too long."""
         self.alive = {
             tag_id: track
             for tag_id, track in self.alive.items()

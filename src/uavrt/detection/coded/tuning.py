@@ -144,7 +144,7 @@ class ShapeTuning:
     hit_amplitude: float = 0.5
     """Minimum amplitude of a signal that hides a pulse, relative to the usual amplitude."""
     higher_amplitude: float = 2.3
-    """Excess that noise may give a cell near a pulse [noise amplitudes]."""
+    """Excess that noise may add to a cell near a pulse [noise amplitudes]."""
     beside_amplitude: float = 0.6
     """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
@@ -167,7 +167,7 @@ class ShapeTuning:
     sure_energy: float = 12.0
     """Minimum pulse energy of a burst reported without identification [noise energies]."""
     nowhere: int = -(2**40)
-    """Column that stands for no pulse."""
+    """Column number used for a missing pulse."""
     saturated_energy: float = 12.0
     """Energy at which stored cells no longer show a pulse's maximum [noise energies]."""
 

@@ -200,7 +200,7 @@ class Spectrogram:
 
     @property
     def begun(self) -> int:
-        """Number of the next column."""
+        """Number of columns computed so far, which is the number of the next column."""
         return (self.consumed - len(self.band)) * self.grid.decimation // self.grid.hop
 
     def needed(self) -> int:

@@ -97,14 +97,14 @@ class RateSearch(ABC):
         self.best = 0.0
         """Maximum ratio of statistic to threshold since the last reset."""
         self.own_margin = 1.0
-        """Factor on the threshold while the noise estimate is young."""
+        """Factor on the threshold while the noise estimate is still inaccurate."""
         self.known: KnownPulses | None = None
         """Known pulses; candidates that they explain are not returned."""
         self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None
         """Callback for strong cells that the search has finished: columns, rows, powers."""
 
     def open_anchors(self) -> Anchors:
-        """Return the strong cells that the search has not finished with."""
+        """Return the strong cells that are not tested completely."""
         return [], [], []
 
     @property

@@ -29,7 +29,7 @@ class LongSearch(RateSearch):
         self._searched = 0
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream: this is the number of the first column."""
+        """Begin in mid-stream; the first column gets this number."""
         super().begin_at(column)
         self._searched = self.columns
 

@@ -49,7 +49,7 @@ def _neighbours(rows: int, reach: int, mode: Literal["wrap", "reflect"]) -> NDAr
 def _noise_near_edge(
     noise: NDArray[np.float32], around: NDArray[np.intp], error: float
 ) -> NDArray[np.float32]:
-    """Noise of rows where the spectrum is steep.
+    """Estimate the noise of rows where the spectrum is steep.
 
     At a corner, the median of both sides is the lowest of the flat side: 2 to 3.5 times the
     nominal false alarms. If one side is flat and includes the row, only that side is used; on

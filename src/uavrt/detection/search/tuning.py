@@ -168,7 +168,7 @@ class ThresholdTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NullTuning:
-    """Constants for counting groups that the present noise makes, which raise the threshold."""
+    """Constants for counting groups formed by the present noise, which raise the threshold."""
 
     counted_share: float = 0.93
     """Share of the threshold above which groups are counted. They are then frequent enough to

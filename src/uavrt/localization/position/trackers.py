@@ -385,7 +385,7 @@ def _systematic_indices(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
 
 
 class _StoredPaths:
-    """Stored places of the hypotheses, which can be traced back through their ancestors."""
+    """Stored positions of the hypotheses, which can be traced back through ancestors."""
 
     def __init__(self) -> None:
         self._remembered: list[_Remembered] = []
@@ -558,7 +558,7 @@ class ParticleTracker:
         self._spread_out()
 
     def estimate(self) -> TrackEstimate:
-        """Estimate the tag's present place."""
+        """Estimate the tag's present position."""
         state, weight = self._state, self._weight
         found = _estimate(state.east_m, state.north_m, state.mean_db, weight)
         return replace(
@@ -582,7 +582,7 @@ class ParticleTracker:
         return self._past.trail(self._state, kept)
 
     def spread(self) -> Spread:
-        """Mean and covariance of the hypotheses' places."""
+        """Mean and covariance of the hypotheses' positions."""
         return _spread(self._state.east_m, self._state.north_m, self._weight)
 
     def hypotheses(self, count: int) -> Hypotheses:

@@ -53,7 +53,7 @@ class Elevation:
 
     rasters: tuple[Raster, ...]
     sea: bool = False
-    """True if places outside all rasters are water at height 0."""
+    """True if positions outside all rasters are water at height 0."""
     _sheets: list[list[Raster]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

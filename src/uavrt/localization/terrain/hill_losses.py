@@ -147,7 +147,7 @@ class HillLosses:
         )
 
     def rise_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Height of the ground at places above that at the take-off [m], of any shape."""
+        """Height of the ground at positions above that at the take-off [m], of any shape."""
         if self.level:
             return np.zeros(np.shape(east_m))
         squares = self._squares
@@ -227,7 +227,7 @@ class LossesFrom:
     cell_m: float
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) losses to places (places,) [dB]."""
+        """(places, n) losses to tag positions (places,) [dB]."""
         lattice = np.arange(len(self.maps))[np.newaxis]
         each = self.between(lattice, east_m[:, np.newaxis], north_m[:, np.newaxis])
         return np.asarray(each[:, self.which])

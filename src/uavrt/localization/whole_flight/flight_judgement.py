@@ -71,7 +71,7 @@ class Weights:
     deviation: _Floats
     """(frequencies, places) standard deviation of a sum over pulses in noise."""
     skewness: _Floats
-    """(frequencies, places) skewness of such a sum."""
+    """(frequencies, places) skewness of a sum over pulses in noise."""
     interval_s: float
     """Interval for which deviation and skewness hold [s]; longer ones have fewer pulses."""
     spread: float = 1.0
@@ -145,11 +145,11 @@ class Peaks:
 
     place: NDArray[np.intp]
     row: NDArray[np.intp]
-    """Number of the frequency."""
+    """Row of the frequency in the energies."""
     interval: _Floats
-    """Interval [slots]."""
+    """Interval between pulses [slots]."""
     phase: NDArray[np.intp]
-    """Phase [slots]."""
+    """Phase of the first pulse [slots]."""
     score: _Floats
 
 

@@ -138,7 +138,7 @@ class Cells:
         return float(weight @ east), float(weight @ north)
 
     def middle_m(self) -> tuple[float, float]:
-        """Middle of the only part of the ground with much probability, else of all [m]."""
+        """Middle of the only part of the ground with high probability, else of all [m]."""
         inside = np.flatnonzero(self.region(0.95))
         for part in self._connected(inside):
             if self.probability[part].sum() >= PLACE.alone:

@@ -93,7 +93,7 @@ class _Search:
         return np.asarray(ndimage.maximum_filter1d(pairs, width, axis=1, mode="nearest"))
 
     def rows(self, number: int) -> NDArray[np.intp]:
-        """Number of a flight's frequency for each frequency of the first flight."""
+        """Row of a flight's frequency for each frequency of the first flight."""
         wanted = self.flights[0].energies.offsets_hz
         own = self.flights[number].energies.offsets_hz
         return np.asarray(np.abs(own[:, np.newaxis] - wanted).argmin(axis=0))

@@ -89,7 +89,7 @@ def antenna_gain_db(
     height_m: _Floats | float,
     slant_m: _Floats,
 ) -> _Floats:
-    """Antenna gain of a level drone towards places at (dx, dy, height_m below) [dB]."""
+    """Antenna gain of a level drone towards points at (dx, dy, height_m below) [dB]."""
     if pattern is None or yaw_deg is None:
         # cos² of the elevation, not below that of the null
         flat = 1.0 - (height_m / slant_m) ** 2

@@ -93,7 +93,7 @@ class LevelEvidence:
         return np.asarray(np.logaddexp.reduce(scores))
 
     def _gain_db(self, dx: _Floats, dy: _Floats, slant_m: _Floats) -> _Floats:
-        """(places, n) antenna gain towards places [dB]; 0 for bearings, taken on boresight."""
+        """(places, n) antenna gain towards positions [dB]; 0 for bearings (on boresight)."""
         gain = np.zeros(dx.shape)
         for number, one in enumerate(self._listeners):
             rows = np.flatnonzero(self._levels.group == number)

@@ -64,7 +64,7 @@ class PowerTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PulseGeometry:
-    """Geometry between places and pulses, shape (places, pulses), for any height."""
+    """Geometry between positions and pulses, shape (places, pulses), for any height."""
 
     east_m: _Reals
     north_m: _Reals
@@ -133,7 +133,7 @@ class PowerEvidence:
         return fit_each([self], east_m, north_m)[0]
 
     def fitted(self, seen: "PulseGeometry") -> PowerFit:
-        """Fit level and exponent at places, given their geometry to the pulses."""
+        """Fit level and exponent at positions, given their geometry to the pulses."""
         count = int(self._heard.sum())
         loss, gain = self._propagated(seen, self.used)
         heard = self._over_mean(self.used[:count], loss[:, :count], gain[:, :count])
@@ -186,7 +186,7 @@ class PowerEvidence:
     def seen_from(
         self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
     ) -> "PulseGeometry":
-        """Geometry from the positions of pulses to places on the ground."""
+        """Geometry from the positions of pulses to possible tag positions on the ground."""
         single = np.float32
         dx = east_m.astype(single)[:, None] - self._east_m[pulses].astype(single)[None, :]
         dy = north_m.astype(single)[:, None] - self._north_m[pulses].astype(single)[None, :]
@@ -241,7 +241,7 @@ def _correlations(count: int) -> _Floats:
 
 
 def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
-    """Fit places to received pulses without misses; x is loss, z power (places, pulses).
+    """Fit positions to received pulses without misses; x is loss, z power (places, pulses).
 
     Level, exponent, and the fading's size and correlation integrate out. The precision of a
     first-order process with correlation rho is, up to 1 / (1 - rho²), the sum over all pulses,
