@@ -26,8 +26,8 @@ def data_home() -> Path:
 def install_starter(program: Path, place: Path) -> list[Path]:
     """Write the menu entry and its icon; can be repeated.
 
-    `program`: the ``uavrt`` command. `place`: `data_home`, or another. Returns the files
-    written. Raises `UsageError` if the program is missing, or the place cannot be written.
+    `program`: the ``uavrt`` command. `place`: usually `data_home`. Returns the files written.
+    Raises `UsageError` if the program is missing, or the place cannot be written.
     """
     if not program.exists():
         raise NotFound(
@@ -54,7 +54,7 @@ def remove_starter(place: Path) -> list[Path]:
 
 
 def entry_text(program: Path) -> str:
-    """Text of the menu entry; it opens a terminal, which ends the station when closed."""
+    """Text of the menu entry, which opens a terminal; closing the terminal ends the station."""
     return f"""\
 [Desktop Entry]
 Type=Application
