@@ -256,7 +256,7 @@ class GuidanceSettings(_Table):
     """Take off when an operator orders and confirms it, once a pilot has armed; uavrt never
     arms."""
     lowest_m: Annotated[float, Interval(ge=5.0, le=500.0)] = 20.0
-    """Minimum height above ground [m]; level with home unless terrain is set."""
+    """Minimum height above ground [m]; without terrain, ground is level with home."""
     highest_m: Annotated[float, Interval(ge=10.0, le=500.0)] = 120.0
     """Maximum height above ground [m]."""
     fence_m: Annotated[float, Interval(ge=10.0, le=10_000.0)] = 500.0
