@@ -102,7 +102,7 @@ def write_results(directory: Path, results: Results) -> list[Path]:
 def markdown(results: Results) -> str:
     """Format the whole table as a Markdown page."""
     parts = [
-        "# What the detector reaches",
+        "# Results: detection",
         "Written by `uavrt experiment detection`. A bar is met or not by the measured "
         "value alone; the table notes bars inside the 95 % interval.",
         f"{bars_kept(results.rows)}.",
