@@ -25,12 +25,12 @@ from uavrt.core.commands import SystemState
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import Pose, Pulse, PulsePose, Tag
 from uavrt.drone.supervisor.start.usage import usage_of
-from uavrt.drone.supervisor.tree import pss_mb
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.frame import FrameWriter
 from uavrt.link.tunnel.generations.wire import PAYLOAD_TYPE
 from uavrt.link.tunnel.tunnel_records import heartbeat_to_wire, pulse_to_wire
 from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt_experiments.resources.usage import pss_mb
 
 VEHICLES, TAGS, PULSES_HZ = 5, 20, 8.0
 TURN_S, MOVE_S = 40.0, 5.0

@@ -14,7 +14,7 @@ from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import Tag
 from uavrt.localization.terrain.squares import GroundGrid
 from uavrt.localization.terrain.viewshed import terrain_loss_map
-from uavrt.planning.detectability.detection_coverage import coverage_of, listening_way
+from uavrt.planning.detectability.detection_coverage import coverage_of, planned_antenna_path
 from uavrt.planning.detectability.link_budget import LinkBudget
 from uavrt_experiments.search.terrain import Hills
 
@@ -113,7 +113,7 @@ def _plan(seed: int) -> float:
     ]
     length_m = 2.0 * half_m * (lanes + 1)
     interval_s = _TAG.pulse_intervals_s[0]
-    way = listening_way(
+    way = planned_antenna_path(
         corners,
         height_m=DRONE_M,
         speed_m_s=length_m / (PLAN_PLACES - 0.5) / interval_s,

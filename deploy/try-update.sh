@@ -106,7 +106,7 @@ must 2 source "the vehicle is armed: nothing was changed"
 fly --flies --on-ground --ground 127.0.0.1:14746
 ready
 update "$work/broken.tar"
-must 2 source "is no update, or damaged"
+must 2 source "is not an update, or is damaged"
 update "$work/good.tar"
 must 0 "$good-" "is good, and stays"
 ready

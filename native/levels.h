@@ -1,7 +1,7 @@
 /* How loud the noise is at each instant: uavrt.detection.search.levelling, whose names these are. */
 #include "loops.h"
 
-/* As in levelling.py, and HOPS_PER_PULSE, ROWS_PER_BIN of grid.py. */
+/* As in levelling.py, and HOPS_PER_PULSE, ROWS_PER_BIN of uavrt/detection/search/grid.py. */
 #define SLOT 4
 #define ROWS_PER_BIN 4
 #define TRUNCATION 4.0f

@@ -39,7 +39,7 @@ const FIELDS: Field[] = [
   { key: "false_alarm_percent", label: t("setup.false_alarms"), unit: "%", hint: t("setup.false_alarms_hint") },
 ];
 
-/** As `CODED_PULSE_WIDTH_MS`, `BURST_TOLERANCE_MS` and `CODED_K` in uavrt/config/code_rules.py. */
+/** As `CODED_PULSE_WIDTH_MS`, `BURST_TOLERANCE_MS` and `CODED_K` in uavrt/config/tags/code_rules.py. */
 const CODED_NUMBERS: TagRow = { second_interval_ms: "", pulse_width_ms: 2.5, interval_uncertainty_ms: 4, interval_jitter_ms: 0, k: 10 };
 
 let rows: TagRow[] = [];

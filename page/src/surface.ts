@@ -26,7 +26,7 @@ export type Heights = [number, number];
 
 /**
  * The layers of height in which pulses were heard, lowest first; the server's
- * `uavrt.localization.height_bands` parts them in the same way.
+ * `height_bands` in uavrt/localization/position/levels/strongest.py parts them in the same way.
  */
 export function heightBands(heights: Float64Array): Heights[] {
   const ordered = heights.filter(Number.isFinite).sort();

@@ -51,7 +51,7 @@ def test_a_detector_that_hears_nothing_or_everything_misses_a_bar_of_each_case(
     which: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(PulseDetector, "flush", deaf)
-    monkeypatch.setattr(PulseDetector, "leave", deaf)
+    monkeypatch.setattr(PulseDetector, "report_rest", deaf)
     monkeypatch.setattr(CodedDetector, "flush", deaf)
     assert any(
         misses_a_bar(which, monkeypatch, *broken)

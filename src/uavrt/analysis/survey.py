@@ -18,7 +18,7 @@ from uavrt.analysis.estimates.bearings import (
 from uavrt.analysis.estimates.power_survey import TagSignal, signal_of
 from uavrt.analysis.inputs.flight_facts import Facts, facts_of
 from uavrt.analysis.inputs.map_files import MapFile
-from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.core.messages import (
     Beep,
     FlightInfo,
@@ -196,9 +196,9 @@ def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Surv
     else:
         try:
             estimated = _estimated(recorded, replace(how, antenna=antenna), warnings)
+        except NotFound:
+            raise
         except UsageError as error:
-            if "there is no antenna" in error.message:
-                raise
             warnings.append(f"No bearings: {error}.")
     if antenna == MONOPOLE:
         warnings += [

@@ -71,6 +71,10 @@ class UsageError(UavrtError):
     """Wrong input by the user."""
 
 
+class NotFound(UsageError):
+    """A flight, tag, format or other item of this name does not exist; HTTP status 404."""
+
+
 class ConfigError(UsageError):
     """A setting in uavrt.toml, or a command-line option, is wrong."""
 

@@ -20,12 +20,12 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
 MOUNTS = Path("/proc/self/mounts")
 SYSFS = Path("/sys")
 WORN_TENTHS = 9
-"""Used life of an eMMC that counts as a fault [tenths]."""
+"""Used life of an eMMC that counts as a fault [tenths of its life]."""
 NEW_CARD = "Fetch the flights, then use a new card"
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
 """Earliest plausible time, June 2025 [ns]; an earlier clock was not set."""
 BATTERY_CLOCK_OFF_S = 5.0
-"""Error of the battery-backed clock that counts as a fault [s]; it counts whole seconds."""
+"""Error of the battery-backed clock that counts as a fault [s]; its resolution is 1 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,12 +37,12 @@ class Card:
     kind: str
     read_only: bool
     errors: int | None
-    """Number of errors since the last file-system check; None if not counted."""
+    """Number of errors since the last file-system check; None if they are not counted."""
     written_gb: float | None
     life_used_tenths: int | None
 
     def faults(self) -> list[str]:
-        """Faults as texts; empty if there are none."""
+        """Texts on faults; empty if there are none."""
         found = []
         if self.read_only:
             found.append("read-only: nothing more is recorded")
@@ -85,7 +85,7 @@ def _is_mounted_so(directory: Path) -> bool:
 
 
 def _takes_nothing(directory: Path) -> bool:
-    """True if writing fails, by a test with an unnamed file; Linux 6.15 sets no flag."""
+    """True if a test write of an unnamed file fails; before Linux 6.15 no flag shows this."""
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
     except OSError as error:
@@ -115,7 +115,7 @@ def _number(path: Path) -> int | None:
 
 
 def battery_clock_off_s() -> float | None:
-    """Battery-backed clock minus system clock, in whole seconds [s]; None without one."""
+    """Battery-backed clock minus system clock, to whole seconds [s]; None without one."""
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
 

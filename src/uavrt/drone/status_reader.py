@@ -44,7 +44,7 @@ def running_status(path: Path) -> SystemStatus | None:
 
 
 def _never() -> None:
-    """Check nothing; the default of `check`."""
+    """Check nothing; default of `check`."""
 
 
 class StatusReader:

@@ -1,4 +1,4 @@
-"""Paths of all files in a flight directory: the thesis's layout (§4.5), and a database.
+"""Paths of all files in a flight directory: the thesis's layout (§4.5) plus a database.
 
 docs/reference/flight-directory.md shows the whole tree. ``flight.sqlite`` has all records.
 """
@@ -32,12 +32,12 @@ class FlightLayout:
 
     @property
     def write_ahead_log(self) -> Path:
-        """Committed records that SQLite has not yet folded into the database."""
+        """Log of committed records that SQLite has not yet folded into the database."""
         return self.root / "flight.sqlite-wal"
 
     @property
     def star(self) -> Path:
-        """File that protects the flight from removal; may be empty."""
+        """File that marks the flight as protected from removal; may be empty."""
         return self.root / "starred"
 
     @property
@@ -86,7 +86,7 @@ class FlightLayout:
         return self.root / directory / f"{name}.log"
 
     def make(self, tag_ids: list[int]) -> None:
-        """Make all directories; raises `RecordingError` if the disk is full or read-only."""
+        """Make all directories; raises `RecordingError` on a full or read-only disk."""
         directories = [self.root / "airspy_csdr_netcat_log", self.root / "channelizer_log"]
         directories.append(self.root / "process_log")
         for tag_id in tag_ids:
@@ -106,7 +106,7 @@ def new_flight_directory(
 ) -> Path:
     """Path for a new flight directory, ``flight_log_<UTC>``.
 
-    A second flight in the same second (or after the clock was set back) gets ``_2``, ``_3`` …
+    A further flight with the same time gets ``_2``, ``_3`` …
     """
     path = directory / f"flight_log_{flight_stamp(start_time_ns)}"
     number = 2
@@ -117,7 +117,7 @@ def new_flight_directory(
 
 
 def require_writable(directory: Path) -> None:
-    """Make a directory for flights; raises `RecordingError` if it cannot be written."""
+    """Make a directory for flights; raises `RecordingError` for an unwritable one."""
     with os_errors_as(
         RecordingError,
         f"flights cannot be saved in {directory}",

@@ -1,11 +1,10 @@
-"""Record the order of flights, which is also right when the clock was wrong.
+"""Record the order of flights in a file, so that it stays right when the clock was wrong.
 
-A flight is named after the clock, which may be in 1970 without a battery. Then the newest
-flight would count as the oldest and be removed first. So a file in the flights' folder lists
-each flight as it begins, one name per line. Unlisted flights are older than the file, and are
-sorted by name.
-Copies of a flight lie next to it: NAME_ground as received by the page on the drone's own
-computer, NAME_drone as downloaded. They are as old as the flight.
+A flight is named after the clock, which may be in 1970 without a battery. The newest flight
+would then count as the oldest and be removed first. So a file in the flights' folder lists each
+flight as it begins, one name per line. Unlisted flights are older than the file, and are sorted
+by name. Copies of a flight lie next to it: NAME_ground as received by the page on the drone's
+own computer, NAME_drone as downloaded. Copies count as old as the flight.
 """
 
 import itertools
@@ -25,7 +24,7 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 
 
 def note_flight(flight: Path) -> None:
-    """Append a new flight to the list; raises `OSError` if the disk fails: try again."""
+    """Append a new flight to the list; raises `OSError` if the disk fails, so try again."""
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)
     if names and names[-1] == flight.name:
@@ -38,7 +37,7 @@ def note_flight(flight: Path) -> None:
 
 
 def flown_name(name: str) -> str:
-    """Name of the flight that a directory is a copy of, else its own name.
+    """Name of the flight of which a directory is a copy; else the directory's own name.
 
     >>> flown_name("flight_log_2026-05-01_08-15-00_ground_2")
     'flight_log_2026-05-01_08-15-00'
@@ -48,7 +47,7 @@ def flown_name(name: str) -> str:
 
 
 def new_copy_directory(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
-    """Unused directory name for the web page's copy of a flight, next to it."""
+    """Unused directory name, next to a flight, for the web page's copy of the flight."""
     path, number = flight.with_name(f"{flight.name}{GROUND_COPY}"), 2
     while is_taken(path):
         path = flight.with_name(f"{flight.name}{GROUND_COPY}_{number}")
@@ -57,7 +56,7 @@ def new_copy_directory(flight: Path, is_taken: Callable[[Path], bool] = Path.exi
 
 
 def with_copies(flights: Iterable[Path]) -> list[list[Path]]:
-    """Group flights with their copies; each group begins with the flight."""
+    """Group flights with their copies; each group begins with the flight itself."""
     together: dict[str, list[Path]] = {}
     for flight in flights:
         together.setdefault(flown_name(flight.name), []).append(flight)
@@ -71,12 +70,12 @@ def flights_in_order(directory: Path) -> list[Path]:
 
 
 def order_noted(directory: Path) -> dict[str, int]:
-    """Rising number of each listed flight, by name."""
+    """Rising number of each listed flight, by the flight's name."""
     return {name: number for number, name in enumerate(_noted(directory / FLIGHT_ORDER))}
 
 
 def flown_before(flight: Path) -> list[Path] | None:
-    """Flights of the same folder that were flown before one, the oldest first.
+    """Flights of the same folder that were flown before a given one, the oldest first.
 
     None if the flight is not listed, so that only its clock gives the order.
     """

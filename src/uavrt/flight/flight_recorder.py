@@ -4,8 +4,8 @@ A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode k
 committed record through ``kill -9``. In a flight that is received or flown, each commit also
 reaches the disk (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the
 database at a size of `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does both. The
-text log is a second copy. On a full or read-only disk the records wait in memory, and every
-commit tries again.
+text log is a second copy. While the disk is full or read-only, records wait in memory, and
+every commit tries again.
 """
 
 import itertools
@@ -51,13 +51,13 @@ from uavrt.flight.logs.pulse_pose_log import PulsePoseLog
 T = TypeVar("T")
 
 LEAST_FREE_BYTES = 1_000_000
-"""Free space below which a commit may be refused at any moment [bytes]."""
+"""Free space below which any commit may fail [bytes]."""
 
 MAX_WAITING_PULSES = 100_000
-"""Most pulses kept in memory while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
+"""Largest number of pulses kept while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Most poses and health records kept in memory: half an hour; pulses carry their own poses."""
+"""Largest number of poses and health records kept: half an hour; pulses carry poses too."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 _STATEMENTS: dict[type, tuple[str, Callable[[Any], schema.Row]]] = {
@@ -79,23 +79,23 @@ class FlightRecorder:
         self._origin: tuple[FlightInfo, Settings | None] | None = None
         self._begun = True
         self._restoring = False
-        """True while pulses of the text log are missing in a new database."""
+        """True while a new database lacks pulses of the text log."""
         self._pulses: deque[Pulse | PulsePose] = deque()
         self._urgent: deque[Statement] = deque()
-        """Waiting deliveries and other records that are committed with the pulses."""
+        """Waiting deliveries and other records to be committed together with pulses."""
         self._others: deque[Statement] = deque()
         self._logs = PulseLogs(self.layout)
         self.failed_commits = 0
         self.dropped_records = 0
         """Number of records dropped because too many waited for a failing disk."""
         self.mended = ""
-        """Last database fault that was repaired, as text for the operator."""
+        """Text on the last database fault that was repaired, for the operator."""
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
         """Begin a flight in `info.directory`, with its folders, configurations and database.
 
-        Raises `RecordingError` if it cannot be written, or already contains a flight.
+        Raises `RecordingError` if the directory cannot be written or already contains a flight.
         """
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
@@ -112,7 +112,7 @@ class FlightRecorder:
         """Continue a flight after a kill or a power cut, without lost or duplicate records.
 
         With `durable` each commit waits for the disk. Raises `RecordingError` if there is no
-        flight, or it cannot be written.
+        flight, or the directory cannot be written.
         """
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
@@ -129,7 +129,7 @@ class FlightRecorder:
     def open(
         cls, info: FlightInfo, settings: Settings | None = None, *, durable: bool = False
     ) -> "FlightRecorder":
-        """Begin the flight, or continue it if it exists; never fails.
+        """Begin a flight, or continue an existing one; never fails.
 
         On a full disk records wait in memory, and every commit reports this and tries again. A
         damaged database is renamed, and a new one starts with the pulses of the text log. With
@@ -148,11 +148,11 @@ class FlightRecorder:
 
     @property
     def waiting_pulses(self) -> int:
-        """Number of pulses, and records that belong to them, that are not committed yet."""
+        """Number of uncommitted pulses, and of uncommitted records that belong to pulses."""
         return len(self._pulses) + len(self._urgent)
 
     def write_pulses(self, pulses: Iterable[Pulse | PulsePose]) -> None:
-        """Add pulses as detected, or later with their poses; recorded with the next commit."""
+        """Add pulses as detected, or later with their poses; the next commit records them."""
         self._add(self._pulses, pulses, MAX_WAITING_PULSES)
 
     def write_inside(self, burst: BurstInside) -> None:
@@ -171,7 +171,7 @@ class FlightRecorder:
         self._add(self._others, [(schema.INSERT_STATUS_TEXT, row)])
 
     def write_delivered(self, delivered: Delivered) -> None:
-        """Record which pulses a ground station has received."""
+        """Record which pulses have been received by a ground station."""
         head = (delivered.store, delivered.time_ns)
         rows = [(schema.INSERT_DELIVERY, (*head, *key)) for key in delivered.pulses]
         self._add(self._urgent, rows)
@@ -228,7 +228,7 @@ class FlightRecorder:
     def close(self) -> None:
         """Commit, fold the log into the database and close, even if the commit fails.
 
-        Raises `RecordingError` if it failed.
+        Raises `RecordingError` if the commit failed.
         """
         try:
             self.commit()
@@ -293,7 +293,7 @@ class FlightRecorder:
             self.dropped_records += 1
 
     def _failure(self, error: Exception) -> RecordingError:
-        """Roll back, close the file (it may be on another disk soon), and make the error."""
+        """Roll back, close the file, which may be on another disk soon, and make the error."""
         if isinstance(error, RecordingError):
             return error
         if is_damage(error):

@@ -1,9 +1,9 @@
 """Store results of ``uavrt integrate`` in the folder ``integrated/`` of the flight.
 
-The flight's own log is never changed. ``integrated/pulses.jsonl`` has pulses as written by
-``uavrt detect``, with the status *integrated*. ``integrated/tags.json`` has the verdict on each
-tag, and ``integrated/folds.json`` the flight folded at its interval. A new verdict on a tag
-replaces the old one.
+The flight's own log is never changed. ``integrated/pulses.jsonl`` contains pulses as written by
+``uavrt detect``, with the status *integrated*. ``integrated/tags.json`` contains the result for
+each tag, and ``integrated/folds.json`` the flight folded at the tag's interval. A new result
+for a tag replaces the old one.
 """
 
 import json
@@ -27,12 +27,12 @@ from uavrt.flight.logs.pulse_files import pulse_record, read_pulse_file
 
 _NO_COLUMN = {IN_NO_TABLE: True}
 Ring = tuple[tuple[float, float], ...]
-"""Latitudes and longitudes of a closed outline; the last place is the first."""
+"""Latitudes and longitudes of a closed outline [deg]; the last position equals the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedPart:
-    """One of several places that fit the flight equally well."""
+    """One of several positions that fit the flight equally well."""
 
     latitude_deg: float
     longitude_deg: float
@@ -43,10 +43,10 @@ class IntegratedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """Tag and settings of a search; if nothing is found, only such a tag is excluded."""
+    """Tag and settings of a search; without a detection, only such a tag is excluded."""
 
     frequency_hz: float
-    """Frequency from the tag list [Hz]; the next values are also from there."""
+    """Frequency in the tag list [Hz]; the fields up to `gaps_s` are also from the tag list."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
     interval_uncertainty_s: float
@@ -60,12 +60,12 @@ class SearchedFor:
     antenna: str
     """Name of the antenna pattern used."""
     antenna_assumed: bool
-    """True if the antenna was not specified, so that one was assumed."""
+    """True if no antenna was specified, so that a pattern was assumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilentAround:
-    """Area around a flight in which a tag that was not found cannot be."""
+    """Area around a flight that excludes a tag that was not found."""
 
     tag_power_dbm: float
     """Assumed radiated power of the tag [dBm]."""
@@ -74,7 +74,7 @@ class SilentAround:
     within_m: float | None
     """Distance from the flight up to which the tag would have been found [m]; None: nowhere."""
     whole_flight: bool
-    """True if the whole flight was analysed, false for groups of pulses."""
+    """True if the whole flight was combined; False if groups of pulses were searched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,11 +84,11 @@ class IntegratedVerdict:
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """Probability that noise alone gives such a result."""
+    """Probability that noise alone gives such a detection."""
     interval_s: float
     frequency_hz: float
     level_db: float | None = None
-    """Strongest pulse's energy over noise density [dB]; None, like the place, if not found."""
+    """Strongest pulse's energy over noise density [dB]; None, like the position, if none."""
     bearing_deg: float | None = None
     """Bearing from the middle of the flight [deg]."""
     arc50_deg: float | None = None
@@ -98,28 +98,28 @@ class IntegratedVerdict:
     radius50_m: float | None = None
     radius95_m: float | None = None
     places: int = 1
-    """Number of places that fit equally well: mirror images across a straight path."""
+    """Number of positions that fit equally well: mirror images across a straight path."""
     pulses: int = 0
-    """Number of pulses in ``pulses.jsonl``, found only by whole-flight analysis."""
+    """Number of pulses in ``pulses.jsonl`` that only the whole-flight analysis found."""
     flights: int = 1
-    """Number of flights analysed together; the place is then from the middle of all."""
+    """Number of flights analysed together; the position is then from the middle of all."""
     heard_live: int = 0
-    """Number of the train's pulses that the flight's own log has."""
+    """Number of the pulse train's pulses that the flight's own log contains."""
     remarks: str = ""
     """Limitations of the figures, such as missing terrain heights."""
     ambiguous: bool = False
-    """True if another train on its frequency, at a small interval ratio, may be the tag's."""
+    """True if another train on this frequency, at a small interval ratio, may be the tag's."""
     listened: str = ""
     """Time spans with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Possible places, most likely first; `latitude_deg` is that of their middle."""
+    """Possible positions, most likely first; `latitude_deg` is that of their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     """Smallest region that contains the tag with a probability of 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     searched: SearchedFor | None = field(default=None, metadata=_NO_COLUMN)
     """Tag and settings of the search; None in results of earlier versions."""
     silent: SilentAround | None = field(default=None, metadata=_NO_COLUMN)
-    """Area in which the tag cannot be; None if it was received, or without a map."""
+    """Area in which the tag cannot be; None if the tag was received, or without a map."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +131,7 @@ class FlightFold:
     length_s: float
     """Duration of the flight, which all rows together cover [s]."""
     profile: tuple[float, ...]
-    """(columns,) sum over the flight; the train's phase is in the middle."""
+    """(columns,) sum of the energies over the flight; the train's phase is in the middle."""
     raster: tuple[tuple[float, ...], ...]
     """(rows, columns) energies; the flight's beginning is the first row."""
 
@@ -149,10 +149,10 @@ def write_integrated(
     pulses: Iterable[PulsePose],
     folds: Sequence[FlightFold] = (),
 ) -> Path:
-    """Write the results of some tags into a flight's folder; those of other tags stay.
+    """Write the results of some tags into a flight's folder; other tags' results stay.
 
-    Returns the folder. Raises `RecordingError` if it cannot be written, and `FormatError` if
-    existing results cannot be read.
+    Returns the folder. Raises `RecordingError` if the folder cannot be written, and
+    `FormatError` if existing results cannot be read.
     """
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
@@ -220,7 +220,7 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
 
 
 def _records(path: Path, kind: type[T]) -> tuple[T, ...]:
-    """Make records from JSON; fields of later versions are ignored."""
+    """Make records from JSON; unknown fields of later versions are ignored."""
     found = read_json(read_file(path, NOTES), NOTES)
     if len(found) > _MOST_TAGS:
         raise ValueError(f"it has more than {_MOST_TAGS:,} tags")

@@ -1,4 +1,4 @@
-"""Store one record in a file, so that it survives every stop and restart.
+"""Store one record in a file that survives every stop and restart.
 
 A disk fault loses the record, but never stops the flight.
 """
@@ -24,7 +24,7 @@ class KeptFile(Generic[R]):
 
     The directory of `path` is made on demand. `kind` is the record's type, and `name` its name
     in the log. With `sync` each `keep` waits for the disk; otherwise a power cut may lose half
-    a minute.
+    a minute of changes.
     """
 
     def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
@@ -49,7 +49,7 @@ class KeptFile(Generic[R]):
         return None
 
     def keep(self, record: R) -> None:
-        """Replace the stored record; after a power cut the old or the new one is there."""
+        """Replace the stored record; after a power cut either the old or the new one exists."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             text = msgspec.json.format(msgspec.json.encode(record)).decode()

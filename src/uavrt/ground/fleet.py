@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from uavrt.core.clock import Clock, monotonic_s
-from uavrt.core.errors import UavrtError, UsageError
+from uavrt.core.errors import NotFound, UavrtError, UsageError
 from uavrt.core.messages import BurstInside, Course, PulsePose
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.motions.path_assignments import PathAssignments
@@ -108,7 +108,7 @@ class Fleet:
     async def leave(self, system_id: int) -> None:
         """Stop serving a further vehicle; ends its flight on the ground, not on the drone."""
         if system_id not in self._others:
-            raise UsageError(f"vehicle {system_id} is not served by this station")
+            raise NotFound(f"vehicle {system_id} is not served by this station")
         self.first.vehicle.identity.excluded.discard(system_id)
         task = self._tasks.pop(system_id)
         self._others.pop(system_id)

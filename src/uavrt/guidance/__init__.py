@@ -1,6 +1,6 @@
-"""Move the drone: who is in command, how to fly, at what height; no I/O.
+"""Move the drone: who is in command, how orders are flown, at what height; no I/O.
 
-`control/authority` checks every command last and yields to any pilot; `pilot` flies the
-operator's orders step by step; `autopilot_behaviour` has the differences between autopilots.
-Nothing here arms a vehicle.
+`control/authority` is the last check of every command and yields to any pilot; `pilot` flies
+the operator's orders step by step; `autopilot_behaviour` lists the differences between
+autopilots. Nothing here arms a vehicle.
 """

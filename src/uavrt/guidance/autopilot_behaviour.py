@@ -1,8 +1,8 @@
 """Differences between the autopilots, in one table.
 
-As flown on PX4 v1.17 and ArduCopter 4.7. `uavrt.guidance.control.authority` has what is common
-to both: a flight to a position is DO_REPOSITION by COMMAND_INT in frame GLOBAL_INT with
-altitude above mean sea level.
+As flown on PX4 v1.17 and ArduCopter 4.7. `uavrt.guidance.control.authority` handles what both
+share: a flight to a position is DO_REPOSITION by COMMAND_INT in frame GLOBAL_INT with altitude
+above mean sea level.
 """
 
 from collections.abc import Mapping
@@ -21,20 +21,20 @@ class Behaviour:
 
     name: AutopilotName
     own_mode: int
-    """Custom mode that DO_REPOSITION sets, and in which commands are flown."""
+    """Custom mode that DO_REPOSITION sets; commands are flown in this mode."""
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     mode_by: Literal["CURRENT_MODE", "HEARTBEAT"]
-    """Message that reports the mode more often than once a second."""
+    """Name of the message that reports the mode more often than once a second."""
     mode_rate_hz: float
     """Rate requested for the mode's message [Hz]; PX4 ignores it for CURRENT_MODE."""
     yaw_in_reposition: bool
-    """True: DO_REPOSITION sets the heading, and turns are steps; else CONDITION_YAW."""
+    """True if DO_REPOSITION sets the heading and turns are steps; False: CONDITION_YAW does."""
     follows_course: bool
-    """True: the heading follows the course over ground; else the target's bearing."""
+    """True if the heading follows the course over ground; False: the target's bearing."""
 
     takeoff_mode: int
-    """Mode in which it climbs from the ground; then `own_mode` follows, if different."""
+    """Mode in which the vehicle takes off; then `own_mode` follows, if different."""
 
     mission_modes: frozenset[int]
     """Modes in which the vehicle flies its mission, or returns along it."""
@@ -42,13 +42,13 @@ class Behaviour:
     """True if item 0 of the vehicle's mission is home."""
 
     target_m: float
-    """Largest distance of the reported target from the commanded one [m]. PX4 keeps the exact
-    numbers of a command; a pause at the drone's position must differ from them."""
+    """Largest distance of the reported target from the commanded one [m]. PX4 reports the exact
+    numbers of a command; a target set by a pause must differ from them."""
 
     settles_m: float
     """Largest distance from the target at which a drone comes to rest by itself [m]; one that
     rests farther away was stopped. ArduCopter: 0.6 m in 203 recorded legs of SITL without wind,
-    0.66 m in the simulator's gusts. PX4 approaches too slowly over the last metres for it."""
+    0.66 m in the simulator's gusts. PX4 approaches more slowly over the last metres."""
 
     target_lost_s: float
     """Time without a reported target after which an order ends [s]. ArduCopter reports none
@@ -60,7 +60,7 @@ class Behaviour:
         return self.takeoff_mode == self.own_mode
 
     def mode_name(self, mode: int) -> str:
-        """Name of a mode as pilots use it."""
+        """Name of a mode as pilots know it, or its number."""
         return self.mode_names.get(mode, f"mode {mode}")
 
 
@@ -135,7 +135,7 @@ BEHAVIOURS: Mapping[AutopilotName, Behaviour] = MappingProxyType(
 
 
 def behaviour_of(name: str | None) -> Behaviour:
-    """Behaviour of an autopilot; raises `CommandRefused` for an unknown one."""
+    """Behaviour of an autopilot; raises `CommandRefused` for an unknown autopilot."""
     for known, behaviour in BEHAVIOURS.items():
         if known == name:
             return behaviour

@@ -23,7 +23,7 @@ class EnergyLearning:
     """Power estimate of one drone, updated over all its orders.
 
     `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery [Wh]; None: nothing
-    is learnt.
+    is learned.
     """
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
@@ -37,7 +37,7 @@ class EnergyLearning:
         self._predicted_wh = 0.0
 
     def learn(self, now: VehicleNow) -> VehicleNow:
-        """Add the present battery reading; return the state with the learnt power.
+        """Add the present battery reading; return the vehicle's state with the learned power.
 
         Updates only while an order is flown: then the drone is in the air.
         """
@@ -48,7 +48,7 @@ class EnergyLearning:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a battery reading; each update covers the time between two percentages."""
+        """Add a battery reading; an update covers the time between two percentages."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:

@@ -1,7 +1,7 @@
 """Heights of the ground around home, from an elevation map. Pure.
 
-Commands use heights above home; the map gives how much higher the ground is elsewhere. Map and
-autopilot must agree on home's height, or one of them is wrong.
+Commands use heights above home; the map gives the height of the ground relative to home. If map
+and autopilot disagree on home's height, one of them is wrong.
 """
 
 from collections.abc import Callable
@@ -69,7 +69,7 @@ class GroundAround:
         return np.where(beyond, np.nan, high)
 
     def highest_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Highest known ground above home on the straight line home [m]; else 0."""
+        """Highest known ground above home on the straight return [m]; 0 without any."""
         farthest = float(np.max(np.hypot(east_m, north_m), initial=0.0))
         shares = np.linspace(0.0, 1.0, int(farthest / self.step_m) + 2)[:, None]
         x, y = np.ravel(east_m), np.ravel(north_m)
@@ -77,6 +77,6 @@ class GroundAround:
         return np.asarray(ground.max(axis=0, initial=0.0)).reshape(np.shape(east_m))
 
     def apart_m(self, home_amsl_m: float) -> float | None:
-        """Height of home by the autopilot less that of the map [m]; None if small."""
+        """Height of home by the autopilot minus that of the map [m]; None if small."""
         apart = home_amsl_m - self.home_amsl_m
         return apart if abs(apart) > SAFETY.home_height_error_m else None

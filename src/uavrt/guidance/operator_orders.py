@@ -1,4 +1,4 @@
-"""Orders of the operator, and the vehicle's state for flying them. Pure."""
+"""Orders of the operator, and the vehicle state needed to fly them. Pure."""
 
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Self
@@ -12,18 +12,18 @@ if TYPE_CHECKING:
     from uavrt.planning.drone_model.energy import EnergyModel
 
 Place = tuple[float, float]
-"""Latitude and longitude [deg]."""
+"""Position: latitude and longitude [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order(Motion):
-    """A requested motion, and the number by which it is confirmed."""
+    """A requested motion, and the order number for its confirmation."""
 
     order_id: int
 
     @classmethod
     def of(cls, motion: Motion, order_id: int = 0) -> Self:
-        """Order with a number for a requested motion; 0 for a preview."""
+        """Make the order of a requested motion, with a number; 0 for a preview."""
         asked = {field.name: getattr(motion, field.name) for field in fields(Motion)}
         return cls(order_id=order_id, **asked)
 
@@ -33,25 +33,25 @@ class Limits(GuidanceSettings):
     """Limits of every order: the drone's settings, and its surroundings."""
 
     ground: GroundAround | None = None
-    """Heights of the ground around home; None: level."""
+    """Heights of the ground around home; None: level ground."""
     keep_out: tuple[KeepOut, ...] = ()
-    """Excluded areas: people and buildings."""
+    """Excluded areas around people and buildings."""
     stay_in: tuple[KeepOut, ...] = ()
-    """Areas that the drone must stay in: the vehicle's own fence."""
+    """Areas in which the drone must stay, such as the vehicle's own fence."""
     link_lost_s: float = 5.0
     """Silence of the ground stations after which the link is lost [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleNow(VehicleSeen):
-    """Vehicle state and authority over it, for the planning of steps."""
+    """State of the vehicle and of the authority over it, to plan steps."""
 
     time_s: float
     order_id: int | None
-    """Number of the confirmed or commanded order; None: out of command."""
+    """Number of the confirmed or commanded order; None when out of command."""
     began: bool
     """True once the order's first command was sent."""
     wind: "Wind | None" = None
     """Wind reported by the autopilot; None: not reported."""
     energy: "EnergyModel | None" = None
-    """Learnt power of flight; None: by the limits."""
+    """Learned power of flight; None: as in the limits."""

@@ -1,4 +1,4 @@
-"""Fly an order step by step: each motion is requested when the last is done. Pure.
+"""Fly an order step by step: each motion is requested when the one before is done. Pure.
 
 `uavrt.guidance.control.authority` decides on each request. A refused request is dropped: the
 next one follows from the vehicle's state then.
@@ -28,7 +28,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class _BatteryWatch:
-    """Checks the battery every `SAFETY.battery_s`."""
+    """Checks the battery every `SAFETY.battery_s` seconds."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -42,7 +42,7 @@ class _BatteryWatch:
         return due
 
     def reason(self, now: VehicleNow) -> str | None:
-        """Reason why the battery requires the return: low charge, or no report."""
+        """Reason for a return: low charge, or no report of the battery; None without one."""
         if now.battery_percent is not None:
             self._reported = True
         elif self._reported and self._limits.battery_wh is not None:
@@ -60,7 +60,7 @@ def _waits(step: Step, now: VehicleNow) -> bool:
 class Pilot:
     """Flies one order.
 
-    `plan`: its steps. `waits`: True: wait for further steps by `redirect` instead of finishing.
+    `plan`: its steps. `waits`: True to wait for further steps by `redirect` at the end.
     """
 
     def __init__(
@@ -79,31 +79,31 @@ class Pilot:
         self._holding_s = 0.0
         self._returning = self._flies_home = False
         self.shared = False
-        """True if other drones search too. It then flies home at its own height, because the
-        autopilot's return may climb into another drone's height."""
+        """True if other drones search too. The drone then flies home at its own height, because
+        the autopilot's return may climb into another drone's height."""
         self._asks = False
-        """True while the operator must decide; the drone then only holds."""
+        """True while the operator must decide; the drone then only hovers."""
         self._battery = _BatteryWatch(limits)
         self._sent = self._refused_before = 0
         self._failed: str | None = None
-        """Reason why the order is cut short; None if it is not."""
+        """Reason for cutting the order short; None if it is flown as planned."""
         self.ended: str | None = None
-        """Reason why the order has ended; None while it continues."""
+        """Reason for the order's end; None while it continues."""
         self.said = ""
         """Text on the present action and its reason, for the operator."""
 
     @property
     def progress(self) -> str:
-        """Number of the present step, and of all steps."""
+        """Number of the present step, and number of all steps."""
         return f"step {min(self._number + 1, len(self._steps))} of {len(self._steps)}"
 
     @property
     def idle(self) -> bool:
-        """True if all steps are done and it waits for more."""
+        """True if all steps are done and the order waits for more."""
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Replace the remaining steps, after a stop if a bend could seem another's command."""
+        """Replace the remaining steps; stop first if the turn could seem another's command."""
         if self._flies_home:
             return
         if self.shared and isinstance(steps[0], Home):
@@ -117,12 +117,12 @@ class Pilot:
     def give_up(self, reason: str) -> None:
         """Cut the order short and fly home, since the battery is not monitored while it hovers.
 
-        An order that has not begun ends without a command, and so does a take-off.
+        An order that has not begun, or a take-off, ends without a command.
         """
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """True if a new course at this speed could look like another's command."""
+        """True if a new course at the present speed could look like another's command."""
         before = self._steps[self._number]
         if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
@@ -134,7 +134,7 @@ class Pilot:
         return near or abs(wrap_degrees_180(ways[1] - ways[0])) > SAFETY.bend_deg
 
     def next(self, now: VehicleNow) -> Wish | None:
-        """Return the motion to request now; None if there is none."""
+        """Return the motion to request now; None if none is due."""
         if self.ended is not None:
             return None
         if now.order_id != self.order.order_id:
@@ -161,7 +161,7 @@ class Pilot:
         return None if step is None or _waits(step, now) else self._wish(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Return the step to request now: a return, then a hold, then the order's own."""
+        """Return the step to request now: a return, then a hold, then a step of the order."""
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.shared:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
@@ -278,7 +278,7 @@ class Pilot:
         return None
 
     def _stop_at(self, now: VehicleNow) -> Go:
-        """Point where the drone comes to a stop on its path."""
+        """Point on the drone's path where it comes to a stop."""
         step = None if self.idle else self._steps[self._number]
         place = (now.latitude_deg, now.longitude_deg)
         if isinstance(step, Go):
@@ -295,7 +295,7 @@ class Pilot:
 
     @property
     def returning(self) -> bool:
-        """True if it flies home by its own decision, for example for a low battery."""
+        """True if the drone flies home by its own decision, such as for a low battery."""
         return self._returning
 
     def _home(self, reason: str) -> Step:

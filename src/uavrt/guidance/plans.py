@@ -1,4 +1,4 @@
-"""Split an order into steps and check them before anything moves. Pure."""
+"""Split an order into steps and check the steps before anything moves. Pure."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -25,15 +25,15 @@ class PlanLimits:
     """Limits of planned orders."""
 
     circle_corners: int = 36
-    """Corners of the polygon that stands for an excluded circle."""
+    """Number of corners of the polygon that replaces an excluded circle."""
     fastest_turn_deg_s: float = 45.0
-    """Fastest turn in place; the antenna must receive pulses in all directions."""
+    """Fastest turn in place [°/s]; the antenna must receive pulses in all directions."""
     most_turns: int = 60
     """Largest number of turns in place in one order."""
     most_lines: int = 200
     """Largest number of parallel lines in one survey."""
     sure_climb_m_s: float = 1.5
-    """Climb rate that every autopilot reaches, for the duration of a climb."""
+    """Climb rate assumed for the duration of a climb [m/s]; every autopilot reaches it."""
 
 
 _LIMITS = PlanLimits()
@@ -47,7 +47,7 @@ class Go:
     height_m: float
     """Height above home [m]."""
     yaw_deg: float | None = None
-    """Heading during the flight, for an autopilot that takes it with the position [°]."""
+    """Heading during the flight [°], for an autopilot that takes it with the position."""
     stay_s: float = 0.0
 
 
@@ -90,7 +90,7 @@ class Plan:
 
 
 def plan_of(order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour) -> Plan:
-    """Make the steps of an order; raises `PlanError` if it cannot be flown."""
+    """Make the steps of an order; raises `PlanError` for an order that cannot be flown."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     here = (now.latitude_deg, now.longitude_deg)
     check_keep_out(order, limits, plane, (here,))
@@ -170,7 +170,7 @@ def _only_place(order: Order) -> tuple[Place, ...]:
 def rotation(
     order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
-    """Steps of a whole turn in place; `PlanError` for a wrong duration or unknown heading."""
+    """Make the steps of a turn; `PlanError` for a wrong duration or unknown heading."""
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, behaviour, height)
     by_steps = behaviour.yaw_in_reposition
@@ -191,7 +191,7 @@ def _turn_steps(
     behaviour: Behaviour,
     height: float,
 ) -> tuple[tuple[Step, ...], float]:
-    """Steps of a whole turn at a position, and its duration [s]."""
+    """Make the steps of a whole turn at a position; also returns its duration [s]."""
     least = 360.0 / _LIMITS.fastest_turn_deg_s
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
@@ -217,7 +217,7 @@ def _turn_steps(
 
 
 def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
-    """Positions of a survey in the order of flight; raises `PlanError` if it is invalid."""
+    """List a survey's positions in the order of flight; `PlanError` for an invalid one."""
     plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
     outline = Polygon(corners=_local(plane, order.places), name="area")
     if order.pattern == "around":
@@ -274,7 +274,7 @@ def _survey(
 def area_of(
     order: Order, places: tuple[Place, ...], now: VehicleNow, limits: Limits
 ) -> SearchArea:
-    """The flyable area of an outline; raises `PlanError` if it is beyond the fence."""
+    """Make the flyable area of an outline; raises `PlanError` if it is beyond the fence."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
@@ -324,14 +324,14 @@ def check_keep_out(
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
-    """Refuse an elevation map that is more than 15 m off at home; raises `PlanError`."""
+    """Raise `PlanError` for an elevation map that is more than 15 m off at home."""
     apart = map_fault(now, limits)
     if apart is not None:
         raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")
 
 
 def map_fault(now: VehicleNow, limits: Limits) -> str | None:
-    """Text on a large difference of map and autopilot at home; None if it is small."""
+    """Text on a large height difference of map and autopilot at home; None if small."""
     ground, home_amsl_m = limits.ground, now.altitude_amsl_m - now.altitude_relative_m
     apart = None if ground is None else ground.apart_m(home_amsl_m)
     return None if apart is None else f"home is {apart:+.0f} m off the elevation map"
@@ -342,7 +342,7 @@ def check_ground(
 ) -> None:
     """Refuse a path, or a return from any part of it, too close to the map's ground.
 
-    It may climb late and descend early, so the lower of two heights counts on the first part.
+    A climb may be late and a descent early, so the first part counts with the lower height.
     Raises `PlanError`: with the required height above home, or for a descent over unknown
     ground.
     """
@@ -381,12 +381,12 @@ def check_ground(
 def excluded_areas(
     order: Order, limits: Limits, plane: TangentPlane
 ) -> tuple[Circle | Polygon, ...]:
-    """Excluded areas of order and limits, in a local plane."""
+    """Excluded areas of the order and the limits, in a local plane."""
     return tuple(_excluded(one, plane) for one in (*limits.keep_out, *order.keep_out))
 
 
 def _within(limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
-    """Areas that the drone must stay in, in a local plane."""
+    """Areas in which the drone must stay, in a local plane."""
     return tuple(_excluded(one, plane) for one in limits.stay_in)
 
 
@@ -431,7 +431,7 @@ def _way(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """Steps through positions, checked against the fence and the battery, return included."""
+    """Make the steps through positions; checks fence and battery, also for the return."""
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, and its path would begin below "
@@ -502,12 +502,12 @@ def check_battery(
 
 
 def reserve_wh(limits: Limits) -> float:
-    """Energy that must remain at home [Wh]."""
+    """Energy that must remain in the battery after the return [Wh]."""
     return (limits.battery_wh or 0.0) * limits.reserve_percent / 100.0
 
 
 def multirotor_of(limits: Limits) -> Multirotor:
-    """Model of the drone with an autopilot that holds the speed over ground."""
+    """Model of the drone's motion; the autopilot holds the speed over ground."""
     return Multirotor(
         speed_m_s=limits.speed_m_s, airspeed_m_s=limits.airspeed_m_s, acceleration_m_s2=3.0
     )
@@ -520,7 +520,7 @@ def _energy(now: VehicleNow, limits: Limits) -> EnergyModel:
 def way_home_wh(
     place_m: tuple[float, float], height_m: float, now: VehicleNow, limits: Limits
 ) -> float:
-    """Energy [Wh] of the return from east and north of home, in reported or strongest wind."""
+    """Energy of the return from a position [Wh], in the reported or the strongest wind."""
     state = VehicleState(time_s=0.0, east_m=place_m[0], north_m=place_m[1], height_m=height_m)
     home_m = (0.0, 0.0)
     air = headwind(state, home_m, limits.wind_m_s) if now.wind is None else now.wind
@@ -530,7 +530,7 @@ def way_home_wh(
 
 
 def too_windy(now: VehicleNow, limits: Limits) -> str | None:
-    """Text on reported wind that is close to the drone's greatest airspeed; else None."""
+    """Text on reported wind close to the drone's greatest airspeed; None if weaker."""
     if now.wind is None or now.wind.speed_m_s <= SAFETY.calm_share * limits.airspeed_m_s:
         return None
     return (
@@ -540,7 +540,7 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
 
 
 def must_return(now: VehicleNow, limits: Limits) -> str | None:
-    """Reason why the drone must return now, whatever the order; None if it need not."""
+    """Reason for an immediate return, whatever the order; None without one."""
     windy = too_windy(now, limits)
     if windy is not None:
         return windy

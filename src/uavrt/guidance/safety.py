@@ -1,4 +1,4 @@
-"""Safety limits of guidance: when an order ends, and what must hold for a command to leave.
+"""Safety limits of guidance: when an order ends, and conditions for sending a command.
 
 How each limit is used, and what was measured, is in docs/explanation/takeover.md.
 """
@@ -8,46 +8,46 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyLimits:
-    """Limits that no setting changes; a comment holds for the fields below it."""
+    """Safety limits that no setting changes; a comment applies to the fields below it."""
 
     # An order: longest times from its offer to its confirmation, and to its first command [s].
     offer_holds_s: float = 10.0
     begins_within_s: float = 10.0
     refusals: int = 50
-    """Number of refused requests in a row that ends the order."""
+    """Number of consecutive refused requests that ends the order."""
     planner_lost_s: float = 2.0
-    """Silence of the planning process that ends the order [s]."""
+    """Silence of the planning process after which the order ends [s]."""
     stall_s: float = 1.0
-    """Longest pause of this process that ends no order [s]; reports are then read late."""
+    """Longest pause of this process that does not end an order [s]; reports wait meanwhile."""
     battery_s: float = 1.0
     """Time between two checks of the battery [s]."""
 
     # Age of a report above which no command leaves [s].
     mode_age_s: float = 1.0
     mode_change_age_s: float = 0.2
-    """Oldest mode report before a command that changes the mode [s]; a pilot's may cross it."""
+    """Maximum age of the mode report for a command that changes the mode [s]."""
     position_age_s: float = 0.5
     target_age_s: float = 0.3
-    """Oldest target report before a further command [s]; later ones may be a pilot's."""
+    """Maximum age of the target report for a further command of the order [s]."""
     sticks_age_s: float = 0.3
-    """Oldest report of monitored sticks [s]; autopilots send them at 5 Hz or more."""
+    """Maximum age of the RC report for a command [s]; autopilots send it at 5 Hz or more."""
     # Age of a report above which the order has ended, or it counts for nothing [s].
     mode_lost_s: float = 3.0
     position_lost_s: float = 2.0
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """Silence of the heartbeat that ends the order [s]; it reports disarming."""
+    """Silence of the heartbeat, which reports disarming, that ends the order [s]."""
     latest_telemetry_s: float = 0.2
-    """Delay of the autopilot's messages above which no command leaves [s]."""
+    """Largest delay of the autopilot's messages for a command to be sent [s]."""
     clock_drift: float = 2e-4
-    """Largest drift of two clocks against each other: two crystals of 100 ppm."""
+    """Largest relative drift of two clocks: two crystals of 100 ppm each."""
 
     # Movement of a stick or a switch that is the pilot's [µs]; three-way switches move by 500.
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time after which one message is enough for a moved switch [s]; two are at once."""
+    """Time that confirms a switch moved in one message [s]; a second message does at once."""
     first_switch: int = 5
     """Number of the first RC channel after the sticks."""
 
@@ -58,15 +58,15 @@ class SafetyLimits:
     home_height_error_m: float = 15.0
     """Height difference at home above which the elevation map is not used [m]."""
     flying_height_m: float = 2.0
-    """Height above home below which a drone without landed state is on the ground [m]."""
+    """Height above home of a flying drone [m], if no landed state is reported."""
     lowest_height_m: float = 20.0
-    """Lowest commanded height above ground [m], unless the settings say otherwise."""
+    """Lowest commanded height above ground [m], unless the settings have another."""
     gust_below_m: float = 1.0
     """Largest drop of a hovering drone below its height by gusts [m]."""
     margin_m: float = 5.0
     """Distance kept from the outlines of people and buildings [m], for gusts and bends."""
     calm_share: float = 0.9
-    """Wind above which nothing is flown, as a share of the greatest airspeed."""
+    """Strongest wind for flight, as a share of the greatest airspeed."""
 
     # Longest times from a command, and from one to take off, to a sign of obedience [s].
     obeyed_within_s: float = 3.0
@@ -86,7 +86,7 @@ class SafetyLimits:
     yaw_deg: float = 25.0
     target_yaw_deg: float = 2.0
     gust_heading_deg: float = 15.0
-    """Largest deviation from the target's bearing that gusts explain [°]."""
+    """Largest deviation from the target's bearing that counts as an effect of gusts [°]."""
     # Weakest braking of a flight [m/s²] and of a turn [°/s²].
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0
@@ -98,11 +98,11 @@ class SafetyLimits:
     at_height_m: float = 2.0
     at_yaw_deg: float = 8.0
     no_progress_s: float = 3.0
-    """Longest time without progress, also right after a command [s]. PX4 1.17 (SIH) made
-    progress 0.7 to 1.3 s after a command from rest, up to 2.495 s after one that replaced a leg
-    (104 commands)."""
+    """Longest time without progress before the order ends, also after a command [s]. PX4 1.17
+    (SIH) made progress 0.7 to 1.3 s after a command from rest, up to 2.495 s after one that
+    replaced a leg (104 commands)."""
     slow_progress_s: float = 1.0
-    """Time without progress after which no further command is sent until there is some [s]."""
+    """Time without progress after which further commands wait for progress [s]."""
     # Least change in `no_progress_s` that is progress; wind may slow a drone to that.
     nearer_m: float = 0.5
     higher_m: float = 0.3
@@ -117,23 +117,23 @@ class SafetyLimits:
     turn_done_deg: float = 6.0
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
-    """Distance from the target below which the heading stays [m]; PX4 turns until 1 to 2 m."""
+    """Distance from the target within which the heading stays [m]; PX4 turns until 1 to 2 m."""
     bearing_place_error_m: float = 1.0
-    """Position error in a computed bearing, against the autopilot's own position [m]."""
+    """Position error of a computed bearing, against the autopilot's position [m]."""
     # Tolerance of a measured heading that was on the bearing for some time [°, s]. On 68 legs
     # of PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m
     # from the target, and within 2.2° of itself nearer than `heading_stays_m`.
     aligned_deg: float = 12.0
     aligned_s: float = 1.0
     settled_deg: float = 0.3
-    """Change between reports below which a heading is at rest [°]."""
+    """Largest change between two reports of a heading at rest [°]."""
     # A setpoint may stop on its way to the bearing: nearer than this [m], or for this time [s].
     frozen_m: float = 2.5
     stopped_s: float = 1.0
     turn_made_up_s: float = 6.0
-    """Time to stop a turn that continues at a command, and to turn back [s]."""
+    """Time to stop and reverse a turn in progress at a command [s]."""
     report_delay_s: float = 0.3
-    """Time after a command in which a reported setpoint may be older than it [s]."""
+    """Time after a command during which a reported setpoint may be older than it [s]."""
     # A heading that follows the course turns by this angle in this time [s, °]. After a new
     # target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind it.
     course_follow_s: float = 1.0

@@ -10,11 +10,11 @@ class SearchRules:
     cycle_s: float = 5.0
     """Time between two decisions in flight [s]."""
     same_goal_m: float = 10.0
-    """Movement of a goal below which it counts as the same and is flown to its end [m]."""
+    """Largest movement of a goal that still counts as the same goal, flown to its end [m]."""
     tag_height_m: float = 0.5
     """Height of tags above ground [m]."""
     few_tags: int = 5
-    """Most tags for `particles` hypotheses of each; with more, `fewer_particles`."""
+    """Largest number of tags with `particles` hypotheses each; with more, `fewer_particles`."""
     particles: int = 10_000
     fewer_particles: int = 4_000
     turn_step_s: float = 2.7
@@ -23,32 +23,32 @@ class SearchRules:
     """Number of corners of the outline around a position."""
 
     kept_away: float = 0.99
-    """Required probability, for each path and tag, that the distance to animals is kept."""
+    """Required probability of keeping the distance to animals, for each path and tag."""
     away_margin: float = 1.4
-    """Factor on the distance to animals, for walking ones and rare errors of decisions."""
+    """Factor on the distance to animals, for walking animals and rare errors of decisions."""
     approached: float = 2.0
-    """Factor on the probability of a near animal at which a stay is reconsidered."""
+    """Increase of the probability of a near animal at which a stay is reconsidered [ratio]."""
 
     report_gap_s: float = 3.0
-    """Longest gap between reports of a search [s], which come each second."""
+    """Longest gap between two reports of a search [s]; one is sent each second."""
     # Greatest delay of a group's pulses after the group itself [intervals] and [s].
     late_intervals: float = 2.0
     late_s: float = 1.5
     kept_s: float = 60.0
-    """Time for which the drone's positions are remembered [s]."""
+    """Time for which the drone's past positions are stored [s]."""
     most_keys: int = 4096
-    """Most pulses remembered to recognise repetitions."""
+    """Largest number of pulses stored to recognise repetitions."""
 
     learns_percent: float = 3.0
-    """Use of the battery between two updates of the power estimate [%]."""
+    """Battery charge used between two updates of the power estimate [%]."""
     reading_share: float = 0.005
-    """Error of the difference of two whole-percent readings, as a share of the battery."""
+    """Error of a difference of two whole-percent readings, as a share of the battery."""
     # Uncertainty of the hovering power before the first lesson, unknown and given in the
     # settings, as a share of it; the way home allows for two. Drones take 400 to 1200 W.
     unknown_sigma: float = 1.0
     known_sigma: float = 0.25
     swapped_percent: float = 5.0
-    """Rise of the charge that shows another battery [%]."""
+    """Rise of the charge that shows a changed battery [%]."""
 
 
 SEARCH_RULES = SearchRules()

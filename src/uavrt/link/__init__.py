@@ -1,5 +1,5 @@
-"""The links of a drone: MAVLink, the tunnel of the original inside it, and ROS 2.
+"""Links of a drone: MAVLink, the original system's tunnel inside MAVLink, and ROS 2.
 
 `mavlink` is the protocol of autopilots, `tunnel` the messages to the ground station, `ros2` the
-nodes and topics; `allowance` limits what a stranger can send.
+nodes and topics; `allowance` limits the rate of unauthenticated requests.
 """

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound, UsageError
 from uavrt.core.plugins import Registry
 
 MONOPOLE = "monopole"
@@ -148,7 +148,7 @@ def pattern_named(antenna: AntennaPattern | str) -> AntennaPattern:
     if isinstance(antenna, AntennaPattern):
         return antenna
     if antenna not in PATTERNS:
-        raise UsageError(
+        raise NotFound(
             f"there is no antenna {antenna!r}", remedy=f"Choose from {', '.join(PATTERNS)}"
         )
     return PATTERNS[antenna]

@@ -13,7 +13,7 @@ from uavrt.planning.tuning import PLANNING
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Function that gives the height of the ground [m] at positions in the plane; any datum."""
+"""Function that returns the height of the ground [m] at (east, north) [m]; any datum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class Circle:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least depth inside the circle on straight paths to positions [m]."""
+        """Least distance from the edge on paths inside the circle [m]; 0 or less outside."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
@@ -120,7 +120,7 @@ class Polygon:
         )
 
     def _crossing(self) -> tuple[int, int] | None:
-        """Two sides that share a point and are not neighbours; None if there are none."""
+        """Find two sides that cross or touch and are not adjacent; None if there are none."""
         points = np.array(self.corners, np.float64)
         count = len(points)
         for first in range(count):
@@ -173,7 +173,7 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least depth inside the outline on straight paths [m]; 0 if they leave it."""
+        """Least distance from the edge on paths inside the outline [m]; 0 if they leave it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -191,7 +191,7 @@ _Place = tuple[float | _Floats, float | _Floats]
 
 
 def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
-    """Sense of rotation of the path from a over b to c: positive to the left."""
+    """Sense of rotation of the path from a over b to c: positive for a left turn."""
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
@@ -266,7 +266,7 @@ class SearchArea:
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Function that gives the highest ground on the straight return from positions [m]."""
+    """Function that returns the highest ground on the straight return from positions [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -297,7 +297,7 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Reject a home that excludes take-off or return; raises `PlanError`."""
+        """Reject a home that allows no take-off or return; raises `PlanError`."""
         home = np.array([self.home_m]).T
         for zone in self.excluded:
             if float(zone.off_m(*home)[0]) <= self.margin_m:
@@ -326,7 +326,7 @@ class SearchArea:
     ) -> list[tuple[int, str]]:
         """Numbers of legs that enter an excluded area, each with the reason.
 
-        A drone that a gust has put into the margin may leave it, but not come closer.
+        A drone blown into the margin by a gust may leave the margin, but not come closer.
         """
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
@@ -423,7 +423,7 @@ def _nudged(corners: _Floats) -> _Floats:
 
 
 def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-    """Points of a path, no farther apart than the distance between checked points."""
+    """Add points to a path, so that it is checked at least every `PLANNING.path_step_m`."""
     if len(east_m) < 2:
         return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])

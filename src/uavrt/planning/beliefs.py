@@ -1,8 +1,8 @@
 """Probabilities about each tag during a search.
 
 A tracker of `uavrt.localization` estimates the tag's position, given that it is there. This
-module adds the probability that it is there at all, and checks if the pulses agree with such a
-tag.
+module adds the probability that the tag is there at all, and checks whether the pulses agree
+with such a tag.
 """
 
 from collections.abc import Iterator, Mapping
@@ -32,22 +32,22 @@ class _ExistenceRules:
     """Constants of the model check, and of an interferer that is received as the tag."""
 
     memory: float = 0.95
-    """Factor on a pulse's weight in the model check at each further pulse."""
+    """Factor by which earlier pulses' weight in the model check falls with each new pulse."""
     largest_sigmas: float = 4.0
     """Limit of one pulse's deviation in the model check [standard deviations]."""
     failing_sigmas: float = 3.3
     """Mean deviation that fails the model check [standard deviations]: once in 1000."""
     rival_sigma_db: float = 12.0
-    """Standard deviation of an interferer's level before any pulse [dB]."""
+    """Prior standard deviation of an interferer's level [dB]."""
     rival_particles: int = 2000
     rival_share: float = 0.1
-    """Probability, before the flight, that a stationary interferer is received as the tag."""
+    """Prior probability that a stationary interferer is received as the tag."""
     rival_nats: float = 7.0
     """Largest log odds of an interferer [nats]."""
     tag_nats: float = 25.0
-    """Largest evidence that a tag is there [nats], so that its loss is noticed."""
+    """Upper limit of the evidence for a tag [nats], so that its later loss is noticed."""
     known_share: float = 0.5
-    """Spread of an interferer, as a share of its area's width, if its place is known."""
+    """Largest position spread of a located interferer, as a share of its area's width."""
 
 
 _RULES = _ExistenceRules()
@@ -60,9 +60,9 @@ class ModelCheck:
     bias_sigmas: float
     """Mean deviation of the pulses over its own standard deviation."""
     scatter: float
-    """Mean square deviation over the expected one; 1 if the model holds."""
+    """Ratio of the mean square deviation to its expected value; 1 if the model holds."""
     pulses: float
-    """Sum of the weights of recent pulses."""
+    """Sum of the weights of the recent pulses, as an effective number of pulses."""
 
     @property
     def passed(self) -> bool:
@@ -93,8 +93,8 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 class Interferer:
     """Stationary interferer that is received as the tag.
 
-    It has a tracker, which takes each pulse in proportion to how much better it explains it
-    than the tag does, and a probability of existence.
+    Its tracker weights each pulse by the probability that the interferer, not the tag, sent it.
+    It also has a probability of existence.
     """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
@@ -113,7 +113,7 @@ class Interferer:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Interferer | None":
-        """Create the possible interferer of a tag; it counts when the tag itself is missed."""
+        """Create a tag's possible interferer; None if the tag's pulses are never missed."""
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
@@ -122,12 +122,12 @@ class Interferer:
         return float(1.0 / (1.0 + np.exp(-self._log_odds)))
 
     def density(self, heard: Listening) -> float:
-        """Probability density of this pulse from the interferer [1/dB]."""
+        """Probability density of a pulse's level if the interferer sent it [1/dB]."""
         self._density = self.tracker.density(heard)
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Update with a pulse and its density from the tag and from all other sources."""
+        """Update with a received pulse and its log-density from the tag and other sources."""
         others = self._missed * self.probability * self._density
         chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -172,7 +172,7 @@ class TagBelief:
 
     @property
     def prior(self) -> TagPrior:
-        """Knowledge of the tag before the flight."""
+        """Strength, motion and detection of the tag as assumed before the flight."""
         return self._tracker.prior
 
     @property
@@ -197,7 +197,7 @@ class TagBelief:
             self._rival.tracker.advance_to(time_s)
 
     def listen(self, heard: Listening) -> Expectation:
-        """Update with a pulse or a missed one."""
+        """Update with a received or a missed pulse."""
         rival, chance = self._rival, self.prior.chance_share
         if heard.snr_db is None:
             expected = self._tracker.listen(heard)
@@ -229,7 +229,7 @@ class TagBelief:
         self._sums = self._sums * fade + own * np.array([1.0, own, off, off * off])
 
     def model_check(self) -> ModelCheck:
-        """Compare recent pulses with those expected."""
+        """Compare the recent pulses with those expected from the estimated position."""
         weight, squares, off, off2 = (float(one) for one in self._sums)
         if weight < 1.0:
             return ModelCheck(bias_sigmas=0.0, scatter=0.0, pulses=0.0)
@@ -239,10 +239,10 @@ class TagBelief:
         )
 
     def doubt(self) -> str | None:
-        """Reason to suspect that pulses are an interferer's; None if it differs from the tag.
+        """Reason to suspect an interferer behind the tag's pulses; None if there is none.
 
-        A probable interferer must be known to be elsewhere: until then, the tag's position may
-        be based on its pulses.
+        A probable interferer must be located away from the tag: until then, the tag's position
+        may be based on the interferer's pulses.
         """
         rival = self._rival
         if rival is None or rival.probability < 0.5:

@@ -6,7 +6,7 @@ tag (near and weak, far and strong) persist for minutes.
 
 Each tag's likelihood of the exponent is approximated as normal: its posterior divided by its
 prior and others' messages (expectation propagation with one message for each tag; Minka 2001,
-"Expectation Propagation for Approximate Bayesian Inference"). So its own information never
+"Expectation Propagation for Approximate Bayesian Inference"). So a tag's own information never
 returns to it.
 """
 
@@ -23,11 +23,11 @@ class _Sharing:
     exponent_sigma: float = 0.15
     """Standard deviation between the path loss exponents of two tags in one area."""
     existence: float = 0.95
-    """Least probability that a tag exists before it informs others."""
+    """Smallest probability of existence at which a tag informs other tags."""
     news: float = 1.25
-    """Growth of a tag's precision after which it sends its next message."""
+    """Growth of a tag's precision at which its next message is sent [ratio]."""
     placed_m: float = 50.0
-    """Root mean square spread of a tag's position below which its place is known [m]."""
+    """Largest rms position spread of a tag that counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2
     """Largest precision of the exponent that one tag's pulses may contribute."""
 
@@ -72,7 +72,7 @@ class ExponentSharing:
         self._received: dict[int, _ExponentMessage] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Collect each tag's information on the exponent, and pass it to the others."""
+        """Collect each tag's information on the exponent, and pass it to all other tags."""
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return
@@ -92,7 +92,7 @@ class ExponentSharing:
             self._received[one.tag_id] = others
 
     def _collect(self, belief: TagBelief) -> None:
-        """Message by a tag's own pulses; None unless it exists and agrees with the model."""
+        """Message from a tag's own pulses; None unless the tag exists and fits the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

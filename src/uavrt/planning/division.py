@@ -14,7 +14,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Place and time at which a drone begins its round."""
+    """Position and time at which a drone begins its round."""
 
     east_m: float
     north_m: float
@@ -30,7 +30,7 @@ def divided(
     stay_s: float,
     owners: Sequence[int | None] = (),
 ) -> list[list[int]]:
-    """Rounds of the drones, as indices of tags in their order.
+    """Divide tags into one round for each drone, as indices of tags in the order of visits.
 
     Each tag in turn goes to the drone that would finish it first (list scheduling); then single
     tags move to other rounds while that shortens the longest round or the total.
@@ -84,7 +84,7 @@ class _Rounds:
         return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move a tag to its cheapest place in all rounds; False if it does not move."""
+        """Move a tag to its cheapest position in all rounds; False if it does not move."""
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

@@ -42,9 +42,9 @@ def expected_levels_db(
 ) -> tuple[_Singles, _Singles | float]:
     """Expected level of each hypothesis along paths [dB], (legs, samples, hypotheses).
 
-    Also the variance (legs, samples) due to the elevation map. Travelling hypotheses continue
-    at their velocity; `walked_m`, east and north of each leg and hypothesis (legs, 1,
-    hypotheses), is added.
+    The second result is the variance (legs, samples) due to the elevation map [dB²]. Travelling
+    hypotheses continue at their velocity; `walked_m`, east and north of each leg and hypothesis
+    (legs, 1, hypotheses), is added.
     """
     east, north, yaw, time = (
         one.astype(np.float32)[:, :, None]
@@ -127,11 +127,11 @@ class _Pulses:
     """Expected levels, weights and durations of pulses along paths."""
 
     level_db: _Singles
-    """(ways, samples, hypotheses) expected levels [dB]."""
+    """(legs, samples, hypotheses) expected levels [dB]."""
     per_db2: _Singles
-    """(ways, samples) number of pulses over the variance of each [1/dB²]."""
+    """(legs, samples) number of pulses divided by the variance of one pulse's level [1/dB²]."""
     alike_db2: _Floats
-    """(ways,) variance common to all pulses of a path, from the elevation map [dB²]."""
+    """(legs,) variance of the level common to a leg's pulses, from the elevation map [dB²]."""
     span_s: _Floats
 
     def as_one(self) -> "_Pulses":
@@ -172,7 +172,7 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
 def _terrain_variance(
     wrong2: _Singles | float, legs: Legs, pulses: _Floats
 ) -> tuple[_Floats, _Floats | float]:
-    """Variance by terrain losses: common to a path (ways,), and for each pulse (ways, samples).
+    """Variance by terrain: common to a leg (legs,), and of single pulses (legs, samples) [dB²].
 
     A turn in place receives all pulses through the same hills, so their direction stays known.
     Along a path the error changes slowly: all pulses of a stretch count as one.
@@ -189,7 +189,7 @@ def _terrain_variance(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """(ways,) information of expected pulses on the position [nats]."""
+    """(legs,) information of expected pulses on the position [nats]."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -226,7 +226,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """East and north that each hypothesis walks until each path's end [m]."""
+    """East and north displacement of each walking hypothesis until each path's end [m]."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))

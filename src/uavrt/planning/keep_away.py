@@ -46,7 +46,7 @@ class KeepAway:
         speed_m_s: float,
         stays_s: float = 0.0,
     ) -> _Floats:
-        """(tags, ways) probability that straight paths, and stays, keep the distance."""
+        """(tags, paths) probability that straight paths, and stays, keep the distance."""
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
         way_x, way_y = east_m - start_m[0], north_m - start_m[1]

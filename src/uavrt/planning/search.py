@@ -20,7 +20,7 @@ from uavrt.planning.situation import Decision, Planner, SearchSettings, Situatio
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Found tag, with its position at that time."""
+    """A found tag, with time, estimated position and reason."""
 
     time_s: float
     estimate: TrackEstimate
@@ -67,13 +67,13 @@ class Search:
             check_reach(area, max(0.0, usable) / (2.0 * per_m))
 
     def listen(self, tag_id: int, time_s: float, heard: Listening) -> None:
-        """Update with a pulse of a tag or a missed one."""
+        """Update a tag's belief with a received or a missed pulse."""
         belief = self.beliefs[tag_id]
         belief.advance_to(time_s)
         belief.listen(heard)
 
     def judge(self, time_s: float) -> list[int]:
-        """Tags that have just been found."""
+        """Apply the stop rule to each tag; return the tags newly found."""
         new = []
         for tag_id, belief in self.beliefs.items():
             if tag_id in self.found:

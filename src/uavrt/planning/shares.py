@@ -44,7 +44,7 @@ def tags_by_drone(
 
 
 def _is_known(belief: TagBelief) -> bool:
-    """True if a tag's position is known well enough for one drone to search it."""
+    """True if a tag's position is known well enough for a search by one drone alone."""
     area = belief.prior.area
     width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
     return belief.spread().rms_m < float(PLANNING.located_share * width)

@@ -47,7 +47,7 @@ class Situation(SearchSettings):
     state: VehicleState
     beliefs: Beliefs
     found: frozenset[int]
-    """Tags that need no more searching."""
+    """Found tags, which need no more searching."""
     rng: Generator
     wind: Wind = field(default_factory=Wind)
     others: OtherDrones | None = None

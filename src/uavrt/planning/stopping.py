@@ -21,7 +21,7 @@ class StopRule(Protocol):
     """Interface of a rule that decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found."""
+        """Apply the rule to one tag: found or not, and why."""
 
     def needed_nats(self, belief: TagBelief) -> float:
         """Approximate missing information on the position [nats]; 0 when it is found."""
@@ -43,7 +43,7 @@ class HonestStop:
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found; cheap checks come first."""
+        """Apply the rule to one tag; cheap checks come first."""
         rms = belief.spread().rms_m
         # A circle of 95 % is 1.7 times as wide as the root mean square of round clouds, and of
         # long ones twice: clouds beyond the wish need no closer look.

@@ -17,7 +17,7 @@ class PlanningTuning:
     level_nodes: int = 9
     """Number of Gauss-Hermite nodes for the common error of a tag's level in coverage."""
     no_level_db: float = -60.0
-    """Level for places that no pulse can reach [dB]."""
+    """Level assumed at positions that no pulse can reach [dB]."""
 
     division_passes: int = 4
     """Largest number of passes that improve the division of tags among drones."""
@@ -26,26 +26,26 @@ class PlanningTuning:
     stay_s: float = 6.0
     """Time at each tag of a round [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
-    """Spread of a tag, as a share of its area's, below which one drone searches it."""
+    """Largest position spread of a tag for one drone alone [share of the area's width]."""
 
     scale_drift: float = 0.03
-    """Drift of the learned power scale between two updates, as by wind."""
+    """Standard deviation added to the learned power scale per update, as for wind."""
     return_climb_m_s: float = 3.0
     """Vertical speed of the climb before the return flight [m/s]."""
     return_sink_m_s: float = 1.5
     """Vertical speed of the descent to the landing [m/s]."""
 
     farthest_m: float = 100_000.0
-    """Longest range of a tag that is computed [m]."""
+    """Longest range computed for a tag [m]."""
     range_places: int = 4000
     """Number of distances at which the range is evaluated."""
     table_step_m: float = 0.5
     """Step between distances in the table of levels [m]."""
 
     drones_step_s: float = 1.0
-    """Least planned time of another drone over which distances to it are checked [s]."""
+    """Least remaining time of another drone's path that is sampled [s]."""
     drones_samples: int = 8
-    """Number of places on another drone's planned path that are used."""
+    """Number of samples along another drone's planned path."""
 
 
 PLANNING = PlanningTuning()

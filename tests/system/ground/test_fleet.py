@@ -159,7 +159,7 @@ def test_a_vehicle_that_is_served_no_more_is_one_that_is_heard_again(
     refused = served.ask("POST", "/api/vehicle", {"system_id": 2})
     assert (refused.status, "page of its own" in refused.json["error"]) == (422, True)
     refused = served.ask("POST", "/vehicle/2/api/vehicle", {"system_id": 1})
-    assert (refused.status, "that of vehicle 2" in refused.json["error"]) == (422, True)
+    assert (refused.status, "belongs to vehicle 2" in refused.json["error"]) == (422, True)
     assert served.ask("DELETE", "/api/vehicles/2", {}).status == 200
     assert served.ask("GET", "/vehicle/2/api/state").status == 404
     assert served.ask("GET", "/api/state").json["fleet"] == []

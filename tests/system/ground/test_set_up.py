@@ -111,7 +111,7 @@ def test_each_step_is_written_and_the_end_is_kept(
     ):
         late = asked.ask(method, f"/api/set-up/{path}", None if method == "GET" else {})
         assert late.status == 422, path
-        assert "has been set up" in late.json["error"]
+        assert "is already set up" in late.json["error"]
     assert not FirstSetup(config).wanted
 
 

@@ -63,7 +63,7 @@ def test_neither_a_name_nor_a_file_is_refused_and_our_names_stay_ours(tmp_path: 
     with pytest.raises(UsageError, match="there is no antenna"):
         antenna_named("nothing.csv")
     assert antenna_named("RA-2A") == "RA-2A"
-    with pytest.raises(ConfigError, match="own"):
+    with pytest.raises(ConfigError, match="reserved by uavrt"):
         PATTERNS.add("RA-2A", PATTERNS["H"])
     path = tmp_path / "mast antenna.csv"
     write_antenna(PATTERNS["H3"], path, "as measured")

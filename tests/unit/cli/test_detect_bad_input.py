@@ -65,7 +65,7 @@ def run(*arguments: str) -> int:
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "full.csv"), "Free space"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "tags.txt"), "another name"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "p.xlsx"), ".csv"),
-        (("absurd.cf32", "--tags", "tags.txt", *RADIO), "absurdly big"),
+        (("absurd.cf32", "--tags", "tags.txt", *RADIO), "far too large"),
         (("none.cf32", "--tags", "tags.txt"), "Check the path"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "--start-time", "2300-01-01"), "2261"),
         (("udp://192.0.2.1:20000", "--tags", "tags.txt", *RADIO), "of this computer"),

@@ -54,7 +54,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (f"tags measure a.cf32 {RADIO} -o place", "directory"),
         (f"tags measure a.cf32 {RADIO} -o a.cf32 --overwrite", "another name"),
         (f"tags measure a.cf32 {RADIO}", "at least ten pulses"),
-        ("tags measure junk --format cf32 --sample-rate 250e3 --center-frequency 1e8", "big"),
+        (
+            "tags measure junk --format cf32 --sample-rate 250e3 --center-frequency 1e8",
+            "too large",
+        ),
         ("tags convert tags.txt place --overwrite", "directory"),
         ("tags convert tags.txt no/such.toml", "Make it"),
         ("attach pulses.jsonl junk -o pulses.jsonl", "another name"),

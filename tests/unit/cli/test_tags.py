@@ -101,7 +101,7 @@ def test_a_recording_that_says_a_wrong_centre_is_refused_with_the_right_one(
     )
     assert uavrt("tags", "measure", "a.sigmf-meta", "-o", "m.toml") == 2
     said = capsys.readouterr().err
-    assert "looks like megahertz" in said
+    assert "looks like a value in megahertz" in said
     assert "--center-frequency 148.7e6" in said
     assert not (folder / "m.toml").exists()
 

@@ -259,7 +259,7 @@ def test_a_rehearsal_of_no_flight_is_refused(
 ) -> None:
     counts = dict.fromkeys(("surveys", "searches", "takeoffs", "others"), orders)
     asked = Asked(**counts, phases=phases, only=only)
-    with pytest.raises(UsageError, match=r"no flight .*is asked for\. Ask for others"):
+    with pytest.raises(UsageError, match=r"no flight .*is requested\. Choose others"):
         rehearse([simulated_build("px4")], asked, tmp_path, KeptOutcomes(), [], print)
 
 

@@ -31,10 +31,7 @@ GAINS = ["1_5", "nan", "15.5", "22", "-2", "much", "1e30"]
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
-        *(
-            ("center_frequency", f, r"radio frequency cannot .*20 to 1000 MHz")
-            for f in FREQUENCIES
-        ),
+        *(("center_frequency", f, r"radio frequency .*20 to 1000 MHz") for f in FREQUENCIES),
         *(("gain", gain, r"RADIO_GAIN cannot .*0 to 21") for gain in GAINS),
     ],
 )

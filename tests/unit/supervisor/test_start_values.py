@@ -60,7 +60,7 @@ def test_an_impossible_frequency_is_refused_on_every_road(
     drone.send_tags(TAGS, source)
     reply = drone.ask(name, source, center_frequency_hz=hertz, gain=3)
     assert not reply.accepted
-    assert reply.message.endswith("MHz: 20 to 1000 MHz")
+    assert reply.message.endswith("MHz is not supported: choose 20 to 1000 MHz")
     assert drone.mission.flights.flight is None
     assert drone.mission.settings.now.radio.gain is None, "a refused start changes nothing"
     assert drone.ask(name, source, center_frequency_hz=148.71e6).accepted

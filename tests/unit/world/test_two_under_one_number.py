@@ -17,9 +17,7 @@ async def test_an_upload_shared_out_among_two_vehicles_is_named(tmp_path: Path) 
             if count == 1:  # the start went to a vehicle of the same number
                 world.mission.state = SystemState.IDLE
 
-        with pytest.raises(
-            CommandRefused, match=r"two vehicles answer under number 1.*MAV_SYS"
-        ):
+        with pytest.raises(CommandRefused, match=r"two vehicles use number 1.*MAV_SYS"):
             await link.upload_tags([THESIS_TAG], other_vehicle_took_it)
         await link.upload_tags([THESIS_TAG])
         assert world.mission.state is SystemState.HAS_TAGS

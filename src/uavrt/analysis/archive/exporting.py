@@ -20,7 +20,7 @@ from uavrt.analysis.archive.steps.flight_work import PATH_FIELDS
 from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
 from uavrt.analysis.survey import Survey
 from uavrt.core.atomic_file import make_directories, replacing
-from uavrt.core.errors import FormatError, RecordingError, UsageError, os_errors_as
+from uavrt.core.errors import FormatError, NotFound, RecordingError, os_errors_as
 from uavrt.core.messages import FlightInfo, Pose, PulsePose
 from uavrt.flight.database.fields import fields_of
 from uavrt.flight.flight_layout import FlightLayout
@@ -73,13 +73,13 @@ def export_archive(
     """
     chosen = FORMATS if formats is None else formats
     if unknown := sorted(set(chosen) - set(FORMATS)):
-        raise UsageError(
+        raise NotFound(
             f"there is no format {', '.join(unknown)}",
             remedy=f"Choose from {', '.join(FORMATS)}",
         )
     known = flights_in(archive)
     if flights is not None and (missing := sorted(set(flights) - set(known))):
-        raise UsageError(
+        raise NotFound(
             f"there is no flight {missing[0]} in it", remedy="uavrt archive list names them"
         )
     names = known if flights is None else list(flights)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from uavrt.analysis.inputs.flown_with import USUAL_ANTENNA, flight_antenna, flight_settings
-from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.core.messages import PulsePose
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import flights_in_order, flown_before, flown_name
@@ -218,7 +218,7 @@ def check_bearing_method(method: str) -> None:
     """Reject an unknown bearing method before any turn is read; raises `UsageError`."""
     known = [*get_args(BearingMethod), *ADDED_METHODS]
     if method not in known:
-        raise UsageError(
+        raise NotFound(
             f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
         )
 

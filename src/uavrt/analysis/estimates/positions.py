@@ -20,7 +20,7 @@ from uavrt.analysis.inputs.flight_copies import SAME_PULSES
 from uavrt.analysis.inputs.log_clocks import clock_doubts, pulse_doubts
 from uavrt.analysis.inputs.same_tags import NamedTag, SameTags, same_tags
 from uavrt.core.earth.geodesy import distance_m
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound, UsageError
 from uavrt.core.messages import PulsePose
 from uavrt.flight.reading.recognise import ORIGINAL_POSES, pulse_logs_in
 from uavrt.formats.bearings_csv import BearingRow, is_noted, read_bearing_file
@@ -317,7 +317,7 @@ def check_position_method(method: str) -> None:
     """Reject an unknown position method; raises `UsageError`."""
     known = [*get_args(PositionMethod), *ADDED_METHODS]
     if method not in known:
-        raise UsageError(
+        raise NotFound(
             f"there is no method {method!r}", remedy=f"Choose from {', '.join(known)}"
         )
 

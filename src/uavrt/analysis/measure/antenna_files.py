@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, NotFound
 from uavrt.formats.csv_line import csv_cells
 from uavrt.formats.text import read_lines
 from uavrt.formats.whole_file import write_whole
@@ -31,7 +31,7 @@ def antenna_named(text: str) -> str:
         return text
     path = Path(text)
     if not path.is_file():
-        raise UsageError(
+        raise NotFound(
             f"there is no antenna {text!r}",
             remedy=f"Choose from {', '.join(PATTERNS)}, or name a file of angles and gains",
         )

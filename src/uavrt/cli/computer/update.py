@@ -17,7 +17,7 @@ from uavrt.cli.options.kinds import Seconds
 from uavrt.cli.system.run import DEFAULT_CONFIG, settings_from
 from uavrt.config.settings import Settings
 from uavrt.core.clock import monotonic_s
-from uavrt.core.errors import UavrtError, UsageError
+from uavrt.core.errors import NotFound, UavrtError, UsageError
 from uavrt.drone.computer import update as updating
 from uavrt.drone.computer.autopilot_setup import armed_by_link
 from uavrt.drone.computer.trial import Needs, Seen, Trial, Verdict, require_still
@@ -78,7 +78,7 @@ def update(
         _rehearse()
         return
     if file is not None and not file.is_file():
-        raise UsageError(f"there is no file {file}", remedy="Check its name")
+        raise NotFound(f"there is no file {file}", remedy="Check its name")
     place = Installation(prefix) if prefix else Installation.of(sys.executable)
     if place is None:
         text = "this uavrt was not installed by deploy/install.sh, so it cannot update itself"

@@ -2,5 +2,5 @@
 
 `computer_checks`, `bench` and `autopilot_setup` (with `autopilot_rules`) are the checks of
 `uavrt doctor`. `service` and `starter` start uavrt at boot or from a menu, `first_setup` is an
-image's first page. `update`, `update_file`, `versions` and `trial` exchange versions.
+image's set-up page. `update`, `update_file`, `versions` and `trial` exchange versions.
 """

@@ -1,11 +1,11 @@
 """Autopilot parameters that uavrt needs to connect drone and ground.
 
 PX4 (docs.px4.io, "Serial Port Configuration", "MAVLink Peripherals"): instance n of MAVLink
-runs on the port MAV_n_CONFIG (0: off), sends what MAV_n_MODE says (2: onboard), and forwards
-messages if MAV_n_FORWARD is 1; the port's rate is SER_<port>_BAUD. ArduPilot (ardupilot.org,
-"Serial Port Configuration Options"): port n speaks SERIALn_PROTOCOL (2: MAVLink 2; TUNNEL does
-not exist in 1) at SERIALn_BAUD, and forwards nothing with bit 10 of SERIALn_OPTIONS, since 2026
-bit 1 of MAVn_OPTIONS. All take effect after a restart.
+runs on the port MAV_n_CONFIG (0: off), sends the messages of MAV_n_MODE (2: onboard), and
+forwards messages if MAV_n_FORWARD is 1; the port's rate is SER_<port>_BAUD. ArduPilot
+(ardupilot.org, "Serial Port Configuration Options"): port n speaks SERIALn_PROTOCOL (2: MAVLink
+2; TUNNEL does not exist in 1) at SERIALn_BAUD, and forwards nothing with bit 10 of
+SERIALn_OPTIONS, since 2026 bit 1 of MAVn_OPTIONS. All take effect after a restart.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ NO_FORWARD_CHANNEL = 1 << 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Need:
-    """A parameter with its reported and its needed value."""
+    """An autopilot parameter with its reported and its needed value."""
 
     name: str
     value: float | None
@@ -61,7 +61,7 @@ def px4_port(port: str) -> tuple[int, str]:
 
 
 def has_serial_ports(values: Mapping[str, float | None]) -> bool:
-    """True if a PX4 reports ports for MAVLink; a simulated one does not."""
+    """True if a PX4 reports serial ports for MAVLink; a simulated PX4 does not."""
     return any(values.get(f"MAV_{n}_CONFIG") is not None for n in PX4_INSTANCES)
 
 
@@ -173,5 +173,5 @@ def _ardupilot(values: Mapping[str, float | None], port: str | None, baud: int) 
 
 
 def _ardupilot_baud(baud: int) -> int:
-    """Baud rate as ArduPilot writes it: 57 is 57 600, 921 is 921 600, 1500 is 1 500 000."""
+    """Baud rate in ArduPilot's form: 57 is 57 600, 921 is 921 600, 1500 is 1 500 000."""
     return baud // 1000

@@ -1,4 +1,4 @@
-"""Reads the autopilot's parameters for ``uavrt doctor --autopilot``; sets them on request."""
+"""Read the autopilot's parameters for ``uavrt doctor --autopilot``, and set them on request."""
 
 import asyncio
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ def examine_autopilot(
 
 
 def armed_by_link(address: str) -> bool | None:
-    """True if the autopilot on an unused link is armed; None if none answers."""
+    """True if the autopilot on an unused link is armed; None if no autopilot answers."""
 
     async def ask() -> bool:
         async with ParameterClient.connected(parse_address(address), LISTEN_S) as client:

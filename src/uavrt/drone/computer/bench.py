@@ -1,7 +1,7 @@
-"""Decides on the bench whether a drone is ready for a first flight.
+"""Check on the bench whether a drone is ready for a first flight.
 
-`Bench` collects records, on the drone or over its link. `first_flight` judges them and other
-facts, for ``uavrt doctor --flight`` and the page.
+`Bench` collects records, on the drone or over its link. `first_flight` evaluates the records
+and other facts, for ``uavrt doctor --flight`` and the page.
 """
 
 from collections.abc import Iterable
@@ -18,9 +18,9 @@ DETECTOR_SILENT_S = 15.0
 """Silence of a detector that counts as a fault [s]; over the link each reports about every 6 s.
 """
 POSE_OLD_S = 2.0
-"""Age of a position that counts as a fault [s]; five arrive each second, some are lost."""
+"""Age of a position that counts as a fault [s]; five arrive per second, some are lost."""
 HEARD_S = 60.0
-"""Time for which a received pulse of the bench tag counts [s]."""
+"""Maximum age of a received pulse of the bench tag [s]."""
 NOISE_RISE_DB = 6.0
 """Rise above the lowest noise of this check that counts as a fault [dB]; it halves the range.
 """
@@ -52,14 +52,14 @@ class FlightFacts:
     tags: tuple[Tag, ...]
     state: SystemState | None
     heard: bool
-    """True if the drone answers."""
+    """True if the drone answers on its link."""
     own_findings: tuple[Finding, ...] = ()
-    """Findings of this computer itself, which replace those from records over the link."""
+    """Findings of this computer itself, in place of those from records over the link."""
     time_known: bool | None = None
     """True if the autopilot's clock is known; None: checked elsewhere."""
     clock_off_s: float | None = None
     pose_age_s: float | None = None
-    """Age of the newest position [s]; None without any."""
+    """Age of the newest position [s]; None without a position."""
     disk_free_mb: float | None = None
     disk_needed_mb: float = 0.0
     battery_percent: float | None = None
@@ -70,7 +70,7 @@ class FlightFacts:
 
 @dataclass(slots=True)
 class _Heard:
-    """The last records of one tag."""
+    """The latest records of one tag."""
 
     detector_ns: int | None = None
     pulse_ns: int | None = None
@@ -89,7 +89,7 @@ class Bench:
     """True if the newest pulse had a position; None without a pulse."""
 
     def take(self, record: object, now_ns: int) -> None:
-        """Add a record; only pulses, search reports and poses count."""
+        """Add a record; only pulses, search reports and poses are used."""
         match record:
             case PulsePose():
                 one = self.alive(record.pulse.tag_id, now_ns)
@@ -103,13 +103,13 @@ class Bench:
                 self.pose_ns = now_ns
 
     def alive(self, tag_id: int, now_ns: int) -> _Heard:
-        """Register that a tag's detector reported."""
+        """Record that a tag's detector reported."""
         one = self.tags.setdefault(tag_id, _Heard())
         one.detector_ns = now_ns
         return one
 
     def reset(self) -> None:
-        """Reset for another drone, or after this one was moved."""
+        """Reset for another drone, or after this drone was moved."""
         self.tags.clear()
         self.pose_ns = self.posed = None
 
@@ -130,7 +130,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Judge each item of the check list; unknown items count as faults."""
+    """Evaluate each item of the check list; unknown items count as faults."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -207,7 +207,7 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Finding on noise that is flat and steady: past flights show whether it is too high."""
+    """Finding on a noise level that is equal at all tags and steady, by past flights."""
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(

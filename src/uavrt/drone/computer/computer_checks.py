@@ -31,8 +31,7 @@ LISTEN_S = 4.0
 HOT_C = 80.0
 """Temperature from which a Raspberry Pi 5 slows down [°C] (Raspberry Pi documentation)."""
 IDLE_CORES_NEEDED = 0.5
-"""Number of idle cores needed; a hundred tags take a tenth of a core of the reference machine.
-"""
+"""Number of idle cores needed; a hundred tags take 0.1 cores of the reference machine."""
 
 
 def examine(
@@ -159,7 +158,7 @@ def _listen(settings: Settings) -> tuple[bool, str]:
 
 
 def check_clock() -> Finding:
-    """Check that the clock is set; it dates the flights."""
+    """Check that the computer's clock, which dates the flights, is set."""
     kept = check_kept_time()
     if not kept.ok or not (synchronized := _timedatectl()):
         return kept
@@ -189,7 +188,7 @@ def check_kept_time() -> Finding:
 
 
 def _timedatectl() -> str:
-    """``yes`` or ``no``: systemd has set the clock from a time server; empty if unknown."""
+    """State of the clock by systemd: ``yes`` if set by a time server, else ``no`` or empty."""
     if shutil.which("timedatectl") is None:
         return ""
     finished = subprocess.run(

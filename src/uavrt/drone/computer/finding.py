@@ -1,4 +1,4 @@
-"""Result of a check; without imports, for ground stations on any computer."""
+"""Result of a check. The module has no imports, for ground stations on any computer."""
 
 from dataclasses import dataclass
 
@@ -12,19 +12,19 @@ class Finding:
     text: str
     remedy: str = ""
     open: bool = False
-    """True if it cannot be judged yet; then it does not count as a fault."""
+    """True if the item cannot be checked yet; the finding then does not count as a fault."""
 
 
 def passed(what: str, text: str) -> Finding:
-    """Finding for something that is right."""
+    """Make the finding of a passed check."""
     return Finding(what=what, ok=True, text=text)
 
 
 def failed(what: str, text: str, remedy: str) -> Finding:
-    """Finding for a fault, with its remedy."""
+    """Make the finding of a fault, with its remedy."""
     return Finding(what=what, ok=False, text=text, remedy=remedy)
 
 
 def judged(what: str, ok: bool, text: str, remedy: str) -> Finding:
-    """Finding for a judged value; the remedy is shown only for a fault."""
+    """Make the finding of a check; the remedy is shown only for a fault."""
     return passed(what, text) if ok else failed(what, text, remedy)

@@ -1,4 +1,4 @@
-"""First set-up of a drone's computer: the steps on the page of its image.
+"""First set-up of a drone's computer: the steps on the page of an image.
 
 Each step is checked as a whole and written to ``uavrt.toml`` at once, so a power cut loses no
 step. Values for root (hostname, passwords, update keys) go to ``set-up.conf`` in the same
@@ -22,7 +22,7 @@ from uavrt.config.radios import RADIOS
 from uavrt.config.setting_writer import change_settings
 from uavrt.config.settings import Settings
 from uavrt.core.atomic_file import write_atomically
-from uavrt.core.errors import ConfigError, FormatError, UsageError, os_errors_as
+from uavrt.core.errors import ConfigError, FormatError, NotFound, UsageError, os_errors_as
 from uavrt.core.foreign import KEYS, read_file
 from uavrt.core.messages import SystemStatus
 from uavrt.drone.computer.computer_checks import check_autopilot, check_permissions, check_radio
@@ -40,9 +40,9 @@ HANDOVER = "set-up.conf"
 UPDATE_KEYS = "update-keys.pem"
 COMMAND_KEY = "command.key"
 NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
-"""Pattern of a hostname (RFC 1123) that is also a valid Wi-Fi name (32 bytes)."""
+"""Pattern of a hostname (RFC 1123) that is also a valid Wi-Fi name (up to 32 bytes)."""
 SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
-"""Pattern of a password: WPA needs 8 to 63 characters; these need no quoting."""
+"""Pattern of a password: WPA needs 8 to 63 characters; the allowed ones need no quoting."""
 KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
 SSH_KEY = re.compile(
     r"(?:ssh-(?:ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}"
@@ -54,7 +54,7 @@ SSH_KEY = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepFault:
-    """A fault in a typed value."""
+    """A fault in a value typed by the user."""
 
     field: str
     text: str
@@ -72,7 +72,7 @@ class FirstSetup:
 
     @property
     def wanted(self) -> bool:
-        """True until the set-up has been finished."""
+        """True while the set-up is unfinished."""
         return not (self.config.parent / DONE).exists()
 
     def values(self) -> dict[str, Any]:
@@ -121,7 +121,7 @@ class FirstSetup:
             "keys": self._keys,
         }
         if step not in judge:
-            raise UsageError(f"there is no step {step[:40]!r}")
+            raise NotFound(f"there is no step {step[:40]!r}")
         if not isinstance(values, dict):
             raise UsageError("the values of a step must be an object")
         self._require_wanted()
@@ -157,11 +157,11 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """The drone's command key, for a laptop that will command it; only during set-up."""
+        """Command key of the drone, for a laptop that will command it; only during set-up."""
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:
-            raise UsageError("there is no command key yet")
+            raise NotFound("there is no command key yet")
         return read_file(named, KEYS).decode("ascii", "replace").strip() + "\n"
 
     # ------------------------------------------------------------------- steps
@@ -291,7 +291,7 @@ class FirstSetup:
         write_atomically(self.config.parent / HANDOVER, text, mode=0o600)
 
     def _may_log_in(self) -> Path:
-        """Keys allowed to log in, written as in an image (deploy/image/configure-root.sh)."""
+        """Keys allowed to log in, in an image's form (deploy/image/configure-root.sh)."""
         return self.config.parent.resolve().parent / "ssh/authorized_keys"
 
     def _has_update_key(self) -> bool:
@@ -300,7 +300,7 @@ class FirstSetup:
 
 
 def _writing(directory: Path) -> AbstractContextManager[None]:
-    """Context that adds the remedy if the disk cannot be written."""
+    """Context that adds the remedy to an error if the disk cannot be written."""
     return os_errors_as(
         ConfigError,
         f"{directory} cannot be written",

@@ -1,8 +1,8 @@
 """Start at boot by a systemd unit and a udev rule.
 
 The unit is ``Type=notify`` with a watchdog (systemd.service(5)). systemd restarts the
-supervisor when it ends or stops reporting, and the supervisor resumes the flight. It may access
-only its directory, removable drives, USB radios, serial ports and the network
+supervisor when it ends or stops reporting, and the supervisor resumes the flight. The service
+may access only its directory, removable drives, USB radios, serial ports and the network
 (systemd.exec(5)). The rule lets the group ``plugdev`` use the radio; Debian's own rule
 (``TAG+="uaccess"``) admits only the user at the screen, not ssh and not a service.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from uavrt.config.radios import RADIOS
 from uavrt.core.atomic_file import write_atomically
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound, UsageError
 from uavrt.drone.computer.update import python_module
 
 UNIT = "uavrt.service"
@@ -26,8 +26,7 @@ RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
 UPDATE_UNIT_PATH = Path("etc/systemd/system/uavrt-update.service")
 UPDATE_WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants/uavrt-update.service")
 WATCHDOG_S = 15
-"""Silence after which systemd restarts the service [s]; the tuner may take 10 s at a flight's
-start."""
+"""Silence after which systemd restarts the service [s]; tuning may take 10 s at a start."""
 
 DRIVES = ("/media", "/run/media")
 """Directories where removable drives are mounted, for the command "save logs"."""
@@ -154,10 +153,10 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Raise `UsageError` for a service that cannot start or would lose its recordings.
+    """Raise `UsageError` for a service that could not start or would lose its recordings.
 
-    That is an unknown user, a missing directory, or one below /tmp. `root`: root directory of
-    the target system; without its ``etc/passwd``, users are not checked.
+    Refused are an unknown user, a missing directory, and a directory below /tmp. `root`: root
+    directory of the target system; without its ``etc/passwd``, users are not checked.
     """
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
@@ -165,12 +164,12 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
     if users.is_file():
         known = {line.split(":")[0] for line in users.read_text(errors="replace").splitlines()}
         if plan.user not in known and not (root == Path("/") and _has_account(plan.user)):
-            raise UsageError(
+            raise NotFound(
                 f"there is no user {plan.user}",
                 remedy=f"Make it (sudo useradd --system {plan.user}), or give another --user",
             )
     if not (root / plan.directory.relative_to("/")).is_dir():
-        raise UsageError(
+        raise NotFound(
             f"there is no directory {plan.directory}",
             remedy="Make it, owned by the service's user, or give another --directory",
         )
@@ -193,7 +192,7 @@ def _has_account(user: str) -> bool:
 
 
 def _literal(path: Path) -> str:
-    """Path for the end of a unit's line, where systemd expands ``%``."""
+    """Path for the end of a line in the unit, where systemd expands ``%``."""
     return str(path).replace("%", "%%")
 
 
@@ -240,8 +239,8 @@ def _quoted(word: str) -> str:
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
     """Write unit and rule, and enable the unit; can be repeated.
 
-    `root`: root directory of another system; files are written, nothing is started. Returns a
-    description. Raises `UsageError` without permission.
+    `root`: root directory of another system, in which files are written and nothing is started.
+    Returns a description. Raises `UsageError` without permission.
     """
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from uavrt.core.atomic_file import write_atomically
-from uavrt.core.errors import UsageError, os_errors_as
+from uavrt.core.errors import NotFound, UsageError, os_errors_as
 
 ENTRY = "applications/uavrt-ground.desktop"
 ICON = "icons/hicolor/scalable/apps/uavrt-ground.svg"
@@ -26,11 +26,11 @@ def data_home() -> Path:
 def install_starter(program: Path, place: Path) -> list[Path]:
     """Write the menu entry and its icon; can be repeated.
 
-    `program`: the ``uavrt`` command. `place`: `data_home`, or another. Returns the files
-    written. Raises `UsageError` if the program is missing, or the place cannot be written.
+    `program`: the ``uavrt`` command. `place`: usually `data_home`. Returns the files written.
+    Raises `UsageError` if the program is missing, or the place cannot be written.
     """
     if not program.exists():
-        raise UsageError(
+        raise NotFound(
             f"there is no {program}", remedy="Install uavrt, and call its own uavrt command"
         )
     files = {place / ENTRY: entry_text(program), place / ICON: ICON_TEXT}
@@ -54,7 +54,7 @@ def remove_starter(place: Path) -> list[Path]:
 
 
 def entry_text(program: Path) -> str:
-    """Text of the menu entry; it opens a terminal, which ends the station when closed."""
+    """Text of the menu entry, which opens a terminal; closing the terminal ends the station."""
     return f"""\
 [Desktop Entry]
 Type=Application

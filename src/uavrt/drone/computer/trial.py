@@ -1,9 +1,8 @@
-"""Decides from the running system whether a new version is fit to fly.
+"""Decide from the running system whether a new version is fit to fly.
 
-It is kept if the autopilot's heartbeat and fresh poses arrived for a minute without a gap, and
-no process was restarted. Otherwise the previous version is restored. While the vehicle is armed
-nothing is exchanged: even a faulty version keeps running until three minutes without an armed
-state.
+A version is kept if the autopilot's heartbeat and fresh poses arrived for a minute without a
+gap, and no process was restarted. Otherwise the previous version is restored. While the vehicle
+is armed nothing is exchanged: even a faulty version runs until three minutes after disarming.
 """
 
 from dataclasses import dataclass, field
@@ -16,11 +15,11 @@ from uavrt.core.errors import UsageError
 from uavrt.core.messages import Poses, SystemStatus
 
 HOLD_S = 60.0
-"""Time for which everything must work [s]."""
+"""Time for which everything must work without a gap [s]."""
 PATIENCE_S = 180.0
-"""Time after the start, or after landing, within which that must happen [s]."""
+"""Longest time from the start, or from landing, until the trial must have succeeded [s]."""
 GAP_S = 5.0
-"""Longest gap that counts as working [s]; status arrives every second, poses every half."""
+"""Longest gap that counts as working [s]; status arrives every 1 s, poses every 0.5 s."""
 HEARD = ("waiting for ground station", "ready")
 ARMED = "autopilot_armed"
 """Counter in the connection's health: 1 if the autopilot reports armed, 0 if disarmed."""
@@ -36,14 +35,14 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Records that a working version must produce."""
+    """Records that a working version must produce, as requirements of a trial."""
 
     heartbeat: bool
     poses: bool
 
     @classmethod
     def of(cls, settings: Settings) -> "Needs":
-        """Records that a drone or ground station with these settings must produce."""
+        """Records that a drone or ground station with the given settings must produce."""
         own = settings.pose.source != "autopilot"
         heartbeat = bool(settings.mavlink.address) and not own
         return cls(heartbeat=heartbeat, poses=heartbeat or own)
@@ -85,12 +84,12 @@ class Seen:
                 self.armed = None if armed is None else bool(armed)
 
     def is_armed(self, now_s: float) -> bool:
-        """True if an autopilot is received and reports that it is armed."""
+        """True if the autopilot's heartbeats arrive and report that it is armed."""
         heard = self.heartbeat_s is not None and now_s - self.heartbeat_s <= GAP_S
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Text on what is missing now; None if nothing is."""
+        """Text on what is missing at present; None if nothing is."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses
@@ -99,7 +98,7 @@ class Seen:
 
 
 class Trial:
-    """Monitors a new version, which must work within `patience_s` and for `hold_s`."""
+    """Tries a new version, which must work within `patience_s` and for `hold_s`."""
 
     def __init__(
         self,
@@ -115,7 +114,7 @@ class Trial:
         self._good_from_s: float | None = None
         self.seen = Seen()
         self.fault = "nothing was heard of the service"
-        """Text on what was missing last."""
+        """Text on what was missing at the last check."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
         """Add new records; return the decision."""
@@ -141,7 +140,7 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Make sure that the vehicle does not fly; return what the new version must show.
+    """Require that the vehicle does not fly; return what the new version must show.
 
     `seen`: records of the running version. `needs`: what it should show. `bench`: require only
     what works now. Raises `UsageError` if it is armed, recording, or its state is unknown.

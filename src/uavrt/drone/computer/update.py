@@ -1,4 +1,4 @@
-"""Installs another version for ``uavrt update``, tries it, and keeps it or goes back.
+"""Install another version for ``uavrt update``, try it, and keep it or go back.
 
 A power cut may happen at any step:
 
@@ -36,15 +36,14 @@ Judge = Callable[[], tuple[Verdict, str]]
 """Function that monitors the system; returns the decision and what was missing."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
-"""Extras by name, each with a package that shows that an environment has it."""
+"""Extras by name, each with a package whose presence shows that the extra is installed."""
 BUILT_HERE = "wheels"
 """Directory of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
 PAGE_UNIT = "uavrt-page.service"
 KEYS = ".update-keys.pem"
-"""File with the keys that come with a version, in its directory."""
+"""File name, in a version's directory, of the public keys that come with the version."""
 SPACE_FACTOR = 2.2
-"""Disk space needed by a new version and its wheels, as a multiple of the previous version's
-size."""
+"""Disk space for a new version and its wheels, as a multiple of the previous version's size."""
 
 
 def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
@@ -86,8 +85,8 @@ def install_beside(
     """Install and test the new version next to the present one; return its directory.
 
     `config`: settings that it must be able to read, if they exist. `directory`: working
-    directory of the service. Raises `UavrtError` if it cannot be installed or does not run;
-    nothing has changed then.
+    directory of the service. Raises `UavrtError` if it cannot be installed or does not run; the
+    present version is unchanged then.
     """
     made = place.version_directory(update.name)
     try:
@@ -106,7 +105,7 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Command that runs a module of an environment as root.
+    """Make the command that runs a module of an environment as root.
 
     ``-I`` prevents imports from the working directory, which may belong to the service's user.
     """
@@ -200,7 +199,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
 def exchange(
     made: Path, place: Installation, *, restart: Restart, judge: Judge, say: Say
 ) -> bool:
-    """Start the new version, monitor it, and keep it or go back; True if it was kept."""
+    """Start the new version, monitor it, and keep it or go back; True if kept."""
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)
@@ -210,7 +209,7 @@ def exchange(
 
 
 def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
-    """Monitor a version on trial, also after a power cut; True if it was kept."""
+    """Monitor a version on trial, also after a power cut; True if the version was kept."""
     before = place.before()
     if before is None:
         say("no version is on trial")

@@ -1,4 +1,4 @@
-"""An update as a file: its contents, its signature, and whether it is complete.
+"""Read an update file: its contents, its signature, and whether it is complete.
 
 A ``.tar`` holds a program and all its libraries::
 
@@ -6,11 +6,11 @@ A ``.tar`` holds a program and all its libraries::
     update.sig         Ed25519 signature (RFC 8032) of the manifest's bytes, 64 bytes
     wheels/NAME.whl    for several processors and Pythons, if wanted
 
-A ``.whl`` holds the program alone, for the libraries that are there; its signature is
-in ``FILE.whl.sig``. Nothing of either is unpacked or run before the signature is found good.
+A ``.whl`` holds the program alone and uses the installed libraries; its signature is in
+``FILE.whl.sig``. Nothing in either file is unpacked or run before its signature is verified.
 
-Signatures are checked by ``openssl`` (``pkeyutl -rawin``, OpenSSL 3). The keys that count are
-one file of public keys, PEM blocks one after the other; only root may write it.
+Signatures are checked by ``openssl`` (``pkeyutl -rawin``, OpenSSL 3). The accepted public keys
+are in one file, as consecutive PEM blocks; only root may write this file.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ from typing import Annotated
 
 import msgspec
 
-from uavrt.core.errors import FormatError, UsageError, os_errors_as
+from uavrt.core.errors import FormatError, NotFound, UsageError, os_errors_as
 from uavrt.core.foreign import KEYS, Limit, decode_record, read_file, require_plain_file
 
 MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
@@ -74,17 +74,17 @@ class Update:
     path: Path
     version: str
     name: str
-    """Version and first digits of its hash; two builds of a version differ."""
+    """Version and first digits of the content's hash, so that two builds differ."""
     alone: bool
-    """True if it contains no libraries."""
+    """True if the update contains no libraries."""
     manifest: Manifest | None
-    """None for a wheel alone."""
+    """Manifest of a ``.tar``; None for a single wheel."""
     content: bytes | None = None
     """Signed bytes of a single wheel, read once so that the file cannot change."""
 
 
 def version_key(version: str) -> tuple[object, ...]:
-    """Make versions comparable (PEP 440, without epochs); raises `FormatError`.
+    """Make a version comparable (PEP 440, without epochs); raises `FormatError`.
 
     >>> version_key("0.10.0") > version_key("0.9.1") > version_key("0.9.1rc2")
     True
@@ -140,7 +140,7 @@ def _read_wheel(path: Path, keys: Path) -> Update:
         signature = read_file(signature_path, Limit(what="a signature", bytes=SIGNATURE_BYTES))
     except FileNotFoundError:
         remedy = "Copy the signature, too, or use a .tar, which has its own inside"
-        raise UsageError(f"there is no {signature_path}", remedy=remedy) from None
+        raise NotFound(f"there is no {signature_path}", remedy=remedy) from None
     require_signed(content, signature, keys, path)
     version = _wheel_version(content, path)
     version_key(version)
@@ -172,7 +172,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:
-    """Write the wheels of a ``.tar``; raises `FormatError` if one differs from the manifest."""
+    """Write the wheels of a ``.tar``; raises `FormatError` if one differs from its entry."""
     assert update.manifest is not None
     with _opened(update.path) as archive:
         for wheel in update.manifest.files:
@@ -257,7 +257,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
 
 
 def split_keys(text: str) -> list[str]:
-    """Separate the public keys of a text: its PEM blocks."""
+    """Separate a text into its PEM blocks, each a public key."""
     return _KEY.findall(text)
 
 
@@ -292,7 +292,7 @@ def _trusted(keys: Path) -> list[str]:
         raise UsageError(f"users other than root can write to {keys}", remedy=remedy)
     if not trusted:
         remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
-        raise UsageError(f"there is no key in {keys}", remedy=remedy)
+        raise NotFound(f"there is no key in {keys}", remedy=remedy)
     return trusted
 
 

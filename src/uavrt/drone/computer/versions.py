@@ -10,9 +10,9 @@
         ├── source/                        made by deploy/install.sh
         └── 0.2.0-1f0c33a9/                made by `uavrt update`
 
-Each is an environment of its own and complete before a link leads to it. A link is replaced as
-a whole (rename(2)), so at every instant there is a version that runs. `trial` is also the
-journal: while it exists, the new version is not accepted permanently.
+Each version is a separate environment, and complete before a link leads to it. A link is
+replaced as a whole (rename(2)), so at every instant there is a version that runs. `trial` is
+also the journal: while it exists, the new version is not accepted permanently.
 """
 
 import fcntl
@@ -38,7 +38,7 @@ class Installation:
 
     @classmethod
     def of(cls, executable: str) -> "Installation | None":
-        """Find the installation of a Python; None if it does not belong to one."""
+        """Find the installation that a Python belongs to; None if it belongs to none."""
         environment = Path(executable).parent.resolve().parent
         prefix = environment.parent.parent
         if environment.parent.name != "versions" or not (prefix / "venv").is_symlink():
@@ -69,7 +69,7 @@ class Installation:
         return _target(self.link, self.prefix)
 
     def before(self) -> Path | None:
-        """Directory of the version before the one on trial; None without a trial."""
+        """Directory of the version used before the one on trial; None without a trial."""
         return _target(self.trial, self.prefix) if self.trial.is_symlink() else None
 
     def require(self) -> None:
@@ -113,7 +113,7 @@ class Installation:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Context in which no other program can exchange versions; raises `UsageError`."""
+        """Context in which no other program exchanges versions; raises `UsageError`."""
         with open(self.prefix / ".update-lock", "w", encoding="ascii") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -124,7 +124,7 @@ class Installation:
 
 
 def runs_from(process_id: int, environment: Path) -> bool:
-    """True if a process is a Python of an environment."""
+    """True if a process runs the Python of the given environment."""
     try:
         words = Path(f"/proc/{process_id}/cmdline").read_bytes().split(b"\0")
     except OSError:

@@ -1,4 +1,4 @@
-"""End a child process with its parent, however the parent ends (Linux only)."""
+"""End a child process when its parent ends, for whatever reason (Linux only)."""
 
 import ctypes
 import os
@@ -21,7 +21,7 @@ def adopt_orphans() -> None:
 
 
 def adopts_orphans() -> bool:
-    """True if adopting orphans worked; it does not in an emulator of another processor."""
+    """True if adopting orphans works; it fails in an emulator of another processor."""
     adopts = ctypes.c_int(0)
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None).prctl(_PR_GET_CHILD_SUBREAPER, ctypes.byref(adopts), 0, 0, 0)
@@ -31,8 +31,8 @@ def adopts_orphans() -> bool:
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
     """End this process when its parent ends, even by SIGKILL, even while stopped.
 
-    If the parent has ended already, this process ends now. With SIGTERM as `number` it has time
-    to finish; while stopped it then outlives the parent until it is continued, as by systemd.
+    If the parent has ended already, this process ends now. With SIGTERM as `number` the process
+    has time to finish, but while stopped it outlives the parent until continued, as by systemd.
     """
     if not sys.platform.startswith("linux"):
         return

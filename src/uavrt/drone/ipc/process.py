@@ -65,9 +65,9 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Queue a record for the supervisor, to be passed on; it leaves with the next report.
+        """Queue a record that the supervisor passes on; it is sent with the next report.
 
-        All records of one turn of the loop go together: each sending wakes the supervisor.
+        All records of a turn of the loop go together: each sending wakes the supervisor.
         """
         self.link.put(topic, record)
 
@@ -92,7 +92,7 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send the health if it is due, the last, or has changed.
+        """Send a health report if it is due, the last one, or changed.
 
         Call it in each turn of the loop: it also sends all queued records. `counters` is called
         only when the health is sent.
@@ -117,7 +117,7 @@ class ProcessFrame:
         )
 
     def idle(self, reason: str) -> None:
-        """Run without work until the end, because a restart would change nothing."""
+        """Idle until the end, when a restart would change nothing."""
         while self.running:
             self.receive(timeout_s=0.5)
             self.report(reason, ok=False)
@@ -131,7 +131,7 @@ class ProcessFrame:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Send what is still queued; end without an error if the supervisor has gone."""
+        """Send the queued records; end without an error if the supervisor has ended."""
         if isinstance(error, SupervisorGone):
             get_logger().warning("supervisor gone: ending")
             sys.exit(1)

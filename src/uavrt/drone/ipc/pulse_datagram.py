@@ -17,9 +17,9 @@ Twelve float64, little endian, to 127.0.0.1:50000::
     80      confirmed              0 or 1
     88      noise_psd
 
-The four states are the successor's; the original knows 0 and 1. A heartbeat is a record with
-only the tag's number: frequency 0. A record of state 3 has number, frequency, time, score and
-noise.
+All four states exist in the original's successor, only 0 and 1 in the original. A heartbeat is
+a record with only the tag's number: frequency 0. A record of state 3 has number, frequency,
+time, score and noise.
 """
 
 import math
@@ -36,13 +36,13 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 RECORD: Final = struct.Struct("<12d")
 DEFAULT_PORT: Final = 50_000
 HEARTBEAT_S: Final = 1.0
-"""Time between two heartbeats [s], as in the successor; the original sends one every 3.6 s."""
+"""Time between two heartbeats [s]; the original detector sends one every 3.6 s."""
 
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3
 OVERDUE_NS: Final = ns_from_s(1.0)
-"""Time after its expected end when a tag's next pulse counts as missed [ns]; detectors report a
-pulse about half a second late, in steps of up to 0.44 s."""
+"""Time after the expected end of a tag's next pulse at which it counts as missed [ns];
+detectors report a pulse about half a second late, in steps of up to 0.44 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,12 +68,12 @@ class PulseRecord:
         return self.frequency_hz == 0.0
 
     def encode(self) -> bytes:
-        """Bytes of the record, 96 of them."""
+        """Encode the record as 96 bytes."""
         return RECORD.pack(*(getattr(self, name) for name in self.__slots__))
 
     @classmethod
     def decode(cls, payload: bytes) -> "PulseRecord":
-        """Read 96 bytes, infinite numbers included; raises `FormatError` for another size."""
+        """Decode 96 bytes, infinite numbers included; raises `FormatError` for another size."""
         if len(payload) != RECORD.size:
             raise FormatError(
                 f"a pulse record has {RECORD.size} bytes, this one {len(payload)}",
@@ -124,13 +124,13 @@ class PulseDatagramSender:
         self._tag_ids = tuple(tag_ids)
         self._last_heartbeat_s = -math.inf
         self._found_ns: dict[int, tuple[int, int]] = {}
-        """Last time span in which each tag's pulses came as expected [ns]."""
+        """Latest time span in which each tag's pulses arrived as expected [ns]."""
         self.sent = 0
         self.dropped = 0
         """Number of records not sent, for lack of buffer or network."""
 
     def send_pulses(self, pulses: Iterable[Pulse]) -> None:
-        """Send pulses, each once."""
+        """Send pulses, each of them once."""
         for pulse in pulses:
             self._send(record_of_pulse(pulse))
             self._note_found(pulse)
@@ -138,8 +138,8 @@ class PulseDatagramSender:
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
         """Send searches without a detection, except for a tag whose pulses arrive.
 
-        Reports come every second, pulses often less often; a controller would take a tag for
-        lost between two pulses.
+        Reports come every second, pulses often less often; without this rule, a controller
+        would consider a tag lost between two pulses.
         """
         for report in reports:
             begin_ns, end_ns = self._found_ns.get(report.tag_id, (0, -1))
@@ -154,7 +154,7 @@ class PulseDatagramSender:
                 self._send(PulseRecord(tag_id=tag_id))
 
     def _note_found(self, pulse: Pulse) -> None:
-        """Extend the time span in which a tag is found, or begin another."""
+        """Extend the time span in which a tag is detected, or begin a new one."""
         next_ns = pulse.predicted_next_end_ns or pulse.end_time_ns
         begin_ns, end_ns = pulse.start_time_ns, next_ns + OVERDUE_NS
         before_ns, until_ns = self._found_ns.get(pulse.tag_id, (begin_ns, end_ns))

@@ -1,4 +1,4 @@
-"""A child's end of its socket to the supervisor.
+"""A child process's end of the socket to the supervisor.
 
 The socket never blocks the child: unwritten data waits in memory until the next call. When the
 supervisor is gone, the child exits.
@@ -22,7 +22,7 @@ FLUSH_BYTES = 16_384
 
 
 class LineBuffer:
-    """Cuts a byte stream into lines."""
+    """Splits a byte stream into lines."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -50,7 +50,7 @@ class ChildLink:
         self.refused = 0
         """Number of received lines that were no records."""
         self.lines = 0
-        """Number of lines that `receive` has returned or refused, since the start."""
+        """Number of lines that `receive` has returned or refused since the start."""
 
     @classmethod
     def from_environment(cls) -> "ChildLink":
@@ -73,7 +73,7 @@ class ChildLink:
         self.flush()
 
     def flush(self, timeout_s: float = 0.0) -> bool:
-        """Write queued records, for at most `timeout_s`; True when all are written."""
+        """Write queued records, for at most `timeout_s`; True once all are written."""
         deadline = time.monotonic() + timeout_s
         while self._unsent:
             try:

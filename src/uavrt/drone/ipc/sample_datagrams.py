@@ -1,7 +1,7 @@
 """Channel samples from the receiver to a detector, as Unix datagrams.
 
-A radio block becomes a block in each channel; those for one detector travel together, so that
-it wakes once or twice for each radio block and not once for each channel. A datagram is 8
+A radio block becomes a block in each channel; the blocks for one detector are sent together, so
+that it wakes once or twice for each radio block and not once for each channel. A datagram is 8
 bytes, in the first of a radio block the stretches with clipped samples, the frequencies of
 carriers, and the blocks, little endian::
 
@@ -27,9 +27,9 @@ carriers, and the blocks, little endian::
     30      u16   count                of samples
     32            complex64            samples
 
-A socket pair has no queue limit but its send buffer. A detector that stalls or restarts is
-waited for: up to `BACKLOG_BYTES` the sender keeps the datagrams, then drops the oldest and
-counts them; the gap shows in `sample_index`.
+A socket pair has no queue limit but its send buffer. While a detector stalls or restarts, the
+sender keeps up to `BACKLOG_BYTES` of datagrams, then drops the oldest and counts them; the gap
+shows in `sample_index`.
 
 Shared memory would save one copy of 4 MB/s, but needs names, an owner and a clean-up after a
 killed process. The first channel waits about a millisecond for the last.
@@ -49,19 +49,19 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""Most clipped stretches in a datagram, 16 KiB; 87 ms of a radio have some ninety at most."""
+"""Largest number of clipped stretches in a datagram, 16 KiB; 87 ms of a radio have up to 90."""
 BACKLOG_BYTES = 16 * 1024 * 1024
-"""Most bytes waiting for one detector: 280 s of one channel, 2.8 s of a hundred."""
+"""Largest size of the queue for one detector [bytes]: 280 s of one channel."""
 MAX_CARRIERS = 8
 _CARRIERS_BYTES = MAX_CARRIERS * CARRIER.size
 MAX_SAMPLES = 8192
-"""Most samples in a block; a larger one is cut."""
+"""Largest number of samples in a block; a larger block is cut."""
 MAX_DATAGRAM_BYTES = 128 * 1024
 """Largest datagram [bytes], below the default send buffer of 208 KiB."""
 
 
 class ChannelSender:
-    """Sends the blocks of several channels to one detector; never blocks."""
+    """Sends the blocks of several channels to one detector, without blocking."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
@@ -72,7 +72,7 @@ class ChannelSender:
         self._clipped: tuple[tuple[int, int], ...] = ()
         self._carriers_hz: tuple[float, ...] = ()
         self._last_clipped: tuple[tuple[int, int], ...] = ()
-        """Clipped stretches sent last; the same for all channels of a radio block."""
+        """Clipped stretches sent last; all channels of a radio block have the same."""
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self.samples_dropped = 0
@@ -101,7 +101,7 @@ class ChannelSender:
             self._size += size
 
     def _take_clipped(self, stretches_ns: tuple[tuple[int, int], ...]) -> None:
-        """Add clipped stretches to the next datagram, also those of blocks without samples."""
+        """Add clipped stretches to the next datagram, even those of blocks without samples."""
         most = STRETCH.size * MAX_STRETCHES + _CARRIERS_BYTES
         if self._parts and self._size + most > MAX_DATAGRAM_BYTES:
             self._enqueue(more=True)
@@ -110,7 +110,7 @@ class ChannelSender:
         self._clipped = kept
 
     def _enqueue(self, *, more: bool) -> None:
-        """Make a datagram of the queued blocks; beyond the limit the oldest is dropped."""
+        """Make a datagram of the queued blocks; beyond the limit the oldest one is dropped."""
         carriers = [CARRIER.pack(frequency_hz) for frequency_hz in self._carriers_hz]
         self._size += CARRIER.size * len(carriers)
         envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped), len(carriers))
@@ -148,7 +148,7 @@ class ChannelReceiver:
         self._sock = sock
         self._next_index: dict[int, int] = {}
         self.refused = 0
-        """Number of received datagrams that hold no blocks."""
+        """Number of received datagrams without valid blocks."""
         self.complete = True
         """True if the last radio block was received in full."""
 
@@ -197,7 +197,7 @@ class ChannelReceiver:
 
 
 def _pieces(datagram: bytes) -> list[int]:
-    """Offsets of a datagram's blocks; none if it is not made of blocks."""
+    """Offsets of a datagram's blocks; none if the datagram is invalid."""
     if len(datagram) < ENVELOPE.size:
         return []
     places = []

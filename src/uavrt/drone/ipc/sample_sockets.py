@@ -1,4 +1,4 @@
-"""The sockets that carry channel samples. The supervisor makes them but never reads them."""
+"""Sockets for channel samples, made by the supervisor and never read by it."""
 
 import socket
 

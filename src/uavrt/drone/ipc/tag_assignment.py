@@ -11,16 +11,16 @@ class Assignment:
     """Settings, clock and task of a process: the first record that it receives."""
 
     process: str
-    """Name of the process, with the worker's number where there are several: ``detector-2``."""
+    """Name of the process, with a number if there are several workers: ``detector-2``."""
     settings: Settings
     clock_offset_ns: int
     flight: FlightInfo | None
     """The flight in progress; None if there is none."""
     last_flights: tuple[str, ...] = ()
-    """Directories of earlier flights with pulses that may not all have reached the ground."""
+    """Directories of earlier flights with pulses that may not have reached the ground."""
     tags: tuple[Tag, ...] = ()
     """Tags that this process serves: all, or a worker's share."""
     worker_of_tag: dict[int, int] = field(default_factory=dict)
-    """Number of the detector worker of each tag id, for the receiver."""
+    """Number of each tag's detector worker by tag id, for the receiver."""
     sample_fds: tuple[int, ...] = ()
-    """Datagram sockets: one to receive samples, if it does, then one for each receiver."""
+    """Descriptors of sample sockets: one to receive, if used, then one to send per receiver."""

@@ -1,4 +1,4 @@
-"""Table of topics: every kind of record that crosses a process.
+"""Table of topics: every kind of record exchanged between processes.
 
 Routing, recording, the hub's queues and the documentation derive from this table and from the
 table of processes (`uavrt.drone.supervisor.tree.table`).
@@ -25,11 +25,11 @@ class Topic:
     meaning: str
     _: KW_ONLY
     newest: int | None = None
-    """Number of newest records kept for a slow or restarting consumer; None: all. Older ones
+    """Number of newest records kept for a slow or restarting consumer; None: all. Older records
     are dropped and counted."""
     every_s: float | None = None
-    """Time between two records of one sender once they flow [s]; None: irregular. Less than
-    half the rate is reported as too slow (`uavrt.drone.supervisor.pace`)."""
+    """Time between two records of one sender once they flow [s]; None: irregular. A rate below
+    half of this is reported as too slow (`uavrt.drone.supervisor.pace`)."""
     each_tag: bool = False
     """True if `every_s` applies to each tag that the sender serves."""
 
@@ -153,19 +153,19 @@ _decoders: dict[str, msgspec.json.Decoder[Any]] = {
 
 
 def encode_record(topic: str, record: object) -> bytes:
-    """Write a record as one line with its newline; raises `TypeError` for a wrong type."""
+    """Encode a record as one line with its newline; raises `TypeError` for a wrong type."""
     if not isinstance(record, TOPICS[topic].record):
         raise TypeError(f"{topic} carries {TOPICS[topic].record.__name__}, not {record!r}")
     return topic.encode() + b"\t" + _encoder.encode(record) + b"\n"
 
 
 def topic_of(line: bytes) -> str:
-    """Topic of a line, without reading its record."""
+    """Topic of a line, without decoding its record."""
     return line[: line.find(b"\t")].decode("ascii", "replace")
 
 
 def decode_record(line: bytes) -> tuple[str, Any]:
-    """Read a line into topic and record; raises `ValueError` for an unknown topic or record."""
+    """Decode a line to topic and record; raises `ValueError` for an unknown topic or record."""
     name, separator, body = line.partition(b"\t")
     topic = name.decode("ascii", "replace")
     decoder = _decoders.get(topic)

@@ -1,7 +1,7 @@
 """The connection process: links the drone's processes to autopilot and ground stations.
 
-It gives each pulse its pose and sends it to the recorder and to the ground at once. It converts
-received payloads to commands, and the supervisor's replies to acknowledgements.
+Each pulse gets its pose and is sent to the recorder and the ground at once. The process
+converts received payloads to commands, and the supervisor's replies to acknowledgements.
 """
 
 import asyncio
@@ -54,7 +54,7 @@ PEERS = ("autopilot", "ground station")
 
 
 class LinkWatch:
-    """Keeps the links at `addresses` open, by number; the autopilot's link is number 0."""
+    """Keeps the links at `addresses` open, numbered in order; link 0 is the autopilot's."""
 
     def __init__(
         self, link: Connection, addresses: Mapping[int, str], memory: SigningMemory | None
@@ -97,7 +97,7 @@ class LinkWatch:
             disk(partial(self._memory.write, times), lambda _done: None)
 
     def newcomer(self) -> bool:
-        """True if a ground station has appeared since the last call."""
+        """True if a new ground station has appeared since the last call."""
         before, self._stations = self._stations, frozenset(self._link.stations_silent_s())
         return not self._stations <= before
 
@@ -118,7 +118,7 @@ class ConnectionProcess:
         settings, flight = frame.assignment.settings, frame.assignment.flight
         mavlink, now_ns = settings.mavlink, frame.clock.now_ns
         self._frame, self._now_ns = frame, now_ns
-        """Link to the supervisor, and the process's clock; flights differ by
+        """Link to the supervisor, and the process's clock; a flight's clock differs by
         `PoseDesk.shift_ns`."""
         self._disk = DiskThread()
         self._poses = PoseDesk(
@@ -294,7 +294,7 @@ class ConnectionProcess:
     def _say(self, text: StatusText) -> None:
         """Send a text to the operator and to the supervisor, which records it.
 
-        The supervisor does not return it to this process, so it is sent to the ground here.
+        The supervisor does not return the text, so it is sent to the ground here.
         """
         self._frame.send("status_text", text)
         self._send_text(text)
@@ -347,14 +347,14 @@ class ConnectionProcess:
 
 
 def _address(text: str | None) -> Address | None:
-    """Parse a link's address; None if invalid, which is reported when the link is opened."""
+    """Parse a link's address; None if invalid, an error reported when the link is opened."""
     with suppress(ConfigError):
         return parse_address(text or "")
     return None
 
 
 def main() -> None:
-    """Serve until the supervisor ends the process."""
+    """Serve the links until the supervisor ends the process."""
     with ProcessFrame.start() as frame:
         asyncio.run(ConnectionProcess(frame).run())
 

@@ -1,4 +1,4 @@
-"""The detector process: finds pulses of several tags in channel samples."""
+"""The detector process: finds the pulses of several tags in channel samples."""
 
 import select
 import socket
@@ -31,17 +31,17 @@ if TYPE_CHECKING:
 log = get_logger()
 
 FAILURES_PER_TAG = 2
-"""Number of failed searches after which a tag is no longer searched."""
+"""Number of failed searches of a tag after which it is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Age above which samples count as backlog, for example after a restart [ns]. Blocks and
-filters alone delay samples by 0.2 s."""
+"""Age above which samples count as backlog, such as after a restart [ns]. Blocks and filters
+alone delay samples by 0.2 s."""
 
 
 class DetectorBank:
     """One `PulseDetector` for each tag, created with the first block of its channel.
 
-    A detector that fails or hangs must not cost the other tags their pulses. All detectors are
+    A detector that fails or hangs must not disturb the search for other tags. All detectors are
     then rebuilt, and suspect tags are searched one by one. A tag that fails twice is no longer
     searched, and is reported by name.
 
@@ -66,7 +66,7 @@ class DetectorBank:
         self._watch = HangWatch(lambda: self._group.last_searched)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
-        """Clipped times of the last block, shared by all channels of a radio block."""
+        """Clipped times of the last block, equal for all channels of a radio block [ns]."""
         self._faults: Counter[int] = Counter()
         self._searched_alone: frozenset[int] = frozenset()
         self.left_out: dict[int, Tag] = {}
@@ -154,7 +154,7 @@ class DetectorBank:
             self._restart(error)
 
     def _restart(self, error: Exception) -> None:
-        """Rebuild all detectors after a failure; stop searching a tag that failed twice."""
+        """Rebuild all detectors after a failure; stop searching for a tag that failed twice."""
         suspects = [detector.tag for detector in self._group.last_searched]
         self.failures += 1
         # Which of several failed shows when each is searched alone; otherwise all are left out.
@@ -173,7 +173,7 @@ class DetectorBank:
         log.error("tag no longer searched: its detector failed", tag=name, reason=str(error))
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Replace non-finite samples by zeros, since they would spoil the noise estimate."""
+        """Replace non-finite samples by zeros, because they would spoil the noise estimate."""
         if np.isfinite(samples.sum()):  # one sum shows it, and costs 2 µs
             return samples
         good = np.isfinite(samples)
@@ -199,7 +199,7 @@ class DetectorBank:
         return self._group.detectors
 
     def search_reports(self) -> list[SearchReport]:
-        """Get the detectors' reports on intervals that were searched without a detection."""
+        """Reports of the detectors on intervals searched without a detection."""
         return [report for one in self._searching() for report in one.search_reports()]
 
     def _searching(self) -> "list[PulseDetector | CodedDetector]":
@@ -223,7 +223,7 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Tags of this channel that are still searched.
+        """Tags of a channel that are still searched.
 
         A tag belongs to the channel with the nearest centre. A process receives the channels of
         its own tags only.
@@ -288,7 +288,7 @@ class Searcher:
     """Passes sample blocks to a bank of detectors, and sends the pulses found."""
 
     samples_dropped = 0
-    """Number of dropped samples: always 0, because this sink waits for the search."""
+    """Number of dropped samples: always 0, because the radio waits for the search."""
 
     def __init__(self, frame: ProcessFrame, bank: DetectorBank) -> None:
         self._frame = frame
@@ -340,7 +340,7 @@ class Searcher:
 
 
 def detect_all(searcher: Searcher, receiver: ChannelReceiver) -> None:
-    """Search every waiting block and send the pulses found."""
+    """Search every waiting block, and send the pulses found."""
     while blocks := receiver.receive():
         for block in blocks:
             searcher.send(block)

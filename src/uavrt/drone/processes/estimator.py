@@ -1,7 +1,7 @@
-"""The estimator process: bearings on the drone, for ground stations that receive few pulses.
+"""The estimator process: estimates bearings on the drone, for ground stations with poor links.
 
-It gets pulses and poses from the supervisor and sends bearings. A bearing summarises all pulses
-of a turn, so one received message replaces many lost ones.
+The process gets pulses and poses from the supervisor and sends bearings. A bearing summarises
+all pulses of a turn, so one received message replaces many lost ones.
 """
 
 import os
@@ -24,9 +24,9 @@ REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
 """Times after which a turn's last bearing is sent again [ns]. With 50 % packet loss, one of the
 six copies arrives with probability 0.98."""
 PERIOD_NS = ns_from_s(0.25)
-"""Shortest time between two messages [ns]; with 64 bytes each, a fifth of the slowest link."""
+"""Shortest time between two messages [ns]; 64 bytes each are a fifth of the slowest link."""
 SHARE = 9
-"""Ratio of waiting to computing time; estimates use at most a tenth of a core."""
+"""Ratio of waiting to computing time; limits estimates to a tenth of a core."""
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class _Waiting:
 
 
 class Outgoing:
-    """Queue of bearings: the newest for each tag and turn, spaced in time."""
+    """Queue of bearings: the newest of each tag and turn, sent at intervals."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[int, int], _Waiting] = {}
@@ -55,7 +55,7 @@ class Outgoing:
         self._waiting[key] = _Waiting(bearing, due_ns)
 
     def take(self, now_ns: int) -> LiveBearing | None:
-        """Return the bearing that is due; None if there is none."""
+        """Return the bearing that is due; None if none is."""
         if now_ns < self._next_ns or not self._waiting:
             return None
         key, first = min(self._waiting.items(), key=lambda item: item[1].due_ns)
@@ -75,7 +75,7 @@ class Outgoing:
 
 
 class Estimation:
-    """Computes bearings from the pulses received, and sends them when due."""
+    """Computes bearings from the received pulses, and sends them when due."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
@@ -89,7 +89,7 @@ class Estimation:
         self.made = self.sent = 0
 
     def take(self, topic: str, record: object) -> None:
-        """Handle a record of the hub."""
+        """Handle a record from the supervisor."""
         match record:
             case PulsePose():
                 self._stage.add_pulse(record)

@@ -1,7 +1,7 @@
 """The guide process: plans motion orders, proposes them, and flies confirmed ones.
 
-It requests each motion from the connection process, which detects a takeover and permits or
-refuses. A restarted guide has no order, so nothing continues without confirmation.
+The guide requests each motion from the connection process, which detects takeovers. A restarted
+guide has no order, so nothing continues without confirmation.
 """
 
 import secrets
@@ -61,7 +61,7 @@ log = get_logger()
 
 Found = TypeVar("Found")
 InBackground = Callable[[Callable[[], None]], None]
-"""Function that runs work of several seconds elsewhere and returns at once."""
+"""Function that runs slow work elsewhere, such as in a thread, and returns at once."""
 
 TICK_S = 0.05
 ALIVE_S = 0.5
@@ -73,13 +73,13 @@ MOST_WAITING_ORDERS = 8
 
 
 def limits_of(settings: GuidanceSettings) -> Limits:
-    """Flight limits from the settings; raises `ConfigError` or `FormatError`."""
+    """Make flight limits from the settings; raises `ConfigError` or `FormatError`."""
     own = {one.name: getattr(settings, one.name) for one in fields(settings)}
     return Limits(**own, keep_out=keep_out_of(settings))
 
 
 def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:
-    """Terrain around home, None if not set; raises `FormatError`, `PlanError`."""
+    """Read the terrain around home, None if not set; raises `FormatError`, `PlanError`."""
     if settings.terrain is None:
         return None
     from uavrt.localization.terrain.elevation_files import open_elevation
@@ -90,7 +90,7 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 
 
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
-    """Add the vehicle's own fence to the limits; raises `PlanError` if it is unusable."""
+    """Add the vehicle's own fence to the limits; raises `PlanError` for an unusable fence."""
     if fence is None:
         return limits
     if fence.fault is not None:
@@ -99,7 +99,7 @@ def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
 
 
 def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLosses | None":
-    """Loss of signal behind hills around home, None without terrain; raises `FormatError`."""
+    """Signal loss behind hills around home, None without terrain; raises `FormatError`."""
     if settings.terrain is None:
         return None
     from uavrt.localization.terrain.elevation_files import open_elevation
@@ -112,7 +112,7 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
 
 def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
-    """Areas that must not be flown over; raises `ConfigError` or `FormatError`."""
+    """Read the areas that must not be flown over; raises `ConfigError` or `FormatError`."""
     name = settings.keep_out_file
     if name is None:
         return ()
@@ -127,7 +127,7 @@ def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
 
 
 def equipment_of(settings: Settings) -> Equipment:
-    """Antenna, detector and planner settings of a search; raises `UsageError`."""
+    """Make antenna, detector and planner settings of a search; raises `UsageError`."""
     antenna = settings.bearings.antenna
     return Equipment(
         pattern=None if antenna == MONOPOLE else pattern_named(antenna),
@@ -144,7 +144,7 @@ def _height_m(order: Order, now: VehicleNow) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OrderRequest:
-    """A requested order with the state of the vehicle when it arrived."""
+    """A requested order, and the state of the vehicle when the order arrived."""
 
     request: MotionRequest
     order: Order
@@ -169,14 +169,14 @@ class _Planned:
 class _Planning:
     """Plans an order in the background.
 
-    Reading elevation files takes seconds, and a guide that is silent for so long would end the
-    order being flown.
+    Reading elevation files takes seconds, and such a silence of the guide would end the order
+    being flown.
     """
 
     def __init__(self, asked: _OrderRequest, in_background: InBackground) -> None:
         self.asked = asked
         self.found: _Planned | str | None = None
-        """The plan, or a text on why there is none; None while planning."""
+        """The plan, or a text on why no plan was found; None while planning."""
         in_background(self._run)
 
     def _run(self) -> None:
@@ -208,7 +208,7 @@ def _plan(asked: _OrderRequest) -> _Planned:
 
 
 def _attempt(make: Callable[[], Found]) -> Found | str:
-    """Return the result, or the error as a text; unexpected errors are also logged."""
+    """Run the planning; return the result, or the error as text. Logs unexpected errors."""
     try:
         return make()
     except UavrtError as error:
@@ -240,7 +240,7 @@ class Guide:
         self._in_background, self._make_planner = in_background, planner
         guidance = frame.assignment.settings.guidance
         self._energy_learning = EnergyLearning(guidance.hover_w, guidance.battery_wh)
-        """Power needed to fly, learnt from the battery over all orders."""
+        """Estimate of the power of flight, learned from the battery over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
         self._pilot: Pilot | None = None
@@ -416,7 +416,7 @@ class Guide:
             self._planner.begin(self._frame.clock.now_ns(), now)
 
     def _plan_again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
-        """Plan the order again at its confirmation; raises `PlanError` if invalid by now.
+        """Plan the order again at its confirmation; raises `PlanError` if no longer valid.
 
         Fence, terrain and return path belong to the home position of the first plan.
         """
@@ -467,7 +467,7 @@ class Guide:
             planner.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly a decision; near other drones only once the path is assigned to this drone."""
+        """Fly a decision; near other drones, only after the path was assigned to this drone."""
         if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
             self._follow(choice, choice.notes, pilot, now)
             return
@@ -475,7 +475,7 @@ class Guide:
         self._course_s = 0.0
 
     def _await_path(self, planner: SearchThread, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly a requested path once it is assigned; if refused, let the search decide again."""
+        """Fly a requested path once assigned; if refused, let the search decide again."""
         answer = self._shared.answer(now)
         if answer is None:
             return

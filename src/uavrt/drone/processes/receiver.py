@@ -1,7 +1,7 @@
 """The receiver process: converts radio samples to the channels of the tags.
 
-It decimates and channelizes, and sends each used channel to the detectors of its tags. It
-records the channels' samples and, on request, the decimated band.
+The process decimates and channelizes, and sends each used channel to the detectors of its tags.
+It records the channels' samples and, on request, the decimated band.
 """
 
 import socket
@@ -40,14 +40,14 @@ log = get_logger()
 
 READ_TIMEOUT_S = 0.5
 LOSS_REPORT_S = 0.1
-"""Duration of lost samples above which the ground is informed [s]."""
+"""Duration of lost samples above which the loss is reported to the ground [s]."""
 RETRY_WINDOW_S = 10.0
-"""Time between two failures within which the radio counts as failing [s]. It is then reopened
-every `RadioSettings.retry_s`."""
+"""Time between two failures within which the radio counts as failing [s]. The radio is then
+reopened every `RadioSettings.retry_s`."""
 
 
 CLIPPED_S = 0.1
-"""Duration of clipped samples after which clipping is reported [s]; about five pulses."""
+"""Duration of clipped samples above which clipping is reported [s]; about five pulses."""
 
 
 class ChannelSink(Protocol):
@@ -66,13 +66,13 @@ _RECORDED_AGAIN_S = 10.0
 
 
 class Receiver:
-    """Processes radio samples up to the detectors.
+    """Processes the radio's samples for the detectors.
 
     `sinks`: one for each detector process; by default the sockets of the assignment.
     """
 
     makes_channels = True
-    """True if it makes channels; their samples are then recorded, too."""
+    """True if this receiver makes channels, whose samples are then recorded, too."""
 
     def __init__(
         self,
@@ -246,7 +246,7 @@ class Receiver:
         )
 
     def restart_filters(self, *, failed: bool = True) -> None:
-        """Restart the filters, because the next samples do not follow the last ones."""
+        """Restart the filters, because the next samples do not continue the last ones."""
         self.failures += failed
         self._reopened = True
         self._front_end.reset()
@@ -298,7 +298,7 @@ class Receiver:
 
 
 def new_recording_name(directory: Path) -> Path:
-    """Get an unused file name (without ending) for a restarted receiver's recording."""
+    """Unused file name, without extension, for a restarted receiver's recording."""
     number = 1
     while (directory / f"band_{number}.sigmf-data").exists():
         number += 1
@@ -311,7 +311,7 @@ def main() -> None:
 
 
 def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
-    """Run a receiver made by `kind`; a failing radio is reopened until it works."""
+    """Run a receiver made by `kind`; reopen a failing radio until it works."""
     with ProcessFrame.start() as frame:
         flight = frame.assignment.flight
         if flight is None:
@@ -347,7 +347,7 @@ def receive(
 ) -> None:
     """Process samples until the radio fails, its settings change or the process stops.
 
-    `last_reason`: why the radio failed before; reported until samples arrive again.
+    `last_reason`: reason of the radio's last failure; reported until samples arrive again.
     """
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
@@ -389,7 +389,7 @@ def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Ca
     """Apply changed settings: gain, bias tee and frequency correction of the radio.
 
     The radio is reopened, because its programs take settings only on their command line. The
-    frequency stays, because the filters are made for it.
+    frequency stays, because the filters depend on it.
     """
     for _, record in records:
         if isinstance(record, Settings):
@@ -400,7 +400,7 @@ def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Ca
 def wait(
     frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float, reason: str
 ) -> None:
-    """Wait until the next attempt, reporting that the radio is absent."""
+    """Wait until the next attempt to open the radio, and report that it is absent."""
     end_s = monotonic_s() + delay_s
     frame.report("radio absent", ok=False, counters=receiver.counters, reason=reason)
     while frame.running and monotonic_s() < end_s:

@@ -1,8 +1,8 @@
 """The recorder process: writes pulses, poses and health reports to the flight's directory.
 
-It commits rarely to spare the disk, and reports a pulse as *recorded* once it is on disk. After
-a kill, uncommitted records are sent again to its successor, so nothing is lost. A pulse whose
-pose never arrives gets one from recorded poses, or none.
+The process commits rarely to spare the disk, and reports a pulse as *recorded* once it is on
+disk. After a kill, uncommitted records are sent again to the next recorder, so nothing is lost.
+A pulse whose pose never arrives gets one from recorded poses, or none.
 """
 
 from collections import deque
@@ -51,16 +51,16 @@ AFTER_ALL_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
 """Number of earlier flights whose last pulses may still be undelivered."""
 POSE_PATIENCE_S = 7.0
-"""Wait for a pulse's pose beyond `AntennaSettings.pose_wait_s` [s]. A connection that hangs is
-killed after 5 s, and restarted within two more."""
+"""Time to wait for a pulse's pose after `AntennaSettings.pose_wait_s` [s]. A connection that
+hangs is killed after 5 s, and restarted within two more."""
 MOST_READ_AT_ONCE = 1_000
 """Largest number of pulses without pose that are read from the database at once."""
 MOST_TO_REPORT = 100_000
-"""Largest number of written pulses not yet reported as recorded, while the disk fails."""
+"""Largest number of written pulses not yet reported as recorded, if the disk fails."""
 MOST_COMMANDS = 64
 LOCK_WAIT_S = 3.0
 DISK_CHECK_S = 2.0
-"""Time between two checks of the disk [s]; they find a fault before the next commit."""
+"""Time between two checks of the disk [s], which find a fault before the next commit."""
 REPORT_PERIOD_S = 30.0
 """Time between two texts to the operator about lost poses [s]."""
 
@@ -78,7 +78,7 @@ class Recorder:
         self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_PATIENCE_S)
         self._more_missing = False
         self._to_report: deque[PulseKey] = deque(maxlen=MOST_TO_REPORT)
-        """Pulses that are written but not yet reported as recorded."""
+        """Pulses written but not yet reported as recorded."""
         self._commands: dict[int, Command] = {}
         self._fault = ""
         self._reported_lines = 0
@@ -91,7 +91,7 @@ class Recorder:
         self._report_at_s = self._disk_check_s = 0.0
 
     def open(self, info: FlightInfo) -> None:
-        """Open a flight, new or begun before a restart."""
+        """Open a flight, either new or begun before a restart."""
         root = Path(info.directory)
         if self._flight is not None and self._flight.layout.root == root:
             return
@@ -111,7 +111,7 @@ class Recorder:
         self._find_missing_poses()
 
     def close(self) -> None:
-        """Close the flight, with reconstructed poses for pulses that still wait."""
+        """Close the flight; pulses without a pose get a reconstructed one."""
         flight = self._flight
         if flight is None:
             return
@@ -317,7 +317,7 @@ class Recorder:
             self._to_report.clear()
 
     def _report_taken(self) -> None:
-        """Report which records are committed, so that they are not sent again.
+        """Report which records are committed, so that the supervisor does not send them again.
 
         Call it only when everything received is committed.
         """
@@ -332,7 +332,7 @@ class Recorder:
         self._fault = str(error)
 
     def end(self) -> None:
-        """Write the records sent so far, and close the flight."""
+        """Write the records received so far, and close the flight."""
         with suppress(SupervisorGone):
             while records := self._frame.receive():
                 self.turn(records)

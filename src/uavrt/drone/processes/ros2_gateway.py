@@ -1,7 +1,7 @@
 """The gateway process: publishes the drone's data as ROS 2 topics and accepts commands.
 
-Its faults and those of the network do not affect detection: it has a limited queue and a low
-priority, and is restarted like any other process.
+Faults of the gateway or the network do not affect detection: the process has a limited queue
+and a low priority, and is restarted like any other.
 """
 
 import os
@@ -61,7 +61,7 @@ def join(frame: ProcessFrame) -> "Participant | None":
 
 
 def wait(frame: ProcessFrame, reason: str, seconds: float) -> None:
-    """Receive records and send health reports for a while."""
+    """Receive records and send health reports for a given time."""
     end_s = monotonic_s() + seconds
     while frame.running and monotonic_s() < end_s:
         frame.receive(timeout_s=0.5)

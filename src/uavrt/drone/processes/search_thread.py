@@ -1,4 +1,4 @@
-"""Runs the search planner in a thread, so that its decisions do not block the guide.
+"""Run the search planner in a thread, so that its decisions do not block the guide.
 
 The guide must send heartbeats and watch the battery while the planner rates paths. Only the
 thread uses the search's state; all its input passes through one queue.
@@ -18,9 +18,9 @@ from uavrt.guidance.search_rules import SEARCH_RULES
 log = get_logger()
 
 IDLE_S = 0.5
-"""Shortest time between two decisions while the drone waits for one [s]."""
+"""Shortest time between two decisions while the drone has nothing to fly [s]."""
 RETRY_S = 2.0
-"""Time until the next decision after a leg was refused [s]."""
+"""Time until the next decision after a path was refused [s]."""
 
 _Job = Callable[[], Choice | SearchNote | None]
 
@@ -72,18 +72,18 @@ class SearchThread:
     def ask(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> None:
-        """Request the next leg, if a decision is due."""
+        """Request the next path, if a decision is due."""
         if self.is_time(now, idle=idle):
             self._deciding, self._asked_s = True, now.time_s
             self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
-        """True if no request is pending and the last decision is old enough."""
+        """True if no request is pending and the last decision was long enough ago."""
         due_s = max(self._again_s, self._asked_s + (IDLE_S if idle else SEARCH_RULES.cycle_s))
         return not self._deciding and now.time_s >= due_s
 
     def withdraw(self, now: VehicleNow) -> None:
-        """Report that the last decision is not flown; request another soon."""
+        """Report that the last decision is not flown; request another one soon."""
         self._put(self._seeker.withdraw)
         self._asked_s, self._again_s = now.time_s - SEARCH_RULES.cycle_s, now.time_s + RETRY_S
 
@@ -94,11 +94,11 @@ class SearchThread:
 
     @property
     def over(self) -> bool:
-        """True if no more results will come."""
+        """True once no more results will arrive."""
         return self._over and self._results.empty()
 
     def results(self) -> list[Choice | SearchNote | SearchFailed]:
-        """Get the results since the last call."""
+        """Return the results since the last call."""
         found = []
         while not self._results.empty():
             result = self._results.get()

@@ -1,4 +1,4 @@
-"""The supervisor: routes records between processes and keeps the right processes running.
+"""The supervisor: routes records between processes, and starts and stops the processes.
 
 The tables define the routes. Radio samples do not pass through the supervisor.
 """
@@ -52,9 +52,9 @@ TICK_S = 0.25
 STATUS_PERIOD_S = TOPICS["system_status"].every_s or 1.0
 DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
-"""MAVLink severity number of a warning; lower numbers are worse."""
+"""MAVLink severity of a warning; lower numbers are more severe."""
 LAST_POSES_S = 1.0
-"""Longest wait for the last pulses' poses at a flight's end, added to
+"""Longest wait for the last pulses' poses at a flight's end, after
 `AntennaSettings.pose_wait_s` [s]. It usually takes 0.1 s; the recorder later adds poses lost
 with a killed process."""
 CLOSE_S = 5.0
@@ -176,7 +176,7 @@ class Supervisor:
         self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or explain the refusal; a repeated one gets the same reply.
+        """Carry out a command, or explain the refusal; a repeated command gets the same reply.
 
         The changed state is published before the reply.
         """
@@ -237,7 +237,7 @@ class Supervisor:
             self.command(Command(name="stop_detection", request_id=number, source="capture"))
 
     async def _answer_radio_status(self, command: Command) -> None:
-        """Query the radio, or read the receiver's health report while it uses the radio."""
+        """Query the radio or, while the receiver uses it, read the receiver's health report."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             health = next(
                 (i.health for i in self._fleet.instances if i.row.name == "receiver"), None
@@ -357,7 +357,7 @@ class Supervisor:
             self._on_record(line)
 
     def _pump_soon(self, instance: Instance) -> None:
-        """Send all waiting records in one call, because each call wakes a process."""
+        """Send all waiting records soon in one call, because each call wakes a process."""
         if not self._to_pump:
             asyncio.get_running_loop().call_soon(self._pump)
         self._to_pump[instance.name] = instance

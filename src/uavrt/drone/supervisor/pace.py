@@ -1,4 +1,4 @@
-"""Checks that a process produces records as often as the table of topics specifies.
+"""Check that a process produces records as often as the table of topics specifies.
 
 A process that falls behind is alive and within its budget; only its record rate shows it. The
 longest gap is ignored: silent processes are killed elsewhere, and processes that wait for a
@@ -11,7 +11,7 @@ from itertools import pairwise
 from uavrt.drone.ipc.topics import TOPICS
 
 RATE_RECORDS = 20
-"""Number of consecutive records from which the rate is computed, per topic or tag."""
+"""Number of consecutive records, per topic or tag, from which the rate is computed."""
 SLOW_RATIO = 2.0
 """Ratio of measured to specified record period above which a process is too slow."""
 REPEAT_S = 300.0
@@ -28,10 +28,10 @@ class PaceWatch:
         self._tags = 1
         self._quiet_until_s = 0.0
         self.slow: dict[str, float] = {}
-        """Topics with too low a rate, with their measured period [s]."""
+        """Topics with too low a rate, each with its measured period [s]."""
 
     def started(self, tags: int) -> None:
-        """Reset for a new process that serves this number of tags."""
+        """Reset for a new process and the number of tags that it serves."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():

@@ -52,7 +52,7 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
 
 
 def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
-    """Commands that upload these tags and start detection; none without tags."""
+    """Make the commands that upload the given tags and start detection; none without tags."""
     if not tags:
         return []
     return [

@@ -1,6 +1,6 @@
-"""A Unix socket that sends the system's records to programs and accepts commands.
+"""Unix socket that sends the system's records to local programs and accepts commands.
 
-Used by the terminal view, the demo and the command line on the same computer. Each line is a
+The terminal view, the demo and the command line on the same computer use it. Each line is a
 record. A client that reads too slowly is disconnected. The socket is open to its owner and to
 the owner's own group: members of the service's group ``uavrt`` may watch and command.
 """
@@ -23,7 +23,7 @@ from uavrt.drone.supervisor.core import Supervisor
 log = get_logger()
 
 GATHER_S = 0.1
-"""Time over which records are collected before they are sent to viewers [s]."""
+"""Time for which records are collected before they are sent to viewers [s]."""
 VIEWER_BUFFER_BYTES = 1_000_000
 UNWRITABLE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)
 """Error numbers of a read-only, full or failing card."""
@@ -97,7 +97,7 @@ class Viewers:
 
 
 def require_unserved(path: str) -> None:
-    """Raise `ConfigError` if another system serves the socket; a killed one's is free."""
+    """Raise `ConfigError` if another system serves the socket; a killed system's is free."""
     with socket.socket(socket.AF_UNIX) as asking:
         asking.settimeout(1.0)
         if asking.connect_ex(path):
@@ -119,7 +119,7 @@ def _restrict_access() -> Iterator[None]:
 
 
 def _has_own_group() -> bool:
-    """True if our group is private to this user (useradd(8), USERGROUPS_ENAB)."""
+    """True if this user's group is private (useradd(8), USERGROUPS_ENAB)."""
     try:
         return grp.getgrgid(os.getegid()).gr_name == pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:

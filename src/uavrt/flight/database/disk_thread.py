@@ -1,8 +1,8 @@
 """A thread for disk work, so that a stalled disk does not block the radio link.
 
-It serves the drone's connection process and the ground station. Jobs run one after the other,
-so records are written in order, and no file is closed while it is read. Results are delivered
-in the event loop.
+The drone's connection process and the ground station use it. Jobs run one after the other, so
+records are written in order, and no file is closed while it is read. Results are delivered in
+the event loop.
 """
 
 import asyncio
@@ -19,7 +19,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MOST_JOBS = 32
-"""Largest number of waiting jobs; a download has one or two."""
+"""Largest number of waiting jobs; a download queues one or two."""
 SLOW_S = 2.0
 FINISH_S, FINISH_TURN_S = 0.5, 0.01
 
@@ -28,7 +28,7 @@ class Disk(Protocol):
     """Interface for disk jobs, with or without a thread."""
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job`, then `then` with its result; false if too many jobs wait."""
+        """Run `job`, then `then` with its result; False if too many jobs wait."""
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
@@ -40,7 +40,7 @@ def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
 class DiskThread:
     """Runs disk jobs for an asyncio loop; must be started in the loop.
 
-    It is a daemon thread, so that a stalled disk does not prevent the process from ending.
+    The thread is a daemon, so that a stalled disk does not prevent the process from ending.
     `most` limits the waiting jobs. With `early`, jobs run in the caller until the thread is
     started.
     """
@@ -62,7 +62,7 @@ class DiskThread:
         threading.Thread(target=self._work, name="disk", daemon=True).start()
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job` in the thread, then `then` with its result in the loop; false if full."""
+        """Run `job` in the thread, then `then` with its result in the loop; False if full."""
         if self._early and self._loop is None:
             return at_once(job, then)
         if len(self._jobs) >= self._most:
@@ -102,7 +102,7 @@ class DiskThread:
         return len(self._jobs)
 
     def stalled_s(self, now_s: float) -> float:
-        """Duration of the present job so far [s]; 0 if it is not slow."""
+        """Duration of the present job so far [s]; 0 while the job is not slow."""
         since_s = self._since_s
         return 0.0 if since_s is None or now_s - since_s < SLOW_S else now_s - since_s
 
@@ -141,7 +141,7 @@ class DiskBatches(Generic[T, R]):
         self.waiting: list[T] = []
         """Items that are not yet in a batch."""
         self.handed_s: float | None = None
-        """Time when the batch being written was submitted [s, monotonic]; else None."""
+        """Time when the batch being written was submitted [s, monotonic]; None without one."""
         self.took_s = 0.0
         """Duration of the previous batch's write [s]."""
         self._again = False
@@ -152,7 +152,7 @@ class DiskBatches(Generic[T, R]):
         self.write()
 
     def write(self) -> None:
-        """Submit the waiting items, even none, after the batch that is being written."""
+        """Submit the waiting items, even if there are none, after the batch being written."""
         self._again = self.handed_s is not None
         if self._again:
             return

@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
 
 IN_NO_TABLE = "in no table"
-"""Metadata key that marks a field without a column, since it is no plain value."""
+"""Metadata key that marks a field without a column, because its value is not a plain one."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",
@@ -39,7 +39,7 @@ class RecordField:
     choices: tuple[str, ...] = ()
     """Allowed texts; empty if any text is allowed."""
     length: int | None = None
-    """Required count of numbers in a tuple; None: any."""
+    """Required number of values in a tuple of numbers; None: any."""
 
     def from_record(self, value: Any) -> Any:
         """Convert a value from JSON or CSV; raises `ValueError` or `TypeError`."""

@@ -12,14 +12,14 @@ from uavrt.flight.database import schema
 from uavrt.flight.flight_layout import FlightLayout
 
 CHECKPOINT_S = 2.0
-"""Time between checkpoints if commits do not wait for the disk [s]; a power cut loses this."""
+"""Time between checkpoints if commits do not wait for the disk [s]; a power cut loses that."""
 
 WAL_BYTES = 4_000_000
-"""Size at which the write-ahead log is folded into the database, after about ten minutes. Pages
-rewritten meanwhile are copied once. Reading the log takes 10 ms."""
+"""Size at which the write-ahead log is folded into the database [bytes]: about ten minutes.
+Pages rewritten meanwhile are copied once. Reading the log takes 10 ms."""
 
 PAGE_BYTES = 512
-"""Size of a database page, below SQLite's 4096: a commit writes some ten partly filled ones."""
+"""Database page size [bytes], below SQLite's 4096: a commit writes ten partly filled pages."""
 
 _POISON = (sqlite3.IntegrityError, sqlite3.DataError, sqlite3.InterfaceError, OverflowError)
 # Python 3.11 raises InterfaceError or ProgrammingError for a type SQLite does not know.
@@ -38,16 +38,16 @@ class FlightDatabase:
         self._durable = durable
         self._open: sqlite3.Connection | None = None
         self._file: tuple[int, int] | None = None
-        """Device and inode number of the open file; None if not open."""
+        """Device and inode number of the open file; None if no file is open."""
         self._checkpoint_at_s = monotonic_s() + CHECKPOINT_S
         self.syncs = 0
-        """Number of fsync calls: one for a commit, two for a checkpoint."""
+        """Number of fsync calls: one per commit, two per checkpoint."""
         self.committed_pulses = 0
         """Number of new pulses written since this object was made."""
         self.repeated_pulses = 0
-        """Number of pulses that were already recorded, such as after a sender's restart."""
+        """Number of pulses already recorded before, such as after a sender's restart."""
         self.refused_records = 0
-        """Number of records that no database can hold, such as numbers beyond 64 bits."""
+        """Number of records that no database can store, such as numbers beyond 64 bits."""
 
     def connected(self) -> sqlite3.Connection:
         """Database connection, opened if necessary."""
@@ -88,7 +88,7 @@ class FlightDatabase:
                 self._open = None
 
     def is_gone(self) -> bool:
-        """True if the open file was removed or replaced, so that readers do not see it."""
+        """True if the open file was removed or replaced, so that readers no longer see it."""
         return self._open is not None and _identity(self._layout.database) != self._file
 
     def write_again(self) -> None:
@@ -123,7 +123,7 @@ class FlightDatabase:
     def insert(
         self, pulses: Iterable[Pulse | PulsePose], *others: Iterable[Statement]
     ) -> list[PulsePose]:
-        """Insert all rows in one transaction; returns the pulses whose pose is new."""
+        """Insert all rows in one transaction; return the pulses whose pose is new."""
         database = self.connected()
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
@@ -147,9 +147,9 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """Fold the write-ahead log into the file if it is due; false if that failed.
+        """Fold the write-ahead log into the file if it is due; False if that failed.
 
-        `first` is called before that.
+        `first` is called before the log is folded in.
         """
         if self._durable:
             with suppress(OSError):
@@ -179,7 +179,7 @@ class FlightDatabase:
             self.syncs += 1
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Up to `most` recorded pulses whose pose is not yet known, the oldest first.
+        """Up to `most` recorded pulses without a known pose, the oldest first.
 
         None while the disk fails.
         """

@@ -1,7 +1,7 @@
 """Open flight databases of unknown origin safely.
 
 A view in place of a table may never finish, SQLite waits for a pipe next to the database, and a
-running query ignores Ctrl-C. So a bad flight directory must affect only that flight.
+running query ignores Ctrl-C. So a bad flight directory must not affect other flights.
 """
 
 import os
@@ -14,14 +14,14 @@ from functools import lru_cache
 from pathlib import Path
 
 STEPS = 50_000
-"""Steps of SQLite's virtual machine between two checks of the time: some milliseconds."""
+"""Number of steps of SQLite's virtual machine between two checks of the time, some ms."""
 LONGEST_VALUE_BYTES = 16_000_000
-"""Largest size of one value [bytes]; the settings of a flight have about 10 kB."""
+"""Largest size of one value [bytes]; a flight's settings have about 10 kB."""
 LONGEST_S = 120.0
-"""Longest use of a database [s]; 100 000 pulses are read in one second."""
+"""Longest use of a database [s]; reading 100 000 pulses takes one second."""
 _SUFFIXES = ("", "-wal", "-shm", "-journal")
 LONGEST_DEFINITION = 20_000
-"""Most characters in a table's definition; a long default would be the value of every row."""
+"""Largest number of characters in a table's definition; a long default is every row's value."""
 _COMPUTED = re.compile(r"(?<![a-z_])as(?![a-z_])", re.IGNORECASE)
 """Pattern that every definition of a table with a generated column contains."""
 
@@ -53,8 +53,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
 
 def _odd_name(database: sqlite3.Connection) -> str | None:
-    """Name of a view, generated column or long default, which make values that are not in the
-    file.
+    """Name of a view, generated column or long default, whose values are not in the file.
 
     Raises `sqlite3.Error` if the database is damaged.
     """

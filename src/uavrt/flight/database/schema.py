@@ -1,7 +1,7 @@
 """Define the tables of ``flight.sqlite``, and convert records to rows and back.
 
 Times are nanoseconds UTC, units are in the names, and missing values are NULL. Columns that may
-be NaN allow NULL, since SQLite stores NaN so, and one odd record must not block the others.
+be NaN allow NULL, since SQLite stores NaN so, and one odd record must not block other records.
 """
 
 import json
@@ -31,8 +31,8 @@ from uavrt.core.messages import (
 from uavrt.flight.database.fields import SQL_TYPES, fields_of
 
 VERSION = 6
-"""Version of the tables. 2: doubts about pulses; 3: searches; 4: coded tags; 5: usable share of
-time and weakest tag in search reports; 6: beeping senders."""
+"""Version of the tables. Added in 2: doubts about pulses; 3: searches; 4: coded tags; 5: usable
+share of time and weakest tag in search reports; 6: beeping senders."""
 SEARCH_REPORT_COLUMNS = (
     "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
 )
@@ -44,9 +44,9 @@ _COLUMNS = {
     "tags": {"gaps_s": "TEXT"},
     "search_reports": {"usable_share": "REAL", "weakest_enr_db": "REAL"},
 }
-"""SQL types of columns that flights of older versions may lack, by table."""
+"""SQL types, by table, of columns that flights of older versions may lack."""
 PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
-"""Column names of a pulse; in older flights, missing ones are read as NULL."""
+"""Column names of a pulse; columns that older flights lack are read as NULL."""
 _BEEP_FIELDS = fields_of(Beep)
 BEEP_COLUMNS = ", ".join(one.name for one in _BEEP_FIELDS)
 _BEEP_TYPES = {one.name: SQL_TYPES[one.kind] for one in _BEEP_FIELDS}
@@ -163,7 +163,7 @@ SELECT_POSES = (
 
 
 def bring_up_to_date(database: sqlite3.Connection) -> None:
-    """Make the tables of a flight, or add columns of newer versions; raises `sqlite3.Error`."""
+    """Make the tables of a flight, or add missing columns; raises `sqlite3.Error`."""
     database.executescript(TABLES)
     for table, columns in _lacking(database).items():
         for column in columns:
@@ -173,7 +173,7 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
 
 
 def read_older(database: sqlite3.Connection) -> None:
-    """Read columns that an older flight lacks as NULL; raises `sqlite3.Error`."""
+    """Read the columns that an older flight lacks as NULL; raises `sqlite3.Error`."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     for table, columns in _lacking(database).items() if version < VERSION else ():
         nulls = ", ".join(f"NULL AS {column}" for column in columns)
@@ -183,7 +183,7 @@ def read_older(database: sqlite3.Connection) -> None:
 
 
 def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
-    """Columns that a database's tables lack; empty for a missing table."""
+    """Columns missing from a database's tables; none for a missing table."""
     names = " UNION ALL ".join(
         f"SELECT '{table}', name FROM pragma_table_info('{table}', 'main')"
         for table in _COLUMNS
@@ -287,7 +287,7 @@ def tag_row(tag: Tag) -> Row:
 
 
 _numbers = lru_cache(maxsize=256)(json.loads)
-"""Parse a JSON list of numbers, cached: tags of thousands of flights share few intervals."""
+"""Parse a JSON list of numbers, cached because thousands of tags share few intervals."""
 
 
 def tag_from_row(row: Row) -> Tag:

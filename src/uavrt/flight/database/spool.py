@@ -24,7 +24,7 @@ _UNDELIVERED = (
 
 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Number of confirmed pulses of each tag in the flight, and the end of the newest [ns].
+    """Number of confirmed pulses of each tag in the flight, and end of the newest one [ns].
 
     Tags without pulses are left out. Raises `RecordingError` if the database cannot be read.
     """
@@ -41,9 +41,9 @@ def undelivered(
     """Recorded pulses that a ground station lacks, the newest first, and whether there are
     more.
 
-    `store` is the station's number. With 0, only pulses sent to no station at all are returned:
-    plain stations get no old pulses after a restart. Pulses in `without` (tag id, start time)
-    are excluded. Raises `RecordingError` if the database cannot be read.
+    `store` is the station's number. With 0, only pulses not yet sent to any station are
+    returned: stations without receipts get no old pulses after a restart. Pulses in `without`
+    (tag id, start time) are excluded. Raises `RecordingError` if the database cannot be read.
     """
     with _opened(directory) as database:
         schema.read_older(database)
@@ -54,7 +54,7 @@ def undelivered(
 
 
 def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
-    """Record deliveries in a closed flight; raises `RecordingError` if not writable."""
+    """Record deliveries in a closed flight; raises `RecordingError` if it cannot be written."""
     rows = [
         (delivered.store, delivered.time_ns, tag_id, start_time_ns)
         for tag_id, start_time_ns in delivered.pulses

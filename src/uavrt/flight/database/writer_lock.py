@@ -19,7 +19,7 @@ class WriterLock:
         self._descriptor: int | None = None
 
     def take(self, directory: Path, wait_s: float) -> bool:
-        """Take the lock, waiting if necessary; false if another process keeps it."""
+        """Take the lock, waiting if necessary; False if another process keeps the lock."""
         self.release()
         deadline_s = time.monotonic() + wait_s
         with contextlib.suppress(OSError):

@@ -1,8 +1,8 @@
 """Read and write ``detectorConfig.txt``, the original detector's description of a tag.
 
 The file has a ``##`` line, then ``key:<TAB>value`` lines without a blank line, which would
-crash the original. The last record of a file counts, and unknown keys are ignored. With it, the
-original's detectors can use the UDP channels that uavrt optionally sends.
+crash the original. The last record of a file counts, and unknown keys are ignored. With this
+file, the original's detectors can use the UDP channels that uavrt optionally sends.
 """
 
 import math
@@ -43,12 +43,12 @@ _BOUNDS = {
     "K": (1, MAX_K, "pulses"),
     "portData": (0, 65_535, "a port"),
 }
-"""Smallest and largest value of each key, and its quantity; as in other tag files."""
+"""Smallest and largest value of each key, and its quantity, as in other tag files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorConfig:
-    """Values of a detectorConfig.txt that uavrt uses."""
+    """Values of a ``detectorConfig.txt`` that uavrt uses."""
 
     tag: Tag
     channel_center_frequency_hz: float
@@ -69,7 +69,7 @@ def detector_config(
     ports: Literal["current", "thesis"] = "thesis",
     operating_mode: str = "freqSearchSoftLock",
 ) -> DetectorConfig:
-    """Describe a tag in the original's plan of 100 channels around the radio frequency.
+    """Describe a tag within the original's plan of 100 channels around the radio frequency.
 
     A tag outside the plan (another radio, no channelizer) gets its own channel and port 0.
     """
@@ -176,7 +176,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
 
 
 def _check(values: dict[str, str]) -> None:
-    """Reject values that a detector cannot use; raises `ValueError` that names the key."""
+    """Reject values that a detector cannot use; raises `ValueError` with the key's name."""
     for key, (low, high, unit) in _BOUNDS.items():
         if key in values and not low <= float(values[key]) <= high:
             raise ValueError(
@@ -200,7 +200,7 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Parse MATLAB's ``[lo, hi; …]``; ``[Inf, -Inf]`` is empty. Raises `ValueError`."""
+    """Parse MATLAB's ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]`` is empty. Raises `ValueError`."""
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()

@@ -4,15 +4,15 @@ from pathlib import Path
 
 MAX_BYTES = 2_000_000
 KEPT_FILES = 3
-"""Number of older log files, ``name.log.1`` the newest; with `MAX_BYTES`, 8 MB per process."""
+"""Number of older log files, ``name.log.1`` the newest; with `MAX_BYTES` 8 MB per process."""
 
 
 class ProcessLog:
     """A text log that is rotated by size.
 
     A line that cannot be written (full disk) is counted and does not stop the process. At
-    `max_bytes` the file is renamed, and `kept_files` older ones are kept. The directory of
-    `path` is made.
+    `max_bytes` the file is renamed, and `kept_files` older ones are kept. A missing directory
+    of `path` is made.
     """
 
     def __init__(
@@ -25,7 +25,7 @@ class ProcessLog:
         """Number of lines that could not be written."""
 
     def write(self, text: str) -> None:
-        """Append a text; a newline is added if it is missing."""
+        """Append a text and, if missing, a newline."""
         content = text.encode("utf-8", "replace")
         if not content.endswith(b"\n"):
             content += b"\n"

@@ -29,18 +29,18 @@ _POSE = {
 PULSE_FIELDS = tuple(name for name, one in _PULSE.items() if not one.defaulted)
 POSE_FIELDS = tuple(_POSE)
 BURST_FIELDS = ("burst_starts_ns", "burst_snrs_db")
-"""Fields of coded tags' bursts; a file without such tags has no such columns."""
+"""Fields of coded tags' bursts; a file without coded tags has no such columns."""
 _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields that older files lack; they are last, for programs that read columns by place."""
+"""Fields that older files lack; they come last, for programs that read columns by position."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
 
 def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
-    """Fields of a pulse by name, ready for JSON."""
+    """Fields of a pulse by name, with values for JSON."""
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
     record: dict[str, Any] = {name: _known(getattr(pulse, name)) for name in PULSE_FIELDS}
     for name in POSE_FIELDS:
@@ -54,7 +54,7 @@ def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
 
 
 def inside_record(burst: BurstInside) -> dict[str, Any]:
-    """Fields of a burst's single pulses by name, for a JSON line of their own."""
+    """Fields by name of a burst's single pulses, for a separate JSON line."""
     return {one.name: getattr(burst, one.name) for one in _INSIDE}
 
 
@@ -76,7 +76,7 @@ def pulse_from_record(record: dict[str, Any]) -> PulsePose:
 
 
 def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
-    """Pose of a record; None if place or attitude is unknown."""
+    """Pose of a record; None if position or attitude is unknown."""
     if record["quaternion_wxyz"] is None:
         return None
     pose = Pose(
@@ -101,8 +101,8 @@ def _has(record: dict[str, Any], one: RecordField) -> bool:
 class PulseWriter:
     """Writes pulses to a text stream line by line, so that a reader can follow.
 
-    The caller opens and closes `stream` (files with ``newline=""``). With `bursts` a CSV gets
-    columns for the single pulses of coded tags' bursts.
+    The caller opens and closes `stream` (open files with ``newline=""``). With `bursts` a CSV
+    gets columns for the single pulses of coded tags' bursts.
     """
 
     def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:
@@ -128,13 +128,13 @@ class PulseWriter:
         self.written += 1
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Write the single pulses of a burst written before; only in JSON lines."""
+        """Write the single pulses of a burst already written; only in JSON lines."""
         self._stream.write(json.dumps(inside_record(burst), allow_nan=False) + "\n")
         self._stream.flush()
 
 
 def pulse_format(name: str) -> PulseFormat:
-    """Format by a file's name: CSV for ``.csv``, else JSON lines (also for ``-``)."""
+    """Format given by a file's name: CSV for ``.csv``, else JSON lines (also for ``-``)."""
     return "csv" if name.lower().endswith(".csv") else "jsonl"
 
 

@@ -76,7 +76,7 @@ class PulseLogs:
             PulsePoseLog(self._layout.pulse_pose_log).sync()
 
     def complete_from(self, database: sqlite3.Connection) -> None:
-        """Cut off unfinished lines, and append pulses of the database that a log lacks.
+        """Cut off unfinished lines, and append the database's pulses that a log lacks.
 
         Raises `OSError` if a log cannot be written, and `sqlite3.Error` if the database cannot
         be read.
@@ -101,7 +101,7 @@ class PulseLogs:
     def _complete(
         self, database: sqlite3.Connection, log: PulsePoseLog, tag_id: int | None
     ) -> None:
-        """Append pulses that a log lacks: of one tag, or of all tags.
+        """Append the pulses that a log lacks, of one tag or of all tags.
 
         SQLite compares in a temporary file, so memory does not grow with the flight.
         """

@@ -1,7 +1,7 @@
 """The thesis's ``pulse_pose_log.txt``: one pulse a line, 23 columns, now at full precision.
 
 docs/reference/flight-directory.md lists the columns. Unknown values are ``nan``, never zero.
-The original printed six digits: 11 m in latitude, and 4294967295 for half of all column 10.
+The original printed six digits (11 m in latitude), and 4294967295 in half of column 10.
 """
 
 import contextlib
@@ -52,13 +52,13 @@ def format_line(pulse_pose: PulsePose) -> str:
 
 
 class _Groups:
-    """Numbers each tag's groups: one begins when a pulse's index in the group does not rise."""
+    """Numbers each tag's groups: a new group begins when the pulse index does not rise."""
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, int]] = {}
 
     def numbered(self, found: PulsePose) -> PulsePose:
-        """Copy of a log's next pulse with the number of its group."""
+        """Copy a log's next pulse, with the number of its group."""
         pulse = found.pulse
         count, before = self._last.get(pulse.tag_id, (0, 1 << 30))
         count += pulse.group_index <= before
@@ -67,7 +67,7 @@ class _Groups:
 
 
 def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
-    """Parse one line, ours or the thesis's; raises `ValueError` for others.
+    """Parse one line, uavrt's or the thesis's; raises `ValueError` for others.
 
     The 23 columns lack some fields: `group_sequence` is given by the caller, the rate is 1,
     noise and relative altitude are NaN.
@@ -143,7 +143,7 @@ class PulsePoseLog:
         self._path = path
 
     def append(self, lines: Iterable[str]) -> None:
-        """Append lines, or restore the file's former length; raises `OSError` if that fails."""
+        """Append lines; restore the file's former length if that fails, and raise `OSError`."""
         content = memoryview("".join(lines).encode())
         file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         try:
@@ -202,7 +202,7 @@ class PulsePoseLog:
                 yield groups.numbered(parse_line(line.decode("utf-8", "replace")))
 
     def _lines(self) -> Iterator[bytes]:
-        """Yield the lines; an overlong one comes in pieces that cannot be parsed."""
+        """Yield the lines; an overlong line is split into pieces that cannot be parsed."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""Cache what was read of flights until their files change."""
+"""Cache values read from flights until the flights' files change."""
 
 from collections.abc import Callable, Mapping
 from typing import Generic, TypeVar
@@ -9,9 +9,9 @@ T = TypeVar("T")
 
 
 class FlightCache(Generic[T]):
-    """Values read from flights, each with the state of the flight's files at that time.
+    """Values read from flights, each valid until the flight's files change.
 
-    `read` reads the flight in a directory. `kept` has values of an earlier run, by directory.
+    `read` reads the flight in a directory. `kept`: values of an earlier run, by directory.
     """
 
     def __init__(
@@ -21,7 +21,7 @@ class FlightCache(Generic[T]):
         self.kept = dict(kept or {})
 
     def get(self, directory: str) -> T:
-        """Value of a flight, read only if its files changed; raises what `read` raises."""
+        """Value of a flight, read only if its files changed; raises the errors of `read`."""
         stamp = stamp_of(directory)
         found = self.kept.get(directory)
         if found is None or found[0] != stamp:

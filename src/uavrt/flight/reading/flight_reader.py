@@ -1,4 +1,4 @@
-"""Read a flight directory: complete, in progress, or cut off by an empty battery."""
+"""Read a flight directory: complete, in progress, or cut off by a power failure."""
 
 import math
 import os
@@ -41,10 +41,10 @@ LATEST_NS = 2**62
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """All records of a flight, each kind in order of time."""
+    """All records of a flight, each kind in the order of time."""
 
     info: FlightInfo
-    """General data of the flight; `info.directory` is where it was read."""
+    """General data of the flight; `info.directory` is the directory that was read."""
     settings_json: str | None
     pulse_poses: tuple[PulsePose, ...]
     """All pulses with the antenna's pose; the pose is None if unknown."""
@@ -59,7 +59,7 @@ class Flight:
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, also in progress, without most health records; raises `FormatError`."""
+    """Read a flight, even in progress, without most health records; raises `FormatError`."""
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),
@@ -112,7 +112,7 @@ def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
 
 
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
-    """Read searches without a detection; raises `FormatError`."""
+    """Read the reports of searches without a detection; raises `FormatError`."""
     columns, of_row = schema.SEARCH_REPORT_COLUMNS, schema.search_report_from_row
     return _records(directory, "search_reports", columns, of_row, order="time_ns, tag_id")
 
@@ -145,7 +145,7 @@ def _records(
     of_row: Callable[[schema.Row], R],
     order: str = "time_ns, rowid",
 ) -> tuple[R, ...]:
-    """Records of a table in order of time; none if an older flight lacks the table."""
+    """Records of a table in the order of time; none if an older flight lacks the table."""
     with flight_database(Path(directory)) as database:
         tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?"
         if source in _LATER_TABLES and not database.execute(tables, (source,)).fetchone():
@@ -158,7 +158,7 @@ DAMAGED = (
     *(sqlite3.Error, OSError, ValueError, TypeError, ArithmeticError, LookupError),
     RecursionError,
 )
-"""Error types that mean that a database is damaged or has impossible values."""
+"""Error types raised for a damaged database or impossible values."""
 
 
 @contextmanager
@@ -186,7 +186,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
-    """Open a database for reading only; a copy if the medium allows no lock files."""
+    """Open a database read-only; open a copy if the medium allows no lock files."""
     try:
         return open_plain(path)
     except sqlite3.OperationalError:
@@ -199,7 +199,7 @@ def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
 
 
 def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
-    """Read the flight's general data; raises `ValueError` if it never began."""
+    """Read the flight's general data; raises `ValueError` if the flight never began."""
     columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:

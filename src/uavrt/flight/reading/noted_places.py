@@ -1,6 +1,6 @@
-"""Write and read places in a flight's notes: take-off, and marks of the operator.
+"""Write and read positions in a flight's notes: take-off, and marks of the operator.
 
-They are ordinary notes, so that every reader of a flight has them::
+Positions are ordinary notes, so that every reader of a flight shows them::
 
     home at 35.1782410, -111.6565870
     mark at 35.1790000, -111.6560000: nest seen
@@ -19,7 +19,7 @@ _VEHICLE = re.compile(r"vehicle \d{1,3}(?:, .{1,60})?", re.DOTALL)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """Place that the operator marked, with a remark."""
+    """Position that the operator marked, with a remark."""
 
     time_ns: int
     latitude_deg: float
@@ -37,7 +37,7 @@ class Places:
 
 
 def home_note(latitude_deg: float, longitude_deg: float) -> str:
-    """Format a note with the take-off place."""
+    """Format a note with the take-off position."""
     return f"home at {latitude_deg:.7f}, {longitude_deg:.7f}"
 
 
@@ -54,13 +54,13 @@ def vehicle_of(notes: Iterable[tuple[int, str]]) -> str | None:
 
 
 def mark_note(latitude_deg: float, longitude_deg: float, text: str = "") -> str:
-    """Format a note with a marked place and its remark."""
+    """Format a note with a marked position and its remark."""
     said = f": {text.strip()[:200]}" if text.strip() else ""
     return f"mark at {latitude_deg:.7f}, {longitude_deg:.7f}{said}"
 
 
 def places_of(notes: Iterable[tuple[int, str]]) -> Places:
-    """Find the places in notes of (time [ns], text)."""
+    """Find the positions in notes of (time [ns], text)."""
     home, marks = None, []
     for time_ns, text in notes:
         found = _PLACE.fullmatch(text)

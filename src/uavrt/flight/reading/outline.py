@@ -1,4 +1,4 @@
-"""Read summaries of flights for long lists, without making an object of each pulse."""
+"""Read summaries of flights for long lists, without making an object for each pulse."""
 
 import os
 import re
@@ -18,7 +18,7 @@ _HEARD = (
     f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns), count(*)"
     " FROM pulses GROUP BY tag_id"
 )
-"""SQL query for each tag: confirmed pulses and their last end, and pulses of any status."""
+"""SQL query of each tag's confirmed pulses, their last end, and pulses of any status."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
@@ -44,11 +44,11 @@ class FlightOutline:
     all_pulses: int
     """Number of pulses of any status, ghosts included."""
     of_ground: bool
-    """True if a ground station recorded the flight, false if the drone did."""
+    """True if a ground station recorded the flight, False if the drone did."""
     vehicle: str | None
-    """Number and name of the vehicle, if a ground station recorded them."""
+    """Number and name of the vehicle; None unless a ground station recorded them."""
     battery_percent: tuple[int, ...]
-    """Battery levels recorded by a ground station, in order of time [%]."""
+    """Battery levels recorded by a ground station, in the order of time [%]."""
 
     @property
     def pulses(self) -> int:
@@ -62,7 +62,7 @@ class FlightOutline:
 
 
 def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
-    """Read a flight's summary; raises `FormatError` if it is missing or damaged."""
+    """Read a flight's summary; raises `FormatError` for a missing or damaged flight."""
     with flight_database(Path(directory)) as database:
         database.execute("BEGIN")  # one lock for all that follows
         info = flight_info(database, Path(directory))
@@ -97,8 +97,8 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
     """Level of each confirmed pulse [dB], by tag and start time [ns].
 
     Levels agree to the last digit in copies of a flight, but differ between two drones that
-    receive the same pulse. A start received over the link has lost its nanoseconds. Raises
-    `FormatError` as `read_outline`.
+    receive the same pulse. A start time received over the link is rounded, without nanoseconds.
+    Raises `FormatError` as `read_outline`.
     """
     with flight_database(directory) as database:
         found = database.execute(_LEVELS)

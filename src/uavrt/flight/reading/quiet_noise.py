@@ -1,7 +1,7 @@
 """Noise level of a receiver at rest in past flights, as a reference for the present noise.
 
-A receiver does not measure watts, and normal levels differ between drones. So the reference is
-the noise before take-off, with the motors off, or else a flight's lowest tenth.
+Receivers are not calibrated in watts, and normal levels differ between drones. So the reference
+is the noise before take-off, with the motors off, or else the lowest tenth of a flight.
 """
 
 import os
@@ -15,10 +15,10 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.flight_reader import flight_database
 
 MOST_FLIGHTS = 10
-"""Number of newest flights used, since receivers and gains change over the years."""
+"""Number of newest flights used; only few, since receivers and gains change over the years."""
 _IN_THE_AIR_M = 2.0
 _LEAST = 3
-"""Least number of noise values for a median."""
+"""Smallest number of noise values for a median."""
 _NOISE = (
     "SELECT tag_id, time_ns, noise_psd FROM search_reports WHERE noise_psd > 0 UNION ALL"
     " SELECT tag_id, start_time_ns, noise_psd FROM pulses WHERE noise_psd > 0"

@@ -1,8 +1,8 @@
-"""Read a pulse log of any system; its content shows the format.
+"""Read a pulse log of any system; the format is recognised by its content.
 
 Three layouts share 20 columns, headings are missing or wrong, and files get renamed. So neither
-name nor option decides. TagTracker's variants with 20 columns are distinguished by what fits
-every row: a quaternion of length 1 in all rows is no accident.
+name nor option decides. TagTracker's variants with 20 columns are distinguished by their
+values: one variant has a quaternion of length 1 in every row.
 """
 
 import json
@@ -56,7 +56,7 @@ _REMEDY = (
 
 
 def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
-    """Read the pulses of a flight directory or a log; raises errors as `read_pulse_log`."""
+    """Read the pulses of a flight directory or a log; see `read_pulse_log` for errors."""
     return read_pulse_log(path).pulse_poses
 
 
@@ -99,7 +99,7 @@ def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
 
 
 def _none_in(directory: Path) -> FormatError:
-    """Error for a folder without pulses, which names the recordings of samples in it."""
+    """Make the error for a folder without pulses, naming its recordings of samples."""
     samples = next(iter(sorted(directory.glob("*.sigmf-meta"))), None)
     tags = next((one for one in (directory / "tags.toml",) if one.is_file()), "TAGS")
     return FormatError(
@@ -184,7 +184,7 @@ def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
 
 
 def _is_tagtracker(lines: Sequence[str]) -> bool:
-    """True if a file has TagTracker's rows, with a spreadsheet's semicolons or tabs."""
+    """True if a file has TagTracker's rows, also with a spreadsheet's semicolons or tabs."""
     rows = (cells_of(line) for line in with_commas(lines[:_FIRST_LINES]) if line.strip())
     first = next(rows, [])
     return len(first) > 3 and (is_heading(first) or row_kind(first[0]) in _TRACKERS)
@@ -216,7 +216,7 @@ def _is_thesis(line: str) -> bool:
 
 
 def _original(path: Path) -> tuple[str, ...]:
-    """Warnings for the original's pulse_pose_log.txt; ours has nine decimals in frequencies."""
+    """Warnings for the original's pulse_pose_log.txt; uavrt writes more decimals in it."""
     rows = [cells for line in read_lines(path) if len(cells := cells_of(line)) == COLUMNS]
     if all(len(cells[1].partition(".")[2]) == _DECIMALS_OF_OURS for cells in rows):
         return ()
@@ -235,7 +235,7 @@ def _directory(directory: Path) -> PulseLog:
 
 
 def _merged(logs: Iterable[PulseLog]) -> PulseLog:
-    """Join several logs in order of time; each warning and each pulse appears once."""
+    """Join several logs in the order of time; each warning and each pulse appears once."""
     everything = list(logs)
     if len(everything) == 1:
         return everything[0]

@@ -14,8 +14,7 @@ from uavrt.core.errors import UavrtError
 from uavrt.core.messages import Tag
 
 _SAME_HZ = 500.0
-"""Largest difference of recorded and listed frequency [Hz]; the id is another tag's beyond
-it."""
+"""Largest difference of recorded and listed frequency for the same tag [Hz]."""
 
 
 def tags_with_names(tags: Iterable[Tag], directory: Path) -> tuple[Tag, ...]:

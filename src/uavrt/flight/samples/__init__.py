@@ -1,1 +1,1 @@
-"""Recorded samples: the whole band, and the channels of the tags."""
+"""Record samples: the whole band, and the channels of the tags."""

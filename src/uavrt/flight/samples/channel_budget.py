@@ -21,7 +21,7 @@ class ChannelBudget:
         self._flight = flight
         self._most_bytes = most_bytes
         self._pieces: deque[tuple[Path, int]] = deque()
-        """Closed channel files: path of the samples and size [bytes]."""
+        """Closed channel files, each with the path of the samples and the size [bytes]."""
         self.bytes = 0
         """Size of all channel files, open ones included."""
         self.removed_pieces = 0
@@ -33,7 +33,7 @@ class ChannelBudget:
         self.bytes = sum(size for *_, size in found)
 
     def _found(self) -> list[tuple[int, int, Path, int]]:
-        """Place in the order of flights, modification time, path and size of each file."""
+        """Find each file's place in the order of flights, modification time, path and size."""
         found = []
         flights = [
             path for path in flights_in_order(self._flight.parent) if path != self._flight
@@ -50,11 +50,11 @@ class ChannelBudget:
         return found
 
     def closed(self, path: Path, size: int) -> None:
-        """Mark a channel file as removable; its size is already counted."""
+        """Mark a channel file as removable; the file's size is already counted."""
         self._pieces.append((path, size))
 
     def make_room(self, more: int) -> bool:
-        """Remove the oldest files until `more` bytes fit, and count these; else false."""
+        """Remove the oldest files until `more` bytes fit, and reserve these; else False."""
         while self.bytes + more > self._most_bytes and self._pieces:
             self._remove(*self._pieces.popleft())
         if self.bytes + more > self._most_bytes:

@@ -1,14 +1,13 @@
 """Record the tags' radio channels as SigMF; detection and other recording have priority.
 
-`put` only queues blocks. A thread writes each channel to files of its own, one after the other,
-so that the oldest can be removed (`uavrt.flight.samples.channel_budget`). Samples that a slow
-or full disk cannot take are dropped, counted and marked as a gap.
-Each file's scale depends on its noise. With 8 bits, the noise has at least 3 steps, which adds
-.02 to .04 dB and leaves 26 dB above it, 48 dB in the energy of a pulse of 20 ms. A stronger
-signal begins a new file of 16 bits, with 20 to 40 steps for the noise (.001 dB) and 58 dB above
-it, or with a wider scale. So nothing is ever clipped, and rounding adds less than .05 dB while
-the amplitude is less than 73 dB above the noise's. A new file of 8 bits also begins before
-falling noise reaches 2 steps.
+`put` only queues blocks. A thread writes each channel to a series of files, so that the oldest
+can be removed (`uavrt.flight.samples.channel_budget`). Samples that a slow or full disk cannot
+take are dropped, counted and marked as a gap. Each file's scale depends on its noise. With 8
+bits, the noise has at least 3 steps, which adds .02 to .04 dB and leaves 26 dB above it, 48 dB
+in the energy of a pulse of 20 ms. A stronger signal begins a new file of 16 bits, with 20 to 40
+steps for the noise (.001 dB) and 58 dB above it, or with a wider scale. So nothing is ever
+clipped, and rounding adds less than .05 dB while the amplitude is less than 73 dB above the
+noise's. A new file of 8 bits also begins before falling noise reaches 2 steps.
 """
 
 import math
@@ -35,33 +34,33 @@ log = get_logger()
 FLUSH_S = 2.0
 """Time between two writes [s]; a kill or a power cut loses at most this."""
 MOST_WAITING_BYTES = 16 * 1024 * 1024
-"""Largest size of samples waiting for the disk: 280 s of one channel, 2.8 s of a hundred."""
+"""Largest size of the samples waiting for the disk [bytes]: 280 s of one channel."""
 SLOW_S, REST_S = 1.0, 10.0
 """Duration of a write above which writing pauses, and length of the pause [s]."""
 PIECE_S, SHORTEST_PIECE_S = 300.0, 5.0
 PIECES_OF_BUDGET = 8
-"""Least number of files into which each channel's share of the budget is divided."""
+"""Smallest number of files into which each channel's share of the budget is divided."""
 FREE_SPACE_FACTOR = 1.2
 """Free space that channels need, over that of other recordings [ratio]: channels stop first, so
 that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
 """Least rms of the noise's I and Q at the start of a file [steps], by bits per value."""
 FINER = math.sqrt(0.5)
-"""Noise relative to that at the start, below which a file of 8 bits ends [amplitude ratio]."""
+"""Ratio of the noise to that at the start below which a file of 8 bits ends [amplitude]."""
 WINDOW = 128
 HEADROOM = 1.25
 """Factor by which a scale is wider than the strong signal that required it."""
 WIDER_S = 20.0
-"""Least duration of a file whose scale was widened for a strong signal [s]."""
+"""Least duration of a file whose scale was widened because of a strong signal [s]."""
 TIME_STEP_NS = 500_000
-"""Clock step above which a new stretch of samples begins in the metadata [ns]."""
+"""Clock step above which the metadata begin a new stretch of samples [ns]."""
 GAP_S = 0.05
 """Duration of zeros above which they are stored as a gap [s]; they replace lost samples."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Batch:
-    """Channel samples of one radio block, with a common start time."""
+    """Channel samples of one block of the radio, with a common start time."""
 
     channels: tuple[tuple[int, float], ...]
     """Number and centre frequency [Hz] of each channel."""
@@ -78,7 +77,7 @@ class _Batch:
         return self.time_ns + round(lasts_s * NANOSECONDS_PER_SECOND)
 
     def continued_by(self, later: "_Batch") -> bool:
-        """True if another batch follows without missing samples or a clock step."""
+        """True if another batch follows this one without missing samples or a clock step."""
         return (
             later.channels == self.channels
             and later.sample_index == self.sample_index + self.samples.shape[1]
@@ -88,7 +87,7 @@ class _Batch:
 
 @dataclass(slots=True)
 class _Channel:
-    """A radio channel and the state of the file that it is written to."""
+    """A radio channel, and the state of the file to which it is written."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -124,7 +123,7 @@ class ChannelRecorder:
         self._waiting_bytes = 0
         self._piece_s = PIECE_S
         self._last: _Batch | None = None
-        """Last batch that was written."""
+        """Last batch written."""
         self._rest_until_s = float("-inf")
         self._overflowing = False
         self._condition = threading.Condition()
@@ -135,7 +134,7 @@ class ChannelRecorder:
         self.invalid_values = 0
         """Number of non-finite values, stored as zeros."""
         self.trouble: str | None = None
-        """Reason why nothing is recorded at present; None if all is well."""
+        """Reason why nothing is recorded at present; None while recording."""
         self._thread = threading.Thread(target=self._run, name="channel-recorder", daemon=True)
         self._thread.start()
 
@@ -273,7 +272,7 @@ class ChannelRecorder:
             self._drop(left - written, fault)
 
     def _bytes(self, number: int) -> int:
-        """Bytes per complex sample in the channel's file; 2 in a new file."""
+        """Number of bytes per complex sample in the channel's file; 2 in a new file."""
         channel = self._channels.get(number)
         if channel is None or channel.file is None:
             return BYTES_PER_SAMPLE // 2
@@ -292,7 +291,7 @@ class ChannelRecorder:
     def _file_for(
         self, channel: _Channel, samples: NDArray[np.complex64], peak: float
     ) -> SampleFile:
-        """File to write to; a new one if it is too old or its scale does not fit."""
+        """File for the next samples; a new one if the last is too old or its scale is unfit."""
         if channel.file is not None and self._is_over(channel, channel.file, samples, peak):
             self._end_piece(channel)
         if channel.file is None:
@@ -325,12 +324,12 @@ class ChannelRecorder:
         return bits == 8 or (channel.widened and file.full_scale > 4.0 * scale)
 
     def _length_of_pieces(self, rate_hz: float) -> float:
-        """Duration at which several files of each channel fit into the budget [s]."""
+        """Duration of one file with which several of each channel fit into the budget [s]."""
         share_s = self._budget_bytes / (rate_hz * BYTES_PER_SAMPLE) / PIECES_OF_BUDGET
         return min(PIECE_S, max(SHORTEST_PIECE_S, share_s))
 
     def _next_name(self, channel: _Channel) -> Path:
-        """File name after all existing ones, so that a restarted receiver continues."""
+        """File name that follows all existing ones, so that a restarted receiver continues."""
         name = f"channel_{channel.center_frequency_hz:.0f}_Hz_"
         if channel.number == 0:
             there = self._directory.glob(f"{name}*.sigmf-data")
@@ -396,7 +395,7 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits and full scale of a new file, and whether it is wider than its noise requires."""
+    """Bits and full scale of a new file, and whether the scale exceeds the noise's need."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False

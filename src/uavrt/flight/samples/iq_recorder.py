@@ -20,7 +20,7 @@ WAKE_S = 0.2
 """Duration of samples written at a time [s]; waking the thread costs more than the writing."""
 
 SETTLED_AFTER_S = 12.0
-"""Time in which the clock of a radio's samples is corrected fast [s]
+"""Time during which the clock of a radio's samples is corrected fast [s]
 (`uavrt.radio.timing.sample_times`)."""
 
 
@@ -53,7 +53,7 @@ class IQRecorder:
         self.dropped_samples = 0
         """Number of samples dropped because the disk was slow, full or failing."""
         self.trouble: str | None = None
-        """Reason why nothing is written at present; None if all is well."""
+        """Reason why nothing is written at present; None while writing."""
         try:
             self.file = SampleFile(
                 base,
@@ -125,7 +125,7 @@ class IQRecorder:
             self.file.close()
 
     def _next_blocks(self) -> list[IQBlock]:
-        """Wait for enough blocks to write; empty at the end."""
+        """Wait for enough blocks to write; none at the end."""
         with self._condition:
             while self._waiting_samples < self._worth_waking and not self._closing:
                 self._condition.wait()

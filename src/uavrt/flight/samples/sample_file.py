@@ -25,10 +25,10 @@ class SampleFile:
 
     The metadata describes all samples of the data file at any moment, also after a kill and,
     with `sync`, after a power cut. `base` is directory and NAME, without a suffix; the
-    directory is made. `description` and `hardware` are texts of the metadata.
-    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which
-    need `append_stored`. For `settled_after_s` a new radio's clock is corrected; then, or at
-    the end of its stretch, the stretch is dated again.
+    directory is made. `description` and `hardware` are texts of the metadata. An input of
+    `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which need
+    `append_stored`. For `settled_after_s` a new radio's clock is corrected; then, or at the end
+    of the stretch, the stretch's time is corrected.
     Raises `FileExistsError` for another recording's file, and `OSError` if the files cannot be
     made.
     """
@@ -53,7 +53,7 @@ class SampleFile:
         self.bytes_per_sample = BYTES_PER_SAMPLE * bits // 16
         self.written_samples = 0
         self.clipped_samples = 0
-        """Number of samples beyond full scale, stored at its limit."""
+        """Number of samples beyond full scale, which are stored at the limit."""
         self._sample_rate_hz = sample_rate_hz
         self._center_frequency_hz = center_frequency_hz
         self._description = description
@@ -103,7 +103,7 @@ class SampleFile:
         self._next_index = sample_index + count
 
     def break_off(self) -> None:
-        """Make the next samples begin a new stretch."""
+        """End the present stretch; the next samples begin a new one."""
         self._next_index = None
 
     def close(self) -> None:
@@ -114,7 +114,7 @@ class SampleFile:
         os.close(self._file)
 
     def _follow_clock(self, sample_index: int, time_ns: int) -> None:
-        """Track the clock's correction, and date the stretch again when it has settled."""
+        """Track the clock's correction, and correct the stretch's time once it has settled."""
         last = self._stretches[-1]
         lasts_s = (sample_index - last.global_index) / self._sample_rate_hz
         self._moved_ns = time_ns - last.time_ns - ns_from_s(lasts_s)
@@ -122,7 +122,7 @@ class SampleFile:
             self._write_metadata()
 
     def _place_stretch(self) -> bool:
-        """Date the last stretch by its newest samples; true if its start moved."""
+        """Correct the last stretch's time by its newest samples; True if its start moved."""
         moved_ns, self._moved_ns = self._moved_ns, None
         if moved_ns is None or abs(moved_ns) < _LEAST_MOVE_NS:
             return False
@@ -191,7 +191,7 @@ class FreeSpace:
         self._free = True
 
     def enough(self) -> bool:
-        """True if there is enough free space; false if it cannot be measured."""
+        """True if there is enough free space; False if the free space cannot be measured."""
         now_s = monotonic_s()
         if now_s - self._checked_s >= _FREE_SPACE_PERIOD_S:
             self._checked_s = now_s
@@ -199,7 +199,7 @@ class FreeSpace:
         return self._free
 
     def room_bytes(self) -> int:
-        """Number of bytes that may still be written; 0 if it cannot be measured."""
+        """Number of bytes that may still be written; 0 if the free space cannot be measured."""
         try:
             status = os.statvfs(self._directory)
         except OSError:

@@ -1,7 +1,7 @@
 """Make SigMF metadata for a recording with gaps.
 
 Each stretch of samples without a gap is one entry of ``captures`` with its time and, in
-``core:global_index``, its place in the radio's stream. Each gap is also an annotation, which
+``core:global_index``, its position in the radio's stream. Each gap is also an annotation, which
 viewers display (SigMF 1.2, https://sigmf.org).
 """
 
@@ -80,7 +80,7 @@ def sigmf_metadata(
 
 
 def _own_scale(full_scale: float) -> dict[str, Any]:
-    """Metadata entries for a full scale other than the usual one."""
+    """Metadata entries for a full scale other than the default."""
     if full_scale == 1.0:
         return {}
     extension = {"name": "uavrt", "version": "1.0.0", "optional": True}

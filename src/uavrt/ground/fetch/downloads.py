@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from uavrt.core.errors import LinkError, UavrtError, UsageError
+from uavrt.core.errors import LinkError, NotFound, UavrtError, UsageError
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import FETCHED_COPY, FLIGHT_PREFIX
@@ -91,7 +91,7 @@ class Downloads:
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
         """Start to fetch a flight, with its recorded samples if `everything` is True."""
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
-            raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
+            raise NotFound(f"there is no flight {flight_id[:80]!r} on the drone")
         if self._is_own(flight_id):
             raise UsageError(
                 f"{flight_id} is already on this computer, which is the drone's own"

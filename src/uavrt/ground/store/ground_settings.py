@@ -15,7 +15,14 @@ from uavrt.config.tags.tag_corrections import TagCorrection, standing_correction
 from uavrt.config.tags.tag_files import write_tags
 from uavrt.core.atomic_file import replacing, write_atomically
 from uavrt.core.commands import Generation
-from uavrt.core.errors import ConfigError, FormatError, UavrtError, UsageError, os_errors_as
+from uavrt.core.errors import (
+    ConfigError,
+    FormatError,
+    NotFound,
+    UavrtError,
+    UsageError,
+    os_errors_as,
+)
 from uavrt.core.foreign import OWN, decode_record, read_file, read_record
 from uavrt.core.messages import Tag
 from uavrt.core.units import number_in
@@ -84,7 +91,7 @@ class GroundSettings:
             raise UsageError("settings must be an object")
         unknown = set(values) - set(asdict(self))
         if unknown:
-            raise UsageError(f"there is no setting {sorted(unknown)[0][:40]!r}")
+            raise NotFound(f"there is no setting {sorted(unknown)[0][:40]!r}")
         return replace(self, **{name: _judged(name, value) for name, value in values.items()})
 
 

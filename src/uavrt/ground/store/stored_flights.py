@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.core.errors import FormatError, RecordingError, UsageError, os_errors_as
+from uavrt.core.errors import FormatError, NotFound, RecordingError, UsageError, os_errors_as
 from uavrt.core.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.flight.database.plain_database import open_plain
 from uavrt.flight.database.schema import POSE_COLUMNS, pose_row, read_older
@@ -212,7 +212,7 @@ class FlightLibrary:
         plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
         # Not by Path.is_file, which raises for names that no file can have.
         if not plain or not os.path.isfile(FlightLayout(path).database):
-            raise UsageError(f"there is no flight {flight_id[:80]!r}")
+            raise NotFound(f"there is no flight {flight_id[:80]!r}")
         return path
 
     def summary(self, flight_id: str) -> FlightSummary:

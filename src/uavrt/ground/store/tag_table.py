@@ -13,7 +13,7 @@ from uavrt.config.tags.code_rules import words_of_near_codes
 from uavrt.config.tags.tag_drafts import Entry, Fault, Quantity, TagDraft
 from uavrt.config.tags.tag_files import parse_tags, tags_as_text
 from uavrt.config.tags.tag_rules import MAX_FALSE_ALARM_PROBABILITY, tags_from_drafts
-from uavrt.core.errors import TagFileError, UsageError
+from uavrt.core.errors import NotFound, TagFileError, UsageError
 from uavrt.core.foreign import TAGS, read_file
 from uavrt.core.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 from uavrt.formats.csv_line import TableWriter
@@ -184,7 +184,7 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
         writer.writerow(names)
         writer.writerows([row.get(name, "") for name in names] for row in rows_from_tags(tags))
         return stream.getvalue()
-    raise UsageError(
+    raise NotFound(
         f"there is no format {name}", remedy="Choose from tags.toml, TagInfo.txt, tags.csv"
     )
 

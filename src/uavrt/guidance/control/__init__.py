@@ -1,5 +1,5 @@
-"""Who commands the vehicle, and what ends an order, as a pilot does (`authority`).
+"""Command of the vehicle: what may be sent, and what ends an order (`authority`).
 
-`authority` ends it. `order_watch` decides which report is a takeover: `commanded` judges the
-target, `rc_watch` sticks and switches; `observed_vehicle` knows failsafes, `offers` proposals.
+`order_watch` decides which report is a takeover: `commanded` checks the target, `rc_watch`
+sticks and switches, `observed_vehicle` failsafes; `offers` holds proposals.
 """

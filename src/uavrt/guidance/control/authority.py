@@ -7,8 +7,8 @@ order, with an unused nonce, begins again.
 
 Acknowledgements of commands are ignored: PX4 refuses commands that it flies, and accepts some
 that it does not. A command counts as obeyed when the vehicle reports its target. `Authority` is
-the last stage on the drone before the autopilot, and receives the autopilot's reports first. It
-refuses a planner's command that was in transit when a pilot took over.
+the last stage on the drone before the autopilot, and receives the autopilot's reports first. So
+a planner's command in transit during a takeover is refused.
 """
 
 from collections import Counter
@@ -25,7 +25,7 @@ from uavrt.guidance.safety import SAFETY
 
 
 class Standing(StrEnum):
-    """State of the authority over the vehicle: out, confirmed or in command."""
+    """State of the authority over the vehicle: out of command, confirmed or in command."""
 
     OUT = "out"
     CONFIRMED = "confirmed"
@@ -33,10 +33,10 @@ class Standing(StrEnum):
 
 
 class Authority:
-    """Checks commands to one vehicle last; nothing is sent without it.
+    """Last check of every command to one vehicle; nothing is sent without it.
 
-    It confirms a take-off only with `may_take_off`. It ignores `unwatched_channels` of the
-    remote control, which carry no switch or stick.
+    A take-off is confirmed only with `may_take_off`. `unwatched_channels`: channels of the
+    remote control without switch or stick, which are ignored.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Authority:
         self._writer, self.behaviour = writer, writer.behaviour
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self.reason = "nothing was confirmed"
-        """Reason why it is out of command."""
+        """Reason why this drone is out of command, for the operator."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
         """Shortest distance to the target reached on the previous leg [m]; None: no leg."""
@@ -104,7 +104,7 @@ class Authority:
         """Accept the operator's confirmation of the proposed order.
 
         With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
-        Raises `CommandRefused`: it is another order, too late, or the vehicle changed.
+        Raises `CommandRefused`: the order is another one, too late, or the vehicle changed.
         """
         offer = self._offers.take(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
@@ -135,7 +135,7 @@ class Authority:
     def _check_vehicle(
         self, now_s: float, *, takeoff: bool
     ) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
-        """Return the vehicle's state; raises `CommandRefused` if it cannot be flown now."""
+        """Return the vehicle's state; `CommandRefused` if the vehicle cannot be flown now."""
         fault = self.fault(now_s, takeoff=takeoff)
         if fault is not None:
             raise CommandRefused(*fault[:1], remedy=fault[1])
@@ -162,9 +162,9 @@ class Authority:
     ) -> VehicleCommand:
         """Convert a requested motion to the command to send now, once.
 
-        One that `stops` the drone in its present mode may be the first command of an order
-        while the previous one is still flown; it never changes the mode. Raises
-        `CommandRefused`: nothing may be sent; the request is dropped.
+        With `stops` the command stops the drone in its present mode; it may be the first of an
+        order while the previous order is still flown. Raises `CommandRefused`: nothing may be
+        sent; the request is dropped.
         """
         self.tick(now_s)
         order = self._order
@@ -188,13 +188,13 @@ class Authority:
 
     @property
     def climbs(self) -> bool:
-        """True once the take-off itself was commanded; the drone then climbs to its height."""
+        """True once the take-off itself was commanded; the drone then climbs to the height."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and isinstance(motion.wish, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order, or still of the last one."""
+        """True while the vehicle flies a command of this order, or still one of the last."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -238,7 +238,7 @@ class Authority:
         return motion is not None and motion.obeyed
 
     def see(self, seen: Observation) -> None:
-        """Handle a report of the vehicle; a change that no command caused ends the order."""
+        """Handle a report of the vehicle; a change without a command ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
@@ -256,7 +256,7 @@ class Authority:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """Leave command for this reason and withdraw any proposal; the first reason is kept."""
+        """End command for this reason and withdraw any proposal; the first reason is kept."""
         if reason is None:
             return
         self._offers.clear()

@@ -1,4 +1,4 @@
-"""Monitor the last command: the drone must fly it and nothing else. Pure."""
+"""Monitor the last command: the drone must fly this command and nothing else. Pure."""
 
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, radians, sin
@@ -17,13 +17,13 @@ OTHERS_TARGET, OTHERS_HEIGHT = "another has given a target", "another changes th
 
 @dataclass(slots=True, kw_only=True)
 class Commanded:
-    """The last command, and how the drone follows it; its methods return deviations."""
+    """The last command and the drone's progress with it; methods return deviations."""
 
     wish: Wish
     behaviour: Behaviour
     sent_s: float
     first: bool
-    """True for the first command of its order, which may change the mode."""
+    """True for an order's first command, which may change the mode."""
     before: TargetSeen | None
     """Target that the autopilot reported before the command."""
     start: PositionSeen
@@ -44,9 +44,9 @@ class Commanded:
     """Highest altitude so far during a take-off [m]."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
-    """True once the drone was at its target."""
+    """True once the drone has been at its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """True while it is near its target, where it may stop and a pause would not show."""
+    """True while the drone is near its target, where it may stop and a pause would not show."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -90,7 +90,7 @@ class Commanded:
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Return which report or progress is missing by now; None if none is."""
+        """Return which report or progress is overdue by now; None if none is."""
         rises = isinstance(self.wish, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
@@ -102,7 +102,7 @@ class Commanded:
         return "the target is no longer reported" if lost else None
 
     def in_own_mode(self) -> None:
-        """Record that the vehicle is in the mode for commands; `TakeMode` requests no more."""
+        """Record that the vehicle is in the mode for commands, all that `TakeMode` requests."""
         self.obeyed |= isinstance(self.wish, TakeMode)
 
     def see_target(
@@ -163,16 +163,16 @@ class Commanded:
         return same_place(one, other, self.behaviour.target_m)
 
     def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
-        """Time of a report by its own clock [s]; after a stall it is processed later."""
+        """Time of a report by its own clock [s], unaffected by delayed processing."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
         return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 
     def _waits(self, seen: TargetSeen) -> bool:
-        """True if the report may be older than the autopilot's reaction to the command."""
+        """True if the report may date from before the autopilot's reaction to the command."""
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
-        """True if the target may be the previous one, or come from the change of mode."""
+        """True if the target may still be the previous one, or be set by the change of mode."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):
@@ -217,7 +217,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
-        """Check a climb: straight up without a pause; in `TakeMode` it stays on the ground."""
+        """Check a climb: straight up without a pause; with `TakeMode` the drone stays down."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)

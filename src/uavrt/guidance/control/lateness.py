@@ -1,6 +1,6 @@
 """Delay of the vehicle's reports, from the timestamps in them. Pure.
 
-Behind the queue of a slow link, the report of a pilot's return arrives seconds late.
+Queued on a slow link, the report of a pilot's takeover arrives seconds late.
 """
 
 from uavrt.guidance.control.observed import BootTimeSeen
@@ -10,8 +10,8 @@ from uavrt.guidance.safety import SAFETY
 class Lateness:
     """Measures the delay of reports by the autopilot's time since its start.
 
-    Uses TIMESYNC if available, else the smallest offset since the link came up: the message
-    with the smallest delay counts as not delayed.
+    Uses TIMESYNC if available. Otherwise the message with the smallest offset since the link
+    came up counts as not delayed.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class Lateness:
 
     @property
     def fault(self) -> str | None:
-        """Return the reason if reports are too late for any command; else None."""
+        """Reason if reports are too late for any command; None if they are not."""
         if self.late_s <= SAFETY.latest_telemetry_s:
             return None
         return f"the autopilot's messages come {self.late_s:.1f} s late"

@@ -58,20 +58,20 @@ class PositionSeen:
 
 @dataclass(frozen=True, slots=True)
 class PositionLost:
-    """The autopilot reports that it has no position."""
+    """Report of the autopilot that it has no position."""
 
     time_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSeen:
-    """Present target of the autopilot, from POSITION_TARGET_GLOBAL_INT."""
+    """Present target of the autopilot: POSITION_TARGET_GLOBAL_INT."""
 
     time_s: float
     boot_s: float
     """Autopilot's time since its start [s]."""
     latitude_deg: float | None
-    """Latitude of the target [deg]; None: it has no target position."""
+    """Latitude of the target [deg]; None if the autopilot has no target position."""
     longitude_deg: float | None
     altitude_amsl_m: float | None
     yaw_deg: float | None
@@ -79,13 +79,13 @@ class TargetSeen:
 
 @dataclass(frozen=True, slots=True)
 class SticksSeen:
-    """Channels of the remote control, from RC_CHANNELS [µs]; empty: no signal."""
+    """Channels of the remote control [µs]: RC_CHANNELS; empty without a signal."""
 
     time_s: float
     channels_us: tuple[int, ...]
-    """Roll, pitch, throttle and yaw stick [µs]."""
+    """Positions of the roll, pitch, throttle and yaw sticks [µs]."""
     switches_us: tuple[int, ...] = ()
-    """Channels from 5 on [µs]; 0 if unused."""
+    """Pulse widths of the channels from 5 on [µs]; 0 if unused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class LandedSeen:
 
 @dataclass(frozen=True, slots=True)
 class FailsafeSeen:
-    """The autopilot reports a failsafe."""
+    """Report that the autopilot is in a failsafe."""
 
     time_s: float
     what: Literal["fence", "battery", "position estimate", "critical state"]
@@ -117,7 +117,7 @@ class FailsafeSeen:
 
 @dataclass(frozen=True, slots=True)
 class BootTimeSeen:
-    """Autopilot's time since its start, from any message that has it."""
+    """Autopilot's time since its start, from any message with a time stamp."""
 
     time_s: float
     boot_s: float
@@ -127,7 +127,7 @@ class BootTimeSeen:
 
 @dataclass(frozen=True, slots=True)
 class Boot:
-    """A new or different autopilot was found."""
+    """Report that a new or different autopilot was found."""
 
     time_s: float
 

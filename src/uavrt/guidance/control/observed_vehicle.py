@@ -1,4 +1,4 @@
-"""State of the vehicle by its last reports, and reasons against a command. Pure."""
+"""State of the vehicle from its last reports, and reasons against a command. Pure."""
 
 from math import inf
 
@@ -35,16 +35,16 @@ class ObservedVehicle:
         self.turning_deg_s = self.target_turning_deg_s = 0.0
         """Last rates of change of the heading and of the reported target heading [°/s]."""
         self._rest: PositionSeen | None = None
-        """First of the latest positions with about the present heading."""
+        """Earliest of the latest positions that share about the present heading."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
         self.failsafe = failsafe
-        """Last failsafe; kept over a restart of the autopilot until it is too old."""
+        """Last failsafe reported; kept over a restart of the autopilot until it is too old."""
         self._lateness = Lateness()
 
     def take(self, seen: Observation) -> bool:
-        """Store a report; False if a newer one has arrived before."""
+        """Store a report; False if a newer report of the kind has arrived before."""
         match seen:
             case PositionSeen():
                 if self.position is not None and seen.boot_s < self.position.boot_s:
@@ -80,7 +80,7 @@ class ObservedVehicle:
         return True
 
     def restarted(self, seen: Observation) -> str | None:
-        """Return the reason if a report shows that the autopilot has restarted."""
+        """Reason if a report shows that the autopilot has restarted; None if not."""
         if isinstance(seen, Boot):
             return "another autopilot"
         restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
@@ -88,7 +88,7 @@ class ObservedVehicle:
 
     @property
     def known(self) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
-        """Mode, position and home of a vehicle without a `fault`."""
+        """Mode, position and home of the vehicle; call it only without a `fault`."""
         assert self.mode is not None
         assert self.position is not None
         assert self.home is not None
@@ -96,7 +96,7 @@ class ObservedVehicle:
 
     @property
     def heading_rests(self) -> bool:
-        """True if the heading is at rest: a new turn comes from a command or a pilot."""
+        """True if the heading is at rest: a new turn then comes from a command or a pilot."""
         position = self.position
         if position is None or self._rest is None:
             return False
@@ -115,7 +115,7 @@ class ObservedVehicle:
 
     @property
     def late(self) -> str | None:
-        """Return the reason if reports are too old for any command; else None."""
+        """Reason if reports are too old for any command; None if they are not."""
         return self._lateness.fault
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
@@ -146,7 +146,7 @@ class ObservedVehicle:
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Return which report is missing for so long that an order ends."""
+        """Name of the report that is missing for so long that an order ends; else None."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
@@ -156,7 +156,7 @@ class ObservedVehicle:
         return None
 
     def on_ground(self, now_s: float) -> bool:
-        """True if on the ground, as reported or else by the height above home."""
+        """True if the vehicle is on the ground, as reported, else by its height above home."""
         landed, position = self.landed, self.position
         fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
         if fresh and landed is not None and landed.on_ground is not None:
@@ -164,7 +164,7 @@ class ObservedVehicle:
         return position is not None and position.altitude_relative_m < SAFETY.flying_height_m
 
     def target_age_s(self, now_s: float) -> float:
-        """Time since the target was reported [s]."""
+        """Time since the autopilot last reported its target [s]."""
         return inf if self.target is None else now_s - self.target.time_s
 
     def sticks_reported(self, now_s: float, within_s: float) -> bool:
@@ -173,14 +173,14 @@ class ObservedVehicle:
         return seen is not None and bool(seen.channels_us) and now_s - seen.time_s <= within_s
 
     def rc(self, now_s: float, unwatched: frozenset[int]) -> RcWatch | None:
-        """New monitor of the remote control; None without one."""
+        """Start a monitor of the remote control; None without a remote control."""
         if self.sticks is None or not self.sticks_reported(now_s, SAFETY.sticks_lost_s):
             return None
         return RcWatch(self.sticks, unwatched)
 
 
 def ended_by(seen: Observation) -> str | None:
-    """Return the reason if a report ends any order and any offer."""
+    """Reason if a report ends any order and any proposal; None if it does not."""
     match seen:
         case FailsafeSeen():
             return f"failsafe: {seen.what}"

@@ -1,4 +1,4 @@
-"""Orders proposed to the operator for confirmation, and what withdraws them. Pure."""
+"""Orders proposed to the operator for confirmation, and reasons to withdraw them. Pure."""
 
 from dataclasses import dataclass
 
@@ -32,26 +32,26 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """True if the vehicle was in its command mode without an order."""
+    """True if the vehicle was in its command mode without an order when it was proposed."""
     target: TargetSeen | None
-    """Target of a resting vehicle; another station's command would change it."""
+    """Target of a vehicle without an order; a changed one shows another station's command."""
     place: PositionSeen
     home: HomeSeen
     rc: RcWatch | None
     """Monitor of the remote control since the proposal; None without one."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Monitors of a resting vehicle's headings: measured, and reported as target."""
+    """Monitors of a resting vehicle's heading: as measured, and as reported with the target."""
 
     def turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """True if another has turned the vehicle since the proposal, or commanded a turn."""
+        """True if another station or a pilot has turned the vehicle since the proposal."""
         watch = self.yaw if isinstance(seen, PositionSeen) else self.target_yaw
         if watch is None or seen.yaw_deg is None:
             return False
         return watch.turned(seen.boot_s, seen.yaw_deg)
 
     def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Reason why a report shows that a pilot has flown the vehicle since the proposal."""
+        """Reason if a report shows that a pilot has flown the vehicle since the proposal."""
         match seen:
             case ModeSeen() if seen.mode != self.mode:  # also if it comes back
                 return f"the mode has changed to {vehicle.behaviour.mode_name(seen.mode)}"
@@ -62,7 +62,7 @@ class Offer:
         return None
 
     def check(self, vehicle: ObservedVehicle) -> None:
-        """Raise `CommandRefused` if another has taken over the vehicle since the proposal."""
+        """Raise `CommandRefused` if someone has taken over the vehicle since the proposal."""
         then, now, within_m = self.target, vehicle.target, vehicle.behaviour.target_m
         given = then is not None and now is not None and not same_place(then, now, within_m)
         if given or (self.rests and then is None and is_elsewhere(now, self.place)):
@@ -80,7 +80,7 @@ class Offers:
     def __init__(self) -> None:
         self._offer: Offer | None = None
         self._withdrawn: tuple[int, str] | None = None
-        """Nonce of a proposal that a pilot's action ended, and that action."""
+        """Nonce of a proposal that a pilot's action has ended, and that action."""
         self._used: set[int] = set()
 
     def add(self, offer: Offer) -> None:
@@ -115,7 +115,7 @@ class Offers:
         self._offer = None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> None:
-        """Withdraw the proposed order if a report shows that another flies the vehicle."""
+        """Withdraw the proposed order if a report shows that someone else flies the vehicle."""
         offer = self._offer
         if offer is None:
             return
@@ -129,7 +129,7 @@ class Offers:
 def resting(
     seen: PositionSeen | TargetSeen | None, now_s: float, turning: float, tolerance: float
 ) -> RestingYaw | None:
-    """New monitor of a resting vehicle's heading; None if the heading is not reported."""
+    """Start a monitor of a resting vehicle's heading; None if no heading is reported."""
     if seen is None or seen.yaw_deg is None:
         return None
     boot_s = seen.boot_s + now_s - seen.time_s
@@ -142,7 +142,7 @@ def resting(
 
 
 def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
-    """True if a first reported target is not where the vehicle holds.
+    """True if the first reported target is not where the vehicle holds its position.
 
     In Guided, ArduPilot reports no target before it has one. A target where it holds or comes
     to rest belongs to no order.

@@ -1,7 +1,7 @@
 """Monitor a confirmed order for changes that no command caused, and check commands. Pure.
 
 Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
-previous order's target; after it, the vehicle must follow the command (`Commanded`).
+previous order's target. After the first command, it must follow the command (`Commanded`).
 """
 
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ class JumpWatch:
     """Sum of altitude jumps against the height above home [m]."""
 
     def see(self, seen: PositionSeen) -> str | None:
-        """Return which value has jumped since the previous report; None if none has."""
+        """Text on a value that has jumped since the previous report; None if none has."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -140,7 +140,7 @@ class OrderWatch:
             raise CommandRefused("the drone is still moving or turning")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
-        """Raise `CommandRefused` if a takeover would not have been noticed."""
+        """Raise `CommandRefused` if reports are too old for a takeover to have been noticed."""
         if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
             raise CommandRefused("the last mode report is older than 1 s")
         if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
@@ -157,7 +157,7 @@ class OrderWatch:
             raise CommandRefused("a switch of the remote control was moved just now")
 
     def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
-        """Record a sent command, which the vehicle must follow from now on."""
+        """Record a sent command; from now on the vehicle must follow it."""
         self.motion = Commanded(
             wish=wish,
             behaviour=vehicle.behaviour,
@@ -171,7 +171,7 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Return which report or progress is missing by now; None if none is."""
+        """Text on the report or progress that is overdue by now; None if none is."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)
@@ -188,7 +188,7 @@ class OrderWatch:
         return None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Return the change in a report that no command caused; None if there is none."""
+        """Text on a reported change without a command; None if there is none."""
         match seen:
             case PositionSeen():
                 return self._see_position(seen, vehicle)
@@ -250,7 +250,7 @@ class OrderWatch:
         return leg.see_position(seen, vehicle.turning_deg_s)
 
     def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """True if another turns a resting vehicle before the order's first command."""
+        """True if someone else turns a resting vehicle before the order's first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
     def _see_landed(self, seen: LandedSeen) -> str | None:

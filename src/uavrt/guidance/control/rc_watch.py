@@ -1,7 +1,7 @@
 """Detect a pilot at the remote control: sticks and all other channels. Pure.
 
-A moved stick means that a pilot flies. So does any switch: setting PX4's mode switch to Hold
-during a command in Hold changes neither mode nor target.
+A moved stick means that a pilot flies. The same holds for any switch: PX4's mode switch set to
+Hold during a command in Hold changes neither mode nor target.
 """
 
 from uavrt.guidance.control.observed import SticksSeen
@@ -11,9 +11,9 @@ from uavrt.guidance.safety import SAFETY
 class RcWatch:
     """Detects a stick or switch that has moved.
 
-    A switch counts after two messages, or 0.1 s without a contrary one, since one message may
-    be a receiver's glitch. `unwatched`: channels without a control, such as one that carries
-    the RSSI.
+    A switch counts as moved after two messages, or after one and 0.1 s without a contrary one,
+    since a single message may be a receiver's glitch. `unwatched`: channels without a control,
+    such as one that carries the RSSI.
     """
 
     def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
@@ -26,7 +26,7 @@ class RcWatch:
         return bool(self._off_since_s)
 
     def see(self, seen: SticksSeen) -> str | None:
-        """Return which stick or switch has certainly moved, given this report."""
+        """Compare a report with the first one; return what has certainly moved, or None."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]
         self._off_since_s = {
@@ -39,7 +39,7 @@ class RcWatch:
         return _switched(again)
 
     def sure(self, now_s: float) -> str | None:
-        """Return which switch has certainly moved when no further report arrived."""
+        """Return the switch that has moved if no further report arrived in time, or None."""
         since_s = self._off_since_s.items()
         return _switched(
             [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]

@@ -1,7 +1,7 @@
 """Detect that an unfinished step has come to rest. Pure.
 
-A pause of ArduCopter shows in no message: mode and target stay, the drone stops. Whatever stops
-it, a step without progress for 3 s is no longer flown.
+A pause of ArduCopter shows in no message: mode and target stay, the drone stops. Whatever the
+cause, a step without progress for 3 s counts as stopped.
 """
 
 from collections import deque
@@ -13,17 +13,17 @@ from uavrt.guidance.safety import SAFETY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Left:
-    """Remaining distance or angle of a motion."""
+    """Remaining distance [m] or angle [°] of a motion."""
 
     now: float
     soon: float
-    """Remaining change from the stopping point; decreases first if the drone turns back."""
+    """Remaining distance or angle from the stopping point; falls first in a turn back."""
     least: float
-    """Smallest change within `SAFETY.no_progress_s` that counts as progress."""
+    """Smallest decrease within `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
-    """Remaining change at which the motion is done."""
+    """Remaining distance or angle at which the motion is done."""
     needed: bool = True
-    """False if it need not end within the tolerance; its change only shows progress."""
+    """False if the value need not reach the tolerance and only shows progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +34,13 @@ class _Sample:
 
 
 class Progress:
-    """Monitors one step for progress, from its command on."""
+    """Monitors the progress of one step, beginning with its command."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
-        """Add the remaining changes: the same quantities in the same order each time.
+        """Add the remaining distances and angles: each time the same ones in the same order.
 
         `free`: True if the drone has no reason to brake or stop before the first has decreased.
         """
@@ -54,13 +54,13 @@ class Progress:
             self._samples.popleft()
 
     def stopped(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
-        """True if something remains and nothing has decreased during `for_s`."""
+        """True if something remains and no value has decreased during `for_s`."""
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
         return not self._nearer(time_s, for_s)
 
     def brakes(self, time_s: float) -> bool:
-        """True if the drone slows down without a reason: its stopping point comes no nearer."""
+        """True if the drone slows down without a reason: the stopping point comes no nearer."""
         if not self._samples or not self._samples[-1].free:
             return False
         old = (
@@ -70,7 +70,7 @@ class Progress:
         return any(now.soon > then.parts[0].soon - SAFETY.braking_m for then in islice(old, 1))
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
-        """True if any remaining change has decreased by its smallest counting change."""
+        """True if any remaining value has decreased by `least` or more."""
         share = within_s / SAFETY.no_progress_s
         now = self._samples[-1].parts
         return any(

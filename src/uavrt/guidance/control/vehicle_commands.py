@@ -13,7 +13,7 @@ from uavrt.guidance.control.observed import HomeSeen, between_m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleCommand:
-    """A COMMAND_INT to the autopilot."""
+    """A command to the autopilot, sent as COMMAND_INT."""
 
     name: Literal[
         "DO_REPOSITION", "CONDITION_YAW", "NAV_RETURN_TO_LAUNCH", "DO_SET_MODE", "NAV_TAKEOFF"
@@ -43,7 +43,7 @@ class CommandWriter:
     def command(
         self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
     ) -> VehicleCommand:
-        """Command of a motion, with heights above `datum_m`; raises `CommandRefused`."""
+        """Make a motion's command, with heights above `datum_m`; raises `CommandRefused`."""
         match wish:
             case FlyThere():
                 return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)
@@ -100,7 +100,7 @@ class CommandWriter:
         )
 
     def _take_off(self, wish: TakeOff, first: bool, above_m: float) -> VehicleCommand:
-        """Command of a take-off: PX4 takes an altitude, ArduPilot a height above home."""
+        """Make the take-off command: PX4 takes an altitude, ArduPilot a height above home."""
         if first == self.behaviour.own_mode_first:
             raise CommandRefused("the autopilot is not in its take-off mode")
         self._check_height(above_m)

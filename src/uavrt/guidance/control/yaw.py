@@ -12,16 +12,16 @@ OTHERS_TURN = "another turns the drone"
 
 @dataclass(slots=True, kw_only=True)
 class YawWatch:
-    """Monitors a heading from a command on; `fault` gives a deviation.
+    """Monitors a heading from a command on; `fault` returns a deviation.
 
-    The heading may stay as it was and come nearer to its aim: the requested heading, else the
-    bearing to the target from the drone, as long as it is not near. It may not move away from
-    that, except to the drone's course just before.
+    The heading may stay as it was or come nearer to its aim: the requested heading, else the
+    bearing of the target while the target is not near. It may turn away only towards the
+    drone's recent course.
 
-    `start_s`: time of the command [s]. `yaw_deg`: heading then. `tolerance_deg`: for gusts and
-    overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle, clockwise, and
-    rate of a turn in place instead. `turning_deg_s`: rate of turn at the command. `exact`: the
-    heading is a setpoint, which near the target stays to the degree.
+    `start_s`: time of the command [s]. `yaw_deg`: heading at that time [°]. `tolerance_deg`:
+    for gusts and overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle,
+    clockwise, and rate of a turn in place instead. `turning_deg_s`: rate of turn at the
+    command. `exact`: the heading is a setpoint, which near the target stays to the degree.
     """
 
     start_s: float
@@ -45,10 +45,10 @@ class YawWatch:
     _turns: bool = False
     _settles: bool = False
     _on_deg: float = 0.0
-    """Angle by which the setpoint continued its earlier turn since the command [°]."""
+    """Angle by which the setpoint has continued its earlier turn since the command [°]."""
     _ended: bool = False
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """Times [s], headings and courses over ground [deg] in `SAFETY.course_follow_s`."""
+    """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -58,7 +58,7 @@ class YawWatch:
 
     @property
     def begun(self) -> bool:
-        """True if the requested heading is reached, or has come nearer."""
+        """True if the requested heading is reached or the heading has come nearer to it."""
         if self.wanted_deg is None:
             return True
         return self._best_deg < max(
@@ -73,7 +73,7 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Add a heading; return its deviation, or None.
+        """Add a heading; return a text on its deviation, or None.
 
         `bearing_deg`, `away_m`: bearing and distance of the target from the drone.
         `course_deg`: direction of motion, if the heading follows it.
@@ -124,7 +124,7 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Record the time since which a measured heading is aligned with the target."""
+        """Record since when a measured heading is aligned with the target."""
         if self.exact or self._near or self._aligned:
             return
         if off_deg > SAFETY.turn_done_deg:
@@ -141,7 +141,7 @@ class YawWatch:
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """Largest angle by which the turn in progress at the command may still lead away [°].
+        """Largest angle by which the turn in progress at the command may still turn away [°].
 
         The setpoint ends that turn first; then it turns to its aim.
         """
@@ -179,7 +179,7 @@ class YawWatch:
         return self._aim_deg, 0.0
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
-        """Return how a turn in place deviates: backwards, or too fast."""
+        """Text on how a turn in place deviates: backwards, or too fast; None if it does not."""
         assert self.turn_deg is not None
         self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
         self._best_deg = max(self._best_deg, self.turned_deg)
@@ -190,7 +190,7 @@ class YawWatch:
 
 
 def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
-    """True if a heading has turned towards a goal and not far beyond."""
+    """True if a heading has turned towards a goal and not far beyond the goal."""
     left = wrap_degrees_180(goal_deg - before_deg)
     turned = wrap_degrees_180(yaw_deg - before_deg)
     towards = turned if left >= 0.0 else -turned
@@ -200,7 +200,7 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """Largest angle by which a turn may continue [°]; 25° and 50° were flown."""
+    """Largest angle by which a turn may continue [°]; 25° and 50° were measured in flight."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
@@ -228,7 +228,7 @@ class RestingYaw:
     _moved_boot_s: float = -1.0
 
     def turned(self, boot_s: float, yaw_deg: float) -> bool:
-        """Add a heading; True if another has turned the drone."""
+        """Add a heading; True if a pilot or station has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         if abs(self.turning_deg_s) > SAFETY.turning_deg_s:
             since_s = max(self._moved_boot_s, self.start_boot_s)

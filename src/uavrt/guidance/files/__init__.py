@@ -1,1 +1,1 @@
-"""Areas, paths and missions of other programs, and plans for them."""
+"""Read areas, paths and missions of other programs, and write plans for them."""

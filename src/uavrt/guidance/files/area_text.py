@@ -1,6 +1,6 @@
 """Read outlines of areas from GeoJSON, KML and QGroundControl's plans. Pure.
 
-QGroundControl's plan format, version 1: a survey's ``polygon``, a fence's polygons and circles.
+Of QGroundControl's plans (version 1): a survey's ``polygon``, a fence's polygons and circles.
 """
 
 from collections.abc import Iterator
@@ -18,16 +18,16 @@ from uavrt.core.messages import KeepOut
 from uavrt.guidance.operator_orders import Place
 
 CIRCLE_CORNERS = 20
-"""Number of corners of the polygon that replaces a circle; an order carries no more."""
+"""Number of corners of the polygon that replaces a circle, as many as an order may have."""
 MOST_KEEP_OUT = 100
 MOST_OUTLINES = 1000
 MOST_CORNERS = 1000
-"""Most corners of an outline; the time to plan lines over it grows with their square."""
+"""Largest number of corners in an outline; planning time grows with its square."""
 MOST_NAME = 24
 _NOT_OUTLINES = frozenset(
     ("Point", "LineString", "LinearRing", "Track", "MultiTrack", "Model", "NetworkLink")
 )
-"""KML elements that are no outline: points, lines, models and links to other files."""
+"""KML elements that do not outline an area: points, lines, models, links to other files."""
 _REMEDY = (
     "Draw one outline without holes, in QGIS or on geojson.io (GeoJSON), in Google Earth "
     "(KML), or as a survey in QGroundControl (.plan)"
@@ -41,7 +41,7 @@ _KEEP_OUT_REMEDY = (
 def area_in(text: str, name: str) -> tuple[Place, ...]:
     """Read the single outline in the text of a file; ignores excluded areas.
 
-    Raises `FormatError`: it is none of the three formats, or holds no outline or several.
+    Raises `FormatError`: another format, no outline, or several outlines.
     """
     with in_words(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
@@ -56,10 +56,10 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
     """Read the areas over which nothing may fly.
 
     In GeoJSON features with ``"keep_out": true`` (a Point with its ``radius_m``), in KML
-    polygons whose name begins with "keep out", in a plan the exclusion fences. A marked feature
-    that is neither is refused by name, so that none is left out. `every`: every outline, and
-    every Point of GeoJSON, is an excluded area, marked or not. Raises `FormatError`: it is none
-    of the three formats, or one area is invalid.
+    polygons whose name begins with "keep out", in a plan the exclusion fences. Any other marked
+    feature is refused by name, so that no area is left out. `every`: every outline, and every
+    Point of GeoJSON, is an excluded area, marked or not. Raises `FormatError`: the text is in
+    none of the three formats, or one area is invalid.
     """
     with in_words(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
         found = tuple(
@@ -79,7 +79,7 @@ class _Outline:
     corners: list[tuple[float, float]]
     keep_out: bool = False
     mixed: bool = True
-    """True if the format does not say what the outline is for."""
+    """True if the format does not state the purpose of the outline."""
     radius_m: float | None = None
     name: str = ""
     holes: bool = False
@@ -140,7 +140,7 @@ def check_places(places: tuple[Place, ...]) -> None:
 
 
 def _kept(one: _Outline) -> KeepOut:
-    """Make an excluded area from an outline; holes in it count as part of it."""
+    """Make an excluded area from an outline; holes in the outline are excluded, too."""
     radius, name = one.radius_m, one.name[:MOST_NAME].encode("utf-8", "replace").decode()
     if radius is None:
         if len(one.corners) == 1:
@@ -152,7 +152,7 @@ def _kept(one: _Outline) -> KeepOut:
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
-    """Corners of a polygon that replaces a circle; `FormatError` for a radius of 0 or less."""
+    """Make the polygon that replaces a circle; `FormatError` for a radius of 0 or less."""
     if not 0.0 < radius_m < 1e5:
         raise FormatError(
             f"the circle's radius of {radius_m:g} m is not positive",
@@ -173,7 +173,7 @@ def _of_json(text: str, every: bool) -> Iterator[_Outline]:
 
 
 def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
-    """Polygons of GeoJSON, and the points to exclude."""
+    """Find the polygons of GeoJSON, and the points to exclude."""
     keep_out = bool(properties.get("keep_out", False))
     name = str(properties.get("name") or "")
     match found["type"]:
@@ -208,7 +208,7 @@ def _not_understood(name: str, kind: object) -> ValueError:
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
-    """Areas in a QGroundControl plan: survey or else inclusion fence; exclusion fences."""
+    """Find the areas of a QGroundControl plan: survey or else inclusion fence; exclusions."""
     surveyed = [
         _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)
         for item in found.get("mission", {}).get("items", [])

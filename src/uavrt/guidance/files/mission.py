@@ -29,7 +29,7 @@ CORNER_WITHIN, CORNER_OUTSIDE, CIRCLE_WITHIN, CIRCLE_OUTSIDE = 5001, 5002, 5003,
 """MAV_CMD numbers of fence corners and circles, inclusion and exclusion."""
 FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
-"""MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, with their older equals."""
+"""MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, with their older equivalents."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
 """Tolerances of an item read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
@@ -53,7 +53,7 @@ class MissionItem:
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Make the waypoint of a position; the heading follows the course."""
+        """Make the waypoint of a position; the vehicle's heading follows its course."""
         return cls(
             command=command,
             frame=frame,
@@ -85,9 +85,9 @@ class MissionItem:
 
 
 NOT_CHECKED = "the vehicle's fence, home, battery, and the ground beneath the ways"
-"""Text with the checks left to the operator when a survey is saved to a file."""
+"""Text on the checks left to the operator when a survey is saved to a file."""
 NOT_CHECKED_ABOARD = "its battery, and the ground beneath the ways"
-"""Text with the checks left to the operator when a survey is uploaded to a vehicle."""
+"""Text on the checks left to the operator when a survey is uploaded to a vehicle."""
 
 
 def survey_items(
@@ -95,9 +95,9 @@ def survey_items(
 ) -> tuple[MissionItem, ...]:
     """Convert a survey to a mission: its path at the height above home, then the return.
 
-    It has no take-off: a pilot takes off and starts the mission. `order`: a survey along lines
+    The mission has no take-off: a pilot takes off and starts it. `order`: a survey along lines
     or around; turns at positions differ between autopilots. `limits`: heights; with `home` also
-    the distance from it and the vehicle's fence. `home`: the vehicle's; without it only the
+    the distance from home and the vehicle's fence. `home`: the vehicle's; without one only the
     path is checked. Raises `PlanError`: no height is given, the outline is invalid, or the path
     crosses an excluded area; with a home, also if path or return leave the fence or its radius.
     """
@@ -152,7 +152,7 @@ def _check_with_home(
 
 
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
-    """Text on a difference of the mission read back from the one sent; else None."""
+    """Text on a difference between a mission as read back and as sent; None without one."""
     if len(sent) != len(held):
         return f"it holds {len(held)} items, not {len(sent)}"
     for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
@@ -186,7 +186,7 @@ def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
 
 
 def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ...]:
-    """Read the corners of a fence polygon; each item repeats their number."""
+    """Read the corners of a fence polygon; each item repeats the number of corners."""
     count = first.params[0]
     if not (isfinite(count) and 3.0 <= count <= 1000.0):
         raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)
@@ -216,7 +216,7 @@ def _checked(item: MissionItem) -> Place:
 
 
 def fence_items(fence: VehicleFence) -> tuple[MissionItem, ...]:
-    """Convert a fence to items."""
+    """Convert a fence to mission items."""
     found: list[MissionItem] = []
     for areas, corner, circle in (
         (fence.within, CORNER_WITHIN, CIRCLE_WITHIN),

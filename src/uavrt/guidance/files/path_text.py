@@ -1,7 +1,7 @@
 """Read paths from GeoJSON, KML and QGroundControl's plans. Pure.
 
-QGroundControl's plan format, version 1: waypoints (MAVLink commands 16 to 22 with a position)
-and lines of surveys (``VisualTransectPoints``).
+Of QGroundControl's plans (version 1): waypoints (MAVLink commands 16 to 22 with a position) and
+lines of surveys (``VisualTransectPoints``).
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ _REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 
 def path_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the path in a file's text; empty if it has none. Raises `FormatError`."""
+    """Read the path in a file's text; empty if the text has none. Raises `FormatError`."""
     with in_words(f"{name} gives no way", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))

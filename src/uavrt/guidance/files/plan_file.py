@@ -18,7 +18,7 @@ _PX4, _MULTIROTOR, _ABOVE_HOME = 12, 2, 1
 def survey_file(order: Order, speed_m_s: float) -> str:
     """Write a survey as a .plan: its path at the given height, then the return.
 
-    A pilot uploads and starts it without uavrt. Excluded areas become exclusion fences.
+    A pilot uploads and starts the plan without uavrt. Excluded areas become exclusion fences.
     `uavrt.guidance.files.mission.survey_items` checks the order and raises `PlanError`.
     """
     items = survey_items(order)

@@ -1,1 +1,1 @@
-"""A search in flight: pulses in, decisions and reports out."""
+"""Search for tags in flight: from pulses to decisions and reports."""

@@ -1,7 +1,7 @@
 """Positions and paths of other drones in the same search. Pure.
 
-The drones have no common clock. So a straight path belongs to its drone from its last known
-position to its goal, whenever it is flown, and nothing depends on the delay of messages.
+The drones have no common clock. So each drone owns its whole straight path, from its last known
+position to its goal, at all times, and nothing depends on the delay of messages.
 """
 
 from collections.abc import Collection, Sequence
@@ -21,7 +21,7 @@ from uavrt.planning.shares import tags_by_drone
 
 SEPARATION = Separation()
 _OWN = 0
-"""Vehicle number of this drone among all drones; others begin at 1."""
+"""Vehicle number of this drone among all drones; other drones have 1 or more."""
 _Metres = tuple[float, float]
 
 
@@ -54,7 +54,7 @@ def other_drones_of(
     *,
     speed_m_s: float,
 ) -> tuple[OtherDrones, tuple[int, ...]]:
-    """Other drones for the planner, and the tags that this drone searches for.
+    """Select the other drones for the planner, and the tags that this drone searches for.
 
     `state`: start of the decision. `beliefs`: this drone's. `found`: tags already found.
     `held`: tags that this drone searched for until now. `speed_m_s`: speed of all drones.
@@ -90,7 +90,7 @@ def other_drones_of(
 
 
 def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path:
-    """Predicted times and positions of a drone that flies at once, at the common speed."""
+    """Predict times and positions of a drone that departs at once, at the common speed."""
     east, north = np.array(corners).T
     steps = np.hypot(np.diff(east), np.diff(north))
     yaw = np.degrees(np.arctan2(np.diff(east), np.diff(north)))

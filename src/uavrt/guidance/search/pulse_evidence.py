@@ -1,7 +1,7 @@
 """Detected and missed pulses, with the antenna's pose at those times. Pure.
 
-A pulse has its own pose. A miss is known later, and only for times that a detector reports as
-searched: an absent radio is no evidence of absence.
+A detected pulse brings its own pose. A missed pulse is known later, and only for times that a
+detector reports as searched: without a radio, no pulse counts as missed.
 """
 
 from collections import deque
@@ -32,7 +32,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A detected pulse of a tag, or a missed one."""
+    """A detected or a missed pulse of a tag."""
 
     tag_id: int
     time_s: float
@@ -49,11 +49,11 @@ class _TagSearch:
     gap_s: float
     """Longest time between two reports of an uninterrupted search [s]."""
     threshold_db: float
-    """Threshold for a missed pulse that cannot be detected later [dB]."""
+    """ENR threshold of a missed pulse that no later group can include [dB]."""
     least_db: float
-    """Threshold for a missed pulse that a later group may still include [dB]."""
+    """ENR threshold of a missed pulse that a later group may include [dB]."""
     from_s: float | None = None
-    """Time since which the search has no gap [s]; None: not searched."""
+    """Time since which the search has had no gap [s]; None: not searched."""
     to_s: float = 0.0
     next_s: float = 0.0
     """Start of the first pulse slot not evaluated yet [s]."""
@@ -76,8 +76,8 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
 class PulseEvidence:
     """Converts pulses, search reports and positions to evidence.
 
-    `k`: pulses in a group; 0: as each tag says. `codes`: number of listed coded tags, searched
-    or not; with many, reports are less frequent.
+    `k`: number of pulses in a group; 0: as set for each tag. `codes`: number of listed coded
+    tags, searched or not; with many, reports are less frequent.
     """
 
     def __init__(
@@ -107,13 +107,13 @@ class PulseEvidence:
         return search.pulses, search.missed
 
     def place(self, place: Antenna) -> None:
-        """Add the antenna's present pose."""
+        """Record the antenna's present pose."""
         self._places.append(place)
         while self._places[0].time_s < place.time_s - SEARCH_RULES.kept_s:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
-        """Add a pulse received at `time_s`; None if it gives no evidence."""
+        """Add a pulse received at `time_s`; return its evidence, or None without any."""
         pulse, pose = pulse_pose.pulse, pulse_pose.pose
         search = self._searches.get(pulse.tag_id)
         if search is None or pulse.detection_status == "subthreshold":
@@ -139,7 +139,7 @@ class PulseEvidence:
         return self._evidence(pulse.tag_id, place, pulse.snr_db, search)
 
     def searched(self, report: SearchReport, time_s: float) -> None:
-        """Record a report that a detector searches for a tag."""
+        """Record a detector's report that it searches for a tag."""
         search = self._searches.get(report.tag_id)
         if search is None:
             return
@@ -149,7 +149,7 @@ class PulseEvidence:
         search.to_s = max(search.to_s, time_s)
 
     def missed(self) -> list[Evidence]:
-        """Pulses that certainly were missed, by now."""
+        """Return the pulses that by now have certainly been missed."""
         found = []
         for tag_id, search in self._searches.items():
             if search.from_s is None:
@@ -203,8 +203,8 @@ def _pulse_search(tag: Tag, k: int) -> _TagSearch:
 def _coded_search(tag: Tag, codes: int) -> _TagSearch:
     """Search state of a coded tag: a burst below its own threshold may still be found later.
 
-    A strong burst is reported within a second or two; one found only together with nine others,
-    up to eighteen intervals late, when the drone is far away.
+    A strong burst is reported within two seconds. One found only together with nine others is
+    up to eighteen intervals late; the drone is then far away.
     """
     (interval,) = tag.pulse_intervals_s
     return _TagSearch(

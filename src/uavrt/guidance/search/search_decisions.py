@@ -22,12 +22,12 @@ from uavrt.planning.situation import Decision
 RADIUS50_OF_95 = 0.481
 """Ratio of 50 % to 95 % radius of a circular normal distribution: sqrt(ln 2 / ln 20)."""
 ROUNDED_M = 0.5
-"""Rounding error of a radius in a message."""
+"""Rounding error of a radius in a message [m]."""
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 class SearchDecisions:
-    """Decides for one search; `held` are the tags that this drone searches for."""
+    """Makes the decisions of one search; `held` are the tags that this drone searches for."""
 
     def __init__(self, task: SearchTask, search: Search) -> None:
         self._task, self._search = task, search
@@ -36,8 +36,8 @@ class SearchDecisions:
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
         """Mark tags as found, by this or another drone; return the new ones.
 
-        Another drone's finding counts with the accuracy set here, within the area, while that
-        drone searches: a false report, or one of another search, could end this one.
+        Another drone's finding counts only at the accuracy set here, within the area, and while
+        that drone searches, because a false report could end this search.
         """
         new = []
         for one in others:
@@ -111,7 +111,7 @@ class SearchDecisions:
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
         """Text on an excluded area that an action crosses; None if there is none.
 
-        Checked from the present position and from the stopping point: either may come first.
+        The path is checked from the present position and from the stopping point.
         """
         goal = goal_of(action)
         if goal is None:
@@ -135,7 +135,7 @@ class SearchDecisions:
 
 
 def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | None:
-    """Text on another drone's path that an action comes too close to; None if there is none."""
+    """Text on another drone's path that an action approaches too closely; None without one."""
     goal = goal_of(action)
     if goal is None:
         return None

@@ -1,4 +1,4 @@
-"""Record a search in the flight: decisions, findings, and likely positions of tags. Pure."""
+"""Write a search's records for the flight: decisions, findings, likely tag positions. Pure."""
 
 from dataclasses import replace
 from typing import Literal
@@ -13,7 +13,7 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.search import Search
 
 CELLS = 8
-"""Number of cells along each side of the area, for tags that are not found."""
+"""Number of cells along each side of the area in the record of tags not yet found."""
 MOST_CELLS = 6
 
 
@@ -35,7 +35,7 @@ class SearchNotes:
         goal_m: tuple[float, float] | None = None,
         likely: bool = False,
     ) -> SearchNote:
-        """Record a decision or event; `likely`: with the cells where missing tags may be."""
+        """Record a decision or event; with `likely` also the cells of tags not yet found."""
         return SearchNote(
             time_ns=time_ns,
             order_id=self._task.order.order_id,
@@ -87,7 +87,7 @@ class SearchNotes:
         )
 
     def _likely(self, belief: TagBelief) -> tuple[tuple[float, float, float], ...]:
-        """Cells where a tag most probably is, if it is in the area."""
+        """Cells where a tag is most probable, given that it is in the area."""
         box = belief.prior.area
         some = belief.hypotheses(4000)
         share, east, north = np.histogram2d(

@@ -1,4 +1,4 @@
-"""What a search looks for, where and how: made once from an order. Pure."""
+"""Tags, area and constants of a search, made once from an order. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,7 +38,7 @@ class Equipment:
     yaw_offset_deg: float = 0.0
     """Boresight of the antenna, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Number of pulses in a group; 0: as each tag says."""
+    """Number of pulses in a group; 0: as set for each tag."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
@@ -48,7 +48,7 @@ class Equipment:
 
 
 class SearchTask:
-    """Tags, area and constants of a search order; raises `PlanError` if one is invalid."""
+    """Tags, area and constants of a search order; raises `PlanError` for an invalid order."""
 
     def __init__(
         self,
@@ -164,7 +164,7 @@ class SearchTask:
 
 
 def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
-    """Tags to search for."""
+    """Tags that the order asks to search for."""
     if not listed:
         raise PlanError(
             "the drone searches for no tag", remedy="Send the tags and start detection first"

@@ -39,10 +39,10 @@ class Choice:
     """Text for the operator, one line."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
-    """Start and end of the steps' path; equal if the drone stays."""
+    """Start and end of the path that the steps fly; equal if the drone stays."""
     returning: bool = False
     held: tuple[int, ...] = ()
-    """Tags that this drone searches for, if others search too."""
+    """Tags that this drone searches for, if other drones search too."""
     found: tuple[FoundTag, ...] = ()
 
 
@@ -101,12 +101,12 @@ class Seeker:
 
     @property
     def area(self) -> SearchArea:
-        """Area of the search, without its excluded parts."""
+        """Area of the search without its excluded parts."""
         return self._search.settings.area
 
     @property
     def plan(self) -> Plan:
-        """First step and description of the search, for the operator to confirm."""
+        """Make first step and description of the search, for the operator to confirm."""
         order, tags = self._task.order, self._task.tags
         hectares = self.area.search.area_m2 / 1e4
         sought = f"tag {tags[0].tag_id}" if len(tags) == 1 else f"{len(tags)} tags"
@@ -133,7 +133,7 @@ class Seeker:
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
-        """Add the drone's present position."""
+        """Record the drone's present position."""
         if self._begun_ns is None:
             return
         east, north = self._task.here_m(now)
@@ -151,7 +151,7 @@ class Seeker:
         )
 
     def pulse(self, pulse_pose: PulsePose) -> None:
-        """Update beliefs by a pulse."""
+        """Update beliefs with a received pulse."""
         pulse = pulse_pose.pulse
         time_s = self._elapsed_s((pulse.start_time_ns + pulse.end_time_ns) // 2)
         if self._begun_ns is not None and time_s >= 0.0:
@@ -160,13 +160,13 @@ class Seeker:
                 self._listen(evidence)
 
     def searched(self, report: SearchReport) -> None:
-        """Record a report that a detector searches for a tag."""
+        """Record a detector's report that it searches for a tag."""
         time_s = self._elapsed_s(report.time_ns)
         if self._begun_ns is not None and time_s >= 0.0:
             self._evidence.searched(report, time_s)
 
     def _listen(self, evidence: Evidence) -> None:
-        """Update beliefs with evidence, also with late evidence."""
+        """Update beliefs with evidence, even if it arrives late."""
         tag_id = evidence.tag_id
         self._latest_s[tag_id] = max(self._latest_s.get(tag_id, 0.0), evidence.time_s)
         self._search.listen(tag_id, self._latest_s[tag_id], evidence.listening)
@@ -237,7 +237,7 @@ class Seeker:
         )
 
     def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
-        """Steps that fly an action, with a stop first if needed."""
+        """Make the steps that fly an action, with a stop first if needed."""
         task, height = self._task, self._task.height_m
         match action:
             case FlyTo():

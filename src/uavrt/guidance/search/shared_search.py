@@ -1,8 +1,8 @@
 """One drone's part in a shared search: others' paths, requests, and its own reports. Pure.
 
 While a ground station serves several drones, a path is flown only after the ground has assigned
-it. None is assigned that was chosen without all the other paths. So a missing answer holds a
-drone back: it completes the path assigned to it and stays there.
+it. A path chosen without all the other paths is never assigned. So without an answer a drone
+completes the path assigned to it and stays there.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class _Asked:
 
 
 class SharedSearch:
-    """Other drones of a search, and the paths assigned to this one.
+    """Other drones of a search, and the paths assigned to this drone.
 
     `sequence`: number of its first report; random, so that a restarted guide differs.
     """
@@ -46,9 +46,9 @@ class SharedSearch:
         self._asked: _Asked | None = None
         self._granted: bool | None = None
         self._given: dict[int, int] = {}
-        """Versions of the others' paths that the decision in progress uses."""
+        """Versions of the other drones' paths that the decision in progress uses."""
         self._choice: Choice | None = None
-        """Last choice of this drone; None before any."""
+        """Last choice of this drone; None before the first."""
         self._flown = 0
         self._goal: Place | None = None
         """Present goal; None: the drone stays."""
@@ -64,11 +64,11 @@ class SharedSearch:
             self._others[report.vehicle] = (report, now_s)
 
     def informed(self, now_s: float) -> bool:
-        """True if a ground station reports others at present."""
+        """True if a ground station reports other drones at present."""
         return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
 
     def must_report(self, now_s: float) -> bool:
-        """True if it must report its course: when requesting a path, also to a new station."""
+        """True if this drone must send its course: it awaits a path, or others are reported."""
         return self.informed(now_s) or self.waits
 
     def has_others(self, now_s: float) -> bool:
@@ -83,7 +83,7 @@ class SharedSearch:
         )
 
     def check(self, now: VehicleNow, height_m: float) -> None:
-        """Raise `PlanError` for a search too close to another drone or at its height."""
+        """Raise `PlanError` for a search too close to another drone or at the same height."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = plane.to_local(now.latitude_deg, now.longitude_deg)
         amsl = target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height_m)
@@ -134,7 +134,7 @@ class SharedSearch:
     def choose(self, choice: "Choice", now: VehicleNow) -> bool:
         """Handle a choice; True if it is flown at once, False if it is requested first.
 
-        Paths assigned already need no request, nor does the return, which its height separates.
+        A path already assigned needs no request, nor does the return, which height separates.
         """
         assert choice.way is not None
         begin, end = choice.way
@@ -149,7 +149,7 @@ class SharedSearch:
         return False
 
     def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
-        """Requested choice, and whether it was assigned; None while unanswered."""
+        """The requested choice, and whether it was assigned; None while unanswered."""
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None
@@ -162,7 +162,7 @@ class SharedSearch:
         return choice, True
 
     def _clear(self, now: VehicleNow, end: Place) -> bool:
-        """True if a path keeps its distance also from the drone's present position."""
+        """True if a path keeps its distance to others even from the present position."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = (now.latitude_deg, now.longitude_deg)
         stand = here if self._goal is None else stopping_place(now, self._goal)

@@ -1,8 +1,8 @@
 """The drone side as a MAVLink component, without I/O.
 
-It is given frames, the time, and a function that sends a message. It sends heartbeats, finds
-the autopilot and ground stations, requests streams and synchronises the clocks. It answers the
-requests that MAVLink requires, and passes on pose samples and tunnel payloads.
+The component gets frames, the time, and a function that sends a message. It sends heartbeats,
+finds the autopilot and ground stations, requests streams and synchronises the clocks. It
+answers the requests that MAVLink requires, and passes on pose samples and tunnel payloads.
 """
 
 from collections import Counter, OrderedDict
@@ -34,7 +34,7 @@ TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
 TIMESYNC_FAST_COUNT = 20
 RADIO_COMPONENT = 68
-"""MAV_COMP_ID_TELEMETRY_RADIO. The firmware of SiK radios sends as 51/68."""
+"""Component id of a telemetry radio (MAV_COMP_ID_TELEMETRY_RADIO); SiK radios send as 51/68."""
 RADIO_STATUS_NS = ns_from_s(0.25)
 """Shortest time between two RADIO_STATUS reports of one radio [ns]."""
 RADIO_SILENCE_NS = ns_from_s(10.0)
@@ -102,7 +102,7 @@ class Component:
         self._handlers = handlers
         self._encoding = parameter_encoding
         self.metadata: Metadata | None = None
-        """COMPONENT_METADATA message to send on request; None if no files are served."""
+        """COMPONENT_METADATA message sent on request; None if no files are served."""
         self.component_id = component_id
         self.discovery = Discovery()
         self.time_sync = TimeSync()
@@ -127,7 +127,7 @@ class Component:
 
     @property
     def system_id(self) -> int:
-        """The autopilot's system number, 1 before it is known; its own without one."""
+        """System number of the autopilot, 1 while unknown; without one, the station's own."""
         if self._own_system_id is not None:
             return self._own_system_id
         autopilot = self.discovery.autopilot
@@ -220,7 +220,7 @@ class Component:
         )
 
     def late_s(self, message: Message, arrived_ns: int) -> float | None:
-        """Time that an autopilot's message was under way, by TIMESYNC [s]; None if unknown."""
+        """Delay of an autopilot's message on the link, by TIMESYNC [s]; None if unknown."""
         boot_ms = getattr(message, "time_boot_ms", None)
         if boot_ms is None or not self.time_sync.synchronized:
             return None
@@ -228,7 +228,7 @@ class Component:
         return None if made_ns is None else (arrived_ns - made_ns) / NANOSECONDS_PER_SECOND
 
     def heartbeat_message(self) -> dialect.Heartbeat:
-        """Heartbeat of this component."""
+        """Make the heartbeat of this component."""
         return own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)
 
     def _uptime_ms(self, now_ns: int) -> int:
@@ -298,14 +298,14 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """True if an answer may leave ahead of the queue; limited, except to the autopilot."""
+        """True if an answer may be sent before the queue; limited, except to the autopilot."""
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
         self.counters["questions_passed_over"] += 1
         return False
 
     def _is_for_us(self, message: Message) -> bool:
-        """True if a message is addressed to this component, to all (0) or to nobody."""
+        """True if a message is addressed to this component, to all (0), or has no address."""
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in (0, self.system_id) and component in (0, self.component_id)
@@ -396,9 +396,9 @@ class Component:
         )
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Handle the autopilot's answer to a time request, recognised by its `ts1`.
+        """Handle the autopilot's answer to a time request; `ts1` identifies the request.
 
-        Its target is unusable: PX4 1.17 leaves it uninitialised.
+        The answer's target is unusable: PX4 1.17 leaves it uninitialised.
         """
         if peer != self.discovery.autopilot or message.ts1 not in self._requests:
             self.counters["timesync_foreign"] += 1

@@ -13,9 +13,9 @@ from uavrt.link.mavlink.dialect import (
 )
 
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
-"""Silence after which the autopilot is lost and may be replaced [ns]; five heartbeats."""
+"""Silence after which the autopilot counts as lost and may be replaced [ns]; 5 heartbeats."""
 STATION_SILENCE_NS = ns_from_s(10.0)
-"""Silence after which a station is lost [ns]; at 40 % loss by chance once in 10 000 cases."""
+"""Silence after which a station counts as lost [ns]; at 40 % loss by chance once in 10 000."""
 MAX_STATIONS = 16
 STATION_SYSTEM_ID = 254
 """System id of uavrt's ground stations. Not 255, which ArduPilot takes for the operator's
@@ -33,7 +33,7 @@ class Peer:
     system_id: int
     component_id: int
     link: int = field(default=0, compare=False)
-    """Link on which it was received; the same peer may be on several."""
+    """Number of the link on which the peer was received; the same peer may be on several."""
 
     @property
     def place(self) -> tuple[int, int]:
@@ -56,7 +56,7 @@ def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
 
 
 def own_heartbeat(kind: int, *, custom_mode: int = 0) -> Heartbeat:
-    """Make the heartbeat of a component that is no autopilot."""
+    """Make the heartbeat of a component other than an autopilot."""
     return Heartbeat(
         type=kind,
         autopilot=MavAutopilot.INVALID,
@@ -67,13 +67,13 @@ def own_heartbeat(kind: int, *, custom_mode: int = 0) -> Heartbeat:
 
 
 def is_station(heartbeat: Heartbeat) -> bool:
-    """True if a heartbeat is a ground station's: by its type, or by uavrt's mark."""
+    """True if a heartbeat is from a ground station: by its type, or by uavrt's mark."""
     marked = heartbeat.type == MavType.GENERIC and heartbeat.custom_mode == _STATION_MARK
     return heartbeat.type == MavType.GCS or marked
 
 
 class Discovery:
-    """Keeps the autopilot (first heartbeat of component 1) and every ground station.
+    """Tracks the autopilot (first heartbeat of component 1) and every ground station.
 
     Ground stations are recognised by their heartbeat, whatever their numbers: QGroundControl is
     255/190, MAVSDK 245/190, MAVProxy 255/230, uavrt 254/190.
@@ -93,7 +93,7 @@ class Discovery:
         self._kept: Peer | None = None
 
     def heartbeat(self, peer: Peer, heartbeat: Heartbeat, now_ns: int) -> bool:
-        """Handle a heartbeat; True when it shows an autopilot that is new or was lost."""
+        """Handle a heartbeat; True if it shows a new autopilot or one that was lost."""
         if is_station(heartbeat):
             self._add_station(peer, now_ns)
             if heartbeat.type == MavType.GCS:
@@ -119,9 +119,9 @@ class Discovery:
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Ground stations that are present; if none is, the last one received, if any.
+        """Ground stations present now; without any, the last one received.
 
-        Heartbeats are lost more easily than a ground station, and sending to it costs nothing.
+        An absent heartbeat seldom means an absent station, and sending to it costs nothing.
         """
         present = [
             peer
@@ -154,7 +154,7 @@ class Discovery:
         return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
 
     def target(self, now_ns: int) -> Peer | None:
-        """Address for messages to all ground stations: the only one, or everyone."""
+        """Address for messages to all ground stations: that of the only one, or everyone."""
         stations = self.stations(now_ns)
         if not stations:
             return None

@@ -5,8 +5,8 @@ A frame (MAVLink 2)::
     0xFD len incompat compat seq sysid compid id (3) | payload (len) | crc16 | [signature 13]
 
 Trailing zeros of the payload are cut by the sender. The checksum is CRC-16/MCRF4XX over
-everything between the marker and itself, then the message's own seed byte. MAVLink 1 frames
-(0xFE len seq sysid compid id) are read too, because some radios still send RADIO_STATUS so.
+everything between marker and checksum, then the message's own seed byte. MAVLink 1 frames (0xFE
+len seq sysid compid id) are read too, because some radios still send RADIO_STATUS in them.
 
 After a bad checksum, parsing resumes at the byte after the false marker, not after the false
 frame: on a noisy serial line a stray 0xFD would otherwise discard up to 280 good bytes.
@@ -33,7 +33,7 @@ _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def crc16_mcrf4xx(data: bytes) -> int:
-    """MAVLink's checksum of some bytes.
+    """Compute MAVLink's checksum of some bytes.
 
     CRC-16/MCRF4XX is CRC-CCITT with input and output bits mirrored. The standard library has
     the latter in C, 40 times as fast as a Python loop on a 145-byte frame.
@@ -44,7 +44,7 @@ def crc16_mcrf4xx(data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A received frame with a valid checksum, or of an unknown message."""
+    """A received frame: its checksum is valid, or its message unknown."""
 
     raw: bytes
     """The whole frame as received, for forwarding."""
@@ -57,11 +57,11 @@ class Frame:
 
     @property
     def known(self) -> bool:
-        """True when `message` can read it."""
+        """True if the dialect has the message, so that `message` can decode it."""
         return self.message_id in MESSAGES
 
     def message(self) -> Message | None:
-        """The decoded message; None if the dialect does not have it."""
+        """The decoded message; None if the dialect lacks it."""
         kind = MESSAGES.get(self.message_id)
         return None if kind is None else kind.decode(self.payload)
 
@@ -78,7 +78,7 @@ def encode_frame(
     sequence: int,
     sign: Sign | None = None,
 ) -> bytes:
-    """Write a MAVLink 2 frame, unsigned unless `sign` is given."""
+    """Encode a MAVLink 2 frame, unsigned unless `sign` is given."""
     payload = message.pack().rstrip(b"\0") or b"\0"
     flags = 0 if sign is None else SIGNED
     head = bytes((len(payload), flags, 0, sequence & 0xFF, system_id, component_id))
@@ -98,7 +98,7 @@ class FrameWriter:
         self._sequence = 0
 
     def encode(self, message: Message) -> bytes:
-        """Write the next frame."""
+        """Encode the next frame."""
         frame = encode_frame(
             message,
             system_id=self.system_id,
@@ -111,7 +111,7 @@ class FrameWriter:
 
 
 class FrameParser:
-    """Cuts a stream of bytes, or datagrams, into frames; counts faults.
+    """Splits a stream of bytes, or datagrams, into frames; counts faults.
 
     `received`: frames with a right checksum. `bad_crc`: frames (or stray markers) with a wrong
     one. `skipped_bytes`: bytes that belonged to no frame.
@@ -124,7 +124,7 @@ class FrameParser:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Add received bytes; return the frames that they complete."""
+        """Add received bytes; return the frames that are now complete."""
         buffer = self._buffer + data if self._buffer else bytes(data)
         frames: list[Frame] = []
         place, size = 0, len(buffer)
@@ -149,7 +149,7 @@ class FrameParser:
         return frames
 
     def reset(self) -> None:
-        """Drop a half-received frame: the datagram ended or the link was reopened."""
+        """Drop an incomplete frame: the datagram has ended or the link was reopened."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 
@@ -161,7 +161,7 @@ class FrameParser:
 
 
 def _frame_length(buffer: bytes, place: int) -> int | None:
-    """Length of the frame that starts at `place`; None if its header is incomplete."""
+    """Length of the frame that starts at `place` [bytes]; None if its header is incomplete."""
     if place + 3 > len(buffer):
         return None
     length = buffer[place + 1]

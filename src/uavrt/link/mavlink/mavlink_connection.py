@@ -27,7 +27,7 @@ log = get_logger()
 
 AUTOPILOT_LINK = 0
 COMMAND_WAITS_S = 0.2
-"""Longest wait of a vehicle command behind other bytes [s]; 1152 bytes at 57 600 baud."""
+"""Longest wait of a vehicle command behind queued bytes [s]; 1152 bytes at 57 600 baud."""
 
 
 class _OpenLink:
@@ -116,7 +116,7 @@ class Connection:
                 tasks.create_task(self.serve(number, address))
 
     async def serve(self, number: int, address: str | Address) -> None:
-        """Serve one link until cancelled, while `keep_time` runs; raises as `run` does."""
+        """Serve one link until cancelled, while `keep_time` runs; raises errors of `run`."""
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link
         log.info("link open", address=str(link.address))
@@ -127,7 +127,7 @@ class Connection:
             await link.close()
 
     async def keep_time(self) -> None:
-        """Call the component's `tick` every 50 ms or so, until cancelled."""
+        """Call the component's `tick` about every 50 ms, until cancelled."""
         while True:
             now_ns = self._clock_ns()
             self.component.tick(now_ns)
@@ -135,7 +135,7 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send to the autopilot at once or not at all: queued, it could follow a takeover."""
+        """Send to the autopilot at once or not at all; a late order could follow a takeover."""
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:
@@ -143,7 +143,7 @@ class Connection:
 
     @property
     def commands_leave(self) -> bool:
-        """True if a command to the autopilot would leave at once."""
+        """True if a command to the autopilot would be sent at once."""
         link = self.link
         return link is not None and link.delay_s <= COMMAND_WAITS_S
 
@@ -154,7 +154,7 @@ class Connection:
 
     @property
     def receiving_link(self) -> int:
-        """Number of the link that delivered the frame in progress."""
+        """Number of the link that delivered the frame being handled."""
         return self._receiving or AUTOPILOT_LINK
 
     @property
@@ -174,12 +174,12 @@ class Connection:
 
     @property
     def clock_is_stale(self) -> bool:
-        """True while the autopilot's clock is extrapolated, since it does not answer."""
+        """True while the autopilot's clock is extrapolated, for lack of answers."""
         return self.component.clock_is_stale(self._clock_ns())
 
     @property
     def place(self) -> tuple[int, int]:
-        """System and component id of the drone side."""
+        """System and component id of this drone."""
         return self.component.system_id, self.component.component_id
 
     def keep_station(self, place: tuple[int, int]) -> None:
@@ -244,7 +244,7 @@ class Connection:
             self._receiving = None
 
     def _send(self, message: Message) -> None:
-        """Send an answer by the link of its request, a heartbeat by all links."""
+        """Send an answer on the link of its request, a heartbeat on all links."""
         system_id = self.component.system_id
         if self._receiving is not None:
             self._ways[self._receiving].send(message, system_id)

@@ -14,7 +14,7 @@ class Message:
     LAYOUT: ClassVar[Struct]
 
     def pack(self) -> bytes:
-        """Bytes of the whole payload, trailing zeros included."""
+        """Encode the whole payload, trailing zeros included."""
         raise NotImplementedError
 
     @classmethod
@@ -24,7 +24,7 @@ class Message:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read a payload whose trailing zeros were cut, or that a newer sender made longer."""
+        """Read a payload without its trailing zeros, or with a newer sender's extra fields."""
         size = cls.LAYOUT.size
         return cls.unpack(payload[:size].ljust(size, b"\0"))
 

@@ -19,7 +19,7 @@ LOG_LEVELS = (50, 50, 50, 40, 30, 20, 20, 10)
 
 @dataclass(slots=True)
 class DroneState:
-    """Settings, flight and status that the drone side reported last."""
+    """Settings, flight and status that the drone's processes reported last."""
 
     settings: Settings
     flight: FlightInfo | None
@@ -27,12 +27,12 @@ class DroneState:
     status_heard_ns: int = 0
 
     def is_in(self, state: SystemState) -> bool:
-        """True if the drone side is in this state."""
+        """True if the drone is in the given state."""
         return self.status is not None and self.status.state is state
 
     @property
     def running(self) -> bool:
-        """True if detection runs, and is not about to end."""
+        """True if detection runs and is not about to end."""
         status = self.status
         return self.is_in(SystemState.DETECTING) and status is not None and not status.ending
 

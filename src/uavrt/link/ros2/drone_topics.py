@@ -35,7 +35,7 @@ class DroneTopics:
         self._bus, self._drone, self._log, self._now_ns = bus, drone, log, now_ns
         self._mounting = Mounting.from_settings(drone.settings.antenna)
         self._parts: dict[str, tuple[DiagnosticStatus, ...]] = {}
-        """State of each component at the supervisor's last report, once a second."""
+        """State of each component in the supervisor's last report, sent once a second."""
         self._pose: Pose | None = None
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns: dict[int, int] = {}
@@ -59,11 +59,11 @@ class DroneTopics:
         self._bus.publish("pulse_pose", convert.pulse_pose_to_ros(record, directory))
 
     def pose(self, pose: Pose) -> None:
-        """Set the pose that `tick` publishes next."""
+        """Store the pose that `tick` publishes next."""
         self._pose = pose
 
     def status_changed(self) -> None:
-        """Discard the component states; `tick` publishes those of the new status."""
+        """Discard the component states; `tick` publishes those of the latest status."""
         self._parts.clear()
 
     def flight_changed(self, *, started: bool) -> None:
@@ -94,7 +94,7 @@ class DroneTopics:
         self._bus.publish("pulse", message, node)
 
     def _show_detectors(self) -> None:
-        """Keep a node for each tag of the flight, until the next flight."""
+        """Keep a ROS 2 node for each tag of the flight, until the next flight."""
         if not self._drone.settings.ros2.node_per_tag or self._drone.flight is None:
             return
         tag_ids = [tag.tag_id for tag in self._drone.flight.tags]
@@ -106,7 +106,7 @@ class DroneTopics:
         self._detectors = frozenset(tag_ids)
 
     def command(self, command: Command) -> None:
-        """Publish a command of the ground station, as the original did."""
+        """Publish a command of the ground station, as the original system did."""
         match command.name:
             case "add_tag" if command.tag is not None and command.tag.coded:
                 coded = convert.coded_tag_to_ros(command.tag)
@@ -123,7 +123,7 @@ class DroneTopics:
                 self._bus.publish("control_stop_subprocess", order)
 
     def _show_start(self, flight: FlightInfo) -> None:
-        """Publish the start to each component: one message for each tag's detector."""
+        """Publish a start to each component: one message for each tag's detector."""
         center = {"center_frequency": f"{flight.center_frequency_hz / 1e6:.6f}"}
         radio = self._order("start", self._drone.settings.radio.kind, center)
         self._control("channelizer", self._order("start", "receiver", center))
@@ -133,7 +133,7 @@ class DroneTopics:
             self._control("detector", self._order("start", f"tag_id_{tag.tag_id}", values))
 
     def _control(self, component: str, order: DiagnosticArray) -> None:
-        """Publish a command to a component and its echo."""
+        """Publish a command to a component, and the component's echo."""
         self._bus.publish(f"control_{component}_subprocess", order)
         self._bus.publish(f"status_{component}_subprocess", order)
 
@@ -193,6 +193,6 @@ class DroneTopics:
 
 
 def _next_due(due_ns: int, now_ns: int, period_s: float) -> int:
-    """Time of the next heartbeat [ns]; late ones are skipped."""
+    """Time of the next heartbeat [ns]; overdue ones are skipped."""
     period_ns = ns_from_s(period_s)
     return due_ns + period_ns if now_ns - due_ns < period_ns else now_ns + period_ns

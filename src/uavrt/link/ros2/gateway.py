@@ -1,6 +1,6 @@
 """Translate the drone's records to ROS 2 messages, and commands back.
 
-It has no sockets: it is given records, messages and the time, and returns records.
+The gateway has no sockets: it gets records, messages and the time, and returns records.
 """
 
 from collections import OrderedDict
@@ -36,7 +36,7 @@ DROPS_PERIOD_S = 10.0
 CLOCK_ERROR_S = 2.0
 """Largest accepted difference of two computers' clocks [s]."""
 REMEMBERED_PULSES = 1000
-"""Most pulses from other computers remembered, so that they are not sent back."""
+"""Largest number of remembered pulses from other computers, which are not sent back."""
 
 
 class Gateway:
@@ -72,7 +72,7 @@ class Gateway:
         }
 
     def take(self, record: Any) -> None:
-        """Publish a record of the drone side on ROS 2."""
+        """Publish a record of the drone on ROS 2."""
         match record:
             case Pulse():
                 if (record.tag_id, record.start_time_ns) not in self._foreign:
@@ -95,7 +95,7 @@ class Gateway:
                 self._log.write(record.severity, record.text)
 
     def take_flight(self, flight: FlightInfo | None) -> None:
-        """Publish that a flight has started, or (None) ended; the flight's clock may change."""
+        """Publish that a flight has started, or ended (None); the flight's clock may change."""
         self._drone.status_heard_ns = self._now_ns()
         started, self._drone.flight = flight is not None and self._drone.flight is None, flight
         self._topics.flight_changed(started=started)
@@ -113,7 +113,7 @@ class Gateway:
         self._topics.tick(now_ns)
 
     def _receive(self, arrival: Arrival) -> None:
-        """Handle one message from the network; invalid ones are refused and counted."""
+        """Handle one message from the network; an invalid one is refused and counted."""
         try:
             message = decode(arrival.topic.message, arrival.cdr)
         except FormatError as error:
@@ -130,7 +130,7 @@ class Gateway:
             self._log.refuse(str(error))
 
     def _show_drops(self, now_ns: int) -> None:
-        """Log dropped messages and other gateways, rarely."""
+        """Log dropped messages and other gateways, at most every `DROPS_PERIOD_S`."""
         inbox = self._bus.inbox
         for topic, count in inbox.dropped.items():
             new = count - self._drops_said.get(topic, 0)
@@ -161,7 +161,7 @@ class Gateway:
         )
 
     def _take_pulse(self, message: RosPulse) -> None:
-        """Pass on a pulse of another computer's detector, if enabled in the settings."""
+        """Pass on a pulse from another computer's detector, if the settings enable this."""
         if message.frequency == 0.0:
             return
         pulse = convert.pulse_from_ros(message, self._pulses_taken)
@@ -175,7 +175,7 @@ class Gateway:
             self._send("pulse", pulse)
 
     def _check_pulse(self, pulse: Pulse) -> None:
-        """Raise `FormatError` for a pulse that is not of this flight."""
+        """Raise `FormatError` for a pulse that does not belong to this flight."""
         flight = self._drone.flight
         if flight is None:
             raise FormatError(f"pulse of tag {pulse.tag_id} refused: no flight")

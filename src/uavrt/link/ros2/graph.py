@@ -1,7 +1,7 @@
 """The ROS 2 graph as two tables: the nodes, and the topics between them.
 
-It is the original system's graph (thesis Fig. 2.1), so that its tools can be used. Endpoints,
-type hashes and documentation derive from it. `OWN_TOPICS` are additional.
+The graph is that of the original system (thesis Fig. 2.1), so that its tools can be used.
+Endpoints, type hashes and documentation derive from it. `OWN_TOPICS` are additional.
 """
 
 from dataclasses import KW_ONLY, dataclass
@@ -34,10 +34,10 @@ NODES: dict[str, str] = {
     CHANNELIZER: "the receiver",
     DETECTOR: "the detectors",
 }
-"""Names and meanings of the nodes, in the order of the data flow."""
+"""Names and meanings of the ROS 2 nodes, in the order of the data flow."""
 
 PARAMETER_NODE = START_STOP
-"""Node with the drone's parameters, if services are enabled."""
+"""Node that serves the drone's parameters, if services are enabled."""
 
 
 def detector_node(tag_id: int) -> str:
@@ -58,17 +58,17 @@ class RosTopic:
     depth: int = 10
     """Number of messages kept for a late subscriber."""
     burst: int = 20
-    """Most messages accepted at once (`uavrt.link.ros2.inbox`); 0: none."""
+    """Largest number of messages accepted at once (`uavrt.link.ros2.inbox`); 0: none."""
     per_s: float = 2.0
-    """Messages accepted per second after a burst."""
+    """Rate of messages accepted after a burst [1/s]."""
     commands: bool = True
-    """True if its messages are handled before those of topics with data only."""
+    """True if the topic's messages are handled before those of topics with data only."""
 
 
 UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
-"""Tag messages accepted at once and per second; for a hundred tags sent three times."""
+"""Tag messages accepted at once, and per second; enough for a hundred tags sent three times."""
 SERVICE_BURST, SERVICE_PER_S = 100, 10.0
-"""Parameter requests accepted at once and per second; a client reads all several times."""
+"""Parameter requests accepted at once, and per second; clients read all several times."""
 
 TOPICS: dict[str, RosTopic] = {
     topic.name: topic
@@ -196,7 +196,7 @@ TOPICS: dict[str, RosTopic] = {
 }
 
 OWN_TOPICS = ("burst", "store_coded_tag_information")
-"""Topics of coded tags, which the original does not have."""
+"""Topics of coded tags, which the original system does not have."""
 
 COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
 """Node of each component, which has topics ``control_…`` and ``status_<name>_subprocess``."""

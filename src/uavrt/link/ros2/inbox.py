@@ -1,4 +1,4 @@
-"""Keep received messages for the gateway, within the limits of each topic. Pure.
+"""Queue received messages for the gateway, within the limits of each topic. Pure.
 
 One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
 on one topic delays no message of another. Excess messages are dropped and counted.
@@ -13,15 +13,15 @@ from uavrt.link.ros2.graph import RosTopic
 from uavrt.link.ros2.ros_senders import Arrival
 
 BYTES_OF_ONE = 256
-"""Bytes of a message that count as one message, because decoding takes as long. A tag has 76
-bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its topic's
-`burst` is never decoded."""
+"""Size counted as one message, as decoding takes time [bytes]. A tag has 76 bytes, a pulse 160,
+32 parameters set at once 4 kB. A message that alone exceeds its topic's `burst` is never
+decoded."""
 GATEWAYS_NAMED = 20
-"""Most other gateways that are counted separately."""
+"""Largest number of other gateways that are counted separately."""
 
 
 class Inbox:
-    """Received messages in order of arrival, commands before pulses; none of closed topics."""
+    """Received messages in order of arrival, commands before pulses; no closed topics."""
 
     def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
         self._now_ns = now_ns
@@ -31,12 +31,12 @@ class Inbox:
         self._allowed: dict[str, Allowance] = {}
         self._dropped: dict[str, int] = {}
         self.of_gateways = 0
-        """Number of messages of other gateways, which are not for this one."""
+        """Number of messages from other gateways, which are ignored."""
         self.gateways: set[str] = set()
         """Keys of the participants that sent messages as other gateways."""
 
     def put(self, arrival: Arrival) -> None:
-        """Queue a message, or drop and count it."""
+        """Queue a message, or drop it and count it as dropped."""
         topic = arrival.topic
         if arrival.sender.gateway:
             self.of_gateways += 1
@@ -56,16 +56,16 @@ class Inbox:
         return self._allowed[topic.name].take(self._now_ns(), cost)
 
     def drop(self, topic: RosTopic) -> None:
-        """Count a message that was sent and lost."""
+        """Count a message that was sent and then lost."""
         self._dropped[topic.name] = self._dropped.get(topic.name, 0) + 1
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Number of dropped messages of each topic that has any."""
+        """Number of dropped messages, for each topic with any."""
         return self._dropped.copy()
 
     def take(self) -> list[Arrival]:
-        """Return the waiting messages; the limits of all topics bound their number."""
+        """Return the waiting messages; the topics' limits bound their number."""
         return [
             waiting.popleft()
             for waiting in (self._commands, self._data)
@@ -79,8 +79,8 @@ T = TypeVar("T")
 class SendingOrder(Generic[T]):
     """Sorts the messages of several readers into the order of their sending.
 
-    Readers are emptied one after the other, pass by pass. A message that was sent earlier also
-    arrived earlier, so it comes in the next pass at the latest; later messages wait for that.
+    Readers are emptied one after the other, pass by pass. A message sent earlier also arrived
+    earlier, so it comes in the next pass at the latest; messages sent later wait for that pass.
 
     `sent`: returns the sorting key of a message, such as its sending time.
     """

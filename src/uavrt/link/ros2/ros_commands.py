@@ -30,7 +30,7 @@ from uavrt.link.ros2.upload import Upload
 
 TAG_TOPICS = ("store_tag_information", "store_coded_tag_information")
 ASKED_KEPT = 1000
-"""Most sent commands remembered until the supervisor's reply."""
+"""Largest number of sent commands remembered until the supervisor replies."""
 
 
 class RosCommands:
@@ -66,12 +66,12 @@ class RosCommands:
         """Number of commands sent to the supervisor."""
 
     def of_others(self, command: Command) -> None:
-        """Handle a command from outside of ROS 2; a new upload replaces the present one."""
+        """Handle a command that came without ROS 2; a new upload replaces the present one."""
         if command.name == "start_tags":
             self._upload.forget()
 
     def receive(self, arrival: Arrival, message: RosMessage) -> None:
-        """Handle a message; raises `FormatError` or `ConfigError` if it is refused."""
+        """Handle a message; raises `FormatError` or `ConfigError` for a refused one."""
         topic = arrival.topic.name
         match message:
             case ServiceMessage():
@@ -102,7 +102,7 @@ class RosCommands:
         return "its sender is not known to DDS" if arrival.sender == UNKNOWN else None
 
     def resume(self) -> None:
-        """Continue the upload that was open when an earlier gateway process ended."""
+        """Continue the upload that was in progress when an earlier gateway process ended."""
         status = self._drone.status
         if self._resumed or status is None:
             return
@@ -116,7 +116,7 @@ class RosCommands:
             self._log.write(4, "the gateway restarted while tags came: send all tags again")
 
     def nothing_came(self) -> None:
-        """Record the number of lost tags while no upload is open."""
+        """Record the number of tag messages lost while no upload is open."""
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:
@@ -128,7 +128,7 @@ class RosCommands:
         return sum(dropped.get(name, 0) for name in TAG_TOPICS)
 
     def _take_tag(self, message: RosTag | RosCodedTag, arrival: Arrival) -> None:
-        """Send a tag; the first begins an upload, for which the original has no message."""
+        """Send a tag; the first also begins an upload, as the original has no such message."""
         tag_id = message.tag_id if isinstance(message, RosTag) else message.tag.tag_id
         if self._upload.is_late(arrival.sender, arrival.sent_ns):
             self._upload.add_late(tag_id)
@@ -162,7 +162,7 @@ class RosCommands:
         )
 
     def _refuse_part(self, topic: str, order: DiagnosticArray) -> None:
-        """Refuse to start or stop one component alone, in the component's own status."""
+        """Refuse to start or stop one component alone, as shown in its own status."""
         component = topic.removeprefix("control_").removesuffix("_subprocess")
         reason = "not alone: publish to control_start_subprocess or control_stop_subprocess"
         first = order.status[0] if order.status else DiagnosticStatus()
@@ -180,7 +180,7 @@ class RosCommands:
         self._log.refuse(f"{topic}: {reason}", node=COMPONENTS.get(component, AIRSPY))
 
     def _ask_parameter(self, name: str, value: float) -> int | None:
-        """Request the supervisor to set a parameter; None if there are too many requests."""
+        """Request a parameter change from the supervisor; None if too many are pending."""
         if not self._parameters_allowed.take(self._now_ns()):
             self._log.refuse("set_parameter: commands come too fast")
             return None
@@ -198,7 +198,7 @@ class RosCommands:
         return command.request_id
 
     def answered(self, reply: CommandReply) -> None:
-        """Write the supervisor's answer to the log, or send it to the client."""
+        """Handle the supervisor's answer: write it to the log, or send it to the client."""
         self._write_reply(reply)
         self._parameters.answered(reply)
 

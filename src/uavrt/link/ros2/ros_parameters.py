@@ -1,6 +1,6 @@
 """Serve the drone's parameters by ROS 2's parameter services.
 
-The table, values and rules are those of MAVLink (`uavrt.config.parameters`): changes go to the
+Table, values and rules are those of MAVLink (`uavrt.config.parameters`): changes go to the
 supervisor as commands, and the reply waits for its answer.
 """
 
@@ -38,18 +38,18 @@ from uavrt.link.ros2.types.parameter_messages import (
 BOOL, INTEGER, DOUBLE = 1, 2, 3
 """Numbers of rcl_interfaces/ParameterType; 0 is "not set"."""
 PENDING = 16
-"""Most requests to set parameters that wait for the supervisor."""
+"""Largest number of requests to set parameters that wait for the supervisor."""
 MOST_AT_ONCE = 32
-"""Most parameters in one request to set."""
+"""Largest number of parameters in one request to set."""
 DONE = SetParametersResult(successful=True)
 
 Ask = Callable[[str, float], int | None]
-"""Sends a parameter change to the supervisor; returns its number, None if that fails."""
+"""Function that sends a parameter change to the supervisor; returns its number or None."""
 
 
 @dataclass(slots=True)
 class _Setting:
-    """A request to set parameters in progress, one parameter after the other."""
+    """A request to set parameters while it is carried out, one parameter after the other."""
 
     request: SetRequest | SetTogetherRequest
     left: deque[RosParameter]
@@ -125,7 +125,7 @@ class ParameterServices:
         return None
 
     def _go_on(self, setting: _Setting) -> None:
-        """Set the next parameter of a request; reply when all are done."""
+        """Set the next parameter of a request; reply once all are done."""
         together = isinstance(setting.request, SetTogetherRequest)
         while setting.left:
             if together and any(not result.successful for result in setting.results):
@@ -154,7 +154,7 @@ class ParameterServices:
         self._reply(SetTogetherReply(**asker, result=bad))
 
     def _value(self, name: str) -> ParameterValue:
-        """Value of a parameter in force; of type 0 if it does not exist."""
+        """Value in force of a parameter; its type is 0 if the parameter does not exist."""
         parameter = OFFERED.get(name)
         if parameter is None:
             return ParameterValue()
@@ -174,12 +174,12 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """True if one of the prefixes is the name itself, since uavrt's names have no dots."""
+    """True if a prefix is the name itself; names have no dots, so none has children."""
     return not prefixes or name in prefixes
 
 
 def _number(wanted: RosParameter) -> float:
-    """Number in a value, also an integer for a real; raises `ConfigError` for a wrong type."""
+    """Number in a parameter value, also an integer for a real; `ConfigError` if neither."""
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
         raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")

@@ -1,6 +1,6 @@
-"""Convert uavrt's records to ROS 2 messages and back, each in one place.
+"""Convert uavrt's records to ROS 2 messages and back.
 
-Units differ only here: ROS 2 pulses are in megahertz, tags in hertz and milliseconds.
+This is the only place with other units: ROS 2 pulses are in MHz, tags in Hz and ms.
 """
 
 import math
@@ -44,7 +44,7 @@ def time_to_ros(time_ns: int | None) -> Time:
 
 
 def time_from_ros(time: Time) -> int | None:
-    """Convert a time to ns, UTC; zero becomes None."""
+    """Convert a time to nanoseconds UTC; zero becomes None."""
     return time.sec * NANOSECONDS_PER_SECOND + time.nanosec or None
 
 
@@ -60,7 +60,7 @@ def pose_to_ros(pose: Pose | None) -> RosPose:
 
 
 def pose_stamped(pose: Pose) -> PoseStamped:
-    """Convert an antenna pose, with its own time, not that of sending."""
+    """Convert an antenna pose with the pose's own time, not that of sending."""
     header = Header(stamp=time_to_ros(pose.time_ns), frame_id="antenna_pose")
     return PoseStamped(header=header, pose=pose_to_ros(pose))
 

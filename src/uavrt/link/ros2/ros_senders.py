@@ -1,8 +1,8 @@
-"""Identifies senders of messages: other gateways, and authorised commanders. Pure.
+"""Identify senders of messages: other gateways, and authorised commanders. Pure.
 
 A gateway publishes its own ground station's commands on the topics that other gateways obey, so
-a command counts only if its participant is known and is no gateway. Gateways are recognised by
-their mark (in the participant's user data, which DDS sends first), or, without one, by their
+a command counts only if its participant is known and is not a gateway. Gateways are recognised
+by their mark (in the participant's user data, which DDS sends first), or, without one, by their
 topics: earlier releases, the original's `uavrt_connection` and a recording that is played all
 publish ``pulse_pose`` and commands.
 
@@ -22,7 +22,7 @@ DETECTOR_MARK = b"uavrt=detector;"
 SYSTEM_TOPIC = "pulse_pose"
 """Topic that only the gateway of a drone publishes."""
 REMEMBERED = 4096
-"""Most participants and writers remembered; newer ones replace the oldest."""
+"""Largest number of remembered participants and writers; newer ones replace the oldest."""
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -30,12 +30,12 @@ V = TypeVar("V")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """Participant that sent a message."""
+    """A DDS participant that sent a message."""
 
     key: str = ""
     """Identifier of the participant; empty if unknown."""
     gateway: bool = False
-    """True if it is the gateway of another drone, or a recording of one."""
+    """True if the participant is the gateway of another drone, or a recording of one."""
 
 
 UNKNOWN = Sender()
@@ -48,12 +48,12 @@ class Arrival:
     topic: RosTopic
     cdr: bytes
     sent_ns: int = 0
-    """Time of sending by the sender's clock [ns, UTC]."""
+    """Time of sending, by the sender's clock [ns, UTC]."""
     sender: Sender = UNKNOWN
 
 
 class Senders:
-    """Publishers that are present or just gone."""
+    """Publishers that are present or have just left."""
 
     def __init__(self) -> None:
         self._marked: _Newest[str, bool] = _Newest()
@@ -71,7 +71,7 @@ class Senders:
             self._systems[participant] = True
 
     def of(self, handle: int) -> Sender:
-        """Participant with the writer of this handle."""
+        """Return the participant that owns the writer with this handle."""
         key = self._writers.get(handle)
         if key is None or key not in self._marked:
             return UNKNOWN
@@ -79,7 +79,7 @@ class Senders:
 
 
 class _Newest(OrderedDict[K, V], Generic[K, V]):
-    """A dictionary that keeps the newest `REMEMBERED` entries."""
+    """A dictionary limited to its newest `REMEMBERED` entries."""
 
     def __setitem__(self, key: K, value: V) -> None:
         super().__setitem__(key, value)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from uavrt.link.ros2.ros_senders import Sender
 
 MOST = 10_000
-"""Most tag ids that are counted, so that a flood cannot fill the memory."""
+"""Largest number of tag ids that are counted, so that a flood cannot fill the memory."""
 
 
 class Upload:
@@ -16,7 +16,7 @@ class Upload:
 
     def __init__(self) -> None:
         self.open = False
-        """True until the upload's end, its release, has come."""
+        """True until the upload's release, which ends it, has arrived."""
         self._ids: set[int] = set()
         self._nameless = 0
         self._lost_before = self._lost = 0
@@ -34,12 +34,12 @@ class Upload:
         self._lost = lost
 
     def add_late(self, tag_id: int) -> None:
-        """Count a tag that was sent before the release and came after it."""
+        """Count a tag that was sent before the release and arrived after it."""
         if len(self._ids) < MOST:
             self._ids.add(tag_id)
 
     def resume(self, tag_ids: Iterable[int], lost: int) -> None:
-        """Continue an earlier gateway's upload; a tag may have been lost as that ended."""
+        """Continue an earlier gateway's upload; the change of gateway may have lost a tag."""
         for tag_id in tag_ids:
             self.add(tag_id, lost)
         self.add(None, lost)
@@ -50,7 +50,7 @@ class Upload:
             self._lost_before = lost
 
     def release(self, sender: Sender, sent_ns: int) -> None:
-        """Handle the end of the upload, its release."""
+        """Handle the upload's release, which ends it."""
         self.open = False
         self._released = (sender, sent_ns)
 
@@ -71,6 +71,6 @@ class Upload:
 
     @property
     def tag_count(self) -> int | None:
-        """Least number of tags that were sent; None without any."""
+        """Smallest number of tags that can have been sent; None without an upload."""
         count = len(self._ids) + self._nameless + max(0, self._lost - self._lost_before)
         return count or None

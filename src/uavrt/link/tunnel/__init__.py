@@ -1,4 +1,4 @@
-"""The tunnel's wire formats: one file per generation of the protocol (`g0`, `g1`, `g2`).
+"""Wire formats of the tunnel: one module for each protocol generation (`g0`, `g1`, `g2`).
 
 `decode` reads a payload, ``message.encode()`` writes one, `uavrt.link.tunnel.tunnel_records`
 converts between these messages and the records of `uavrt.core.messages`. Pure: no sockets, no

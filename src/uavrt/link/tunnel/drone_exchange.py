@@ -1,6 +1,6 @@
 """The drone's side of the tunnel protocol, without I/O.
 
-Payloads of ground stations become commands for the supervisor. Its replies become
+Payloads of ground stations become commands for the supervisor. The supervisor's replies become
 acknowledgements to the sender; pulses and states become payloads in the ground's generation.
 """
 
@@ -43,9 +43,9 @@ from uavrt.link.tunnel.tunnel_records import (
 )
 
 PENDING = 64
-"""Most commands that may wait for the supervisor's reply; it replies within milliseconds."""
+"""Largest number of commands waiting for the supervisor; it replies within milliseconds."""
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
-"""First versions with OPERATION_PROGRESS and DETECTOR_HEARTBEAT."""
+"""First protocol versions with OPERATION_PROGRESS and with DETECTOR_HEARTBEAT."""
 STATES = {"running": g2.RUNNING, "complete": g2.COMPLETE, "failed": g2.FAILED}
 
 
@@ -59,7 +59,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PendingCommand:
-    """Sender, command and generation of a request without a reply yet."""
+    """A request that waits for the supervisor's reply: sender, command and generation."""
 
     asker: Ids
     number: int
@@ -67,13 +67,13 @@ class _PendingCommand:
     request_id: int = 0
     tag_index: int | None = None
     spoken: Generation | None = None
-    """Generation of the sender's messages; None if they do not show it."""
+    """Protocol generation of the sender's messages; None if they do not show it."""
     upload: TagUpload | None = None
-    """Upload that the request opens if it is accepted."""
+    """Upload that the request opens, if accepted."""
 
 
 class Operations:
-    """Progress of the operations that stations started; `version`: the drone's number in G2."""
+    """Progress of the operations that stations started; `version`: number sent in G2."""
 
     def __init__(self, version: int) -> None:
         self._version = version
@@ -81,7 +81,7 @@ class Operations:
         self._last: dict[CommandName, Operation] = {}
 
     def begun(self, name: CommandName, question: _PendingCommand) -> None:
-        """Record which request started an operation; its sender gets the progress."""
+        """Record which request started an operation; its progress goes to the same sender."""
         self._questions[name] = question
 
     def progress(self, operation: Operation) -> Answer | None:
@@ -94,7 +94,7 @@ class Operations:
         return answer
 
     def again(self) -> list[Answer]:
-        """Last progress messages of all running operations; send them once a second."""
+        """Latest progress messages of all running operations; send them once a second."""
         steps = (self._step(operation) for operation in self._last.values())
         return [step for step in steps if step is not None]
 
@@ -115,7 +115,7 @@ class Operations:
 
 
 class Exchange:
-    """Keeps pending requests, and the protocol generation of the ground stations.
+    """Stores pending requests, and the protocol generation of the ground stations.
 
     `generation`: generation of sent messages. "auto" answers each station in its own
     generation, and sends pulses in that of the last tag upload, G1 before any. The numbered
@@ -150,7 +150,7 @@ class Exchange:
 
     @property
     def generation(self) -> Generation:
-        """Generation of the pulse messages sent."""
+        """Protocol generation of the pulse messages sent."""
         return self._fixed or self._heard
 
     def refuse(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
@@ -189,17 +189,17 @@ class Exchange:
         return self._answer(question, reply.accepted, reply.message)
 
     def pulse(self, pulse_pose: PulsePose) -> bytes:
-        """Payload of a pulse in the ground's generation."""
+        """Make the payload of a pulse in the ground station's generation."""
         return pulse_to_wire(pulse_pose, self.generation).encode()
 
     def search_report(self, report: SearchReport) -> bytes | None:
-        """Payload of "searched, nothing found"; None in the thesis's generation."""
+        """Make the payload of "searched, nothing found"; None in generation G0."""
         if self.generation == "G0":
             return None
         return in_generation(search_report_to_wire(report), self.generation).encode()
 
     def detector_heartbeat(self, tag_id: int, time_ns: int) -> bytes | None:
-        """Payload of a detector's heartbeat; None in the thesis's generation."""
+        """Make the payload of a detector's heartbeat; None in generation G0."""
         if self.generation == "G0":
             return None
         if self.generation == "G2" and self._version >= ALIVE_VERSION:
@@ -207,7 +207,7 @@ class Exchange:
         return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
-        """Payload of the 1 Hz heartbeat; None in the thesis's generation."""
+        """Make the payload of the 1 Hz heartbeat; None in generation G0."""
         if self.generation == "G0":
             return None
         old = heartbeat_to_wire(state, cpu_temperature_c)
@@ -230,7 +230,7 @@ class Exchange:
     def _request(
         self, message: g2.Requests | CodedTag, payload: bytes, asker: Ids
     ) -> Command | Answer | None:
-        """Handle a command of version 4 or later; a repetition gets the same answer."""
+        """Handle a command of version 4 or later; a repeated one gets the same answer."""
         known = self._requests.repeated(asker, message.request_id, payload, self._clock_s())
         if known is True:
             return None  # its acknowledgement is on its way
@@ -333,7 +333,7 @@ class Exchange:
         return Command(name=name, request_id=number, source=f"mavlink {asker[0]}/{asker[1]}")
 
     def _refusal(self, payload: bytes, reason: str, asker: Ids) -> Answer | None:
-        """Acknowledgement that refuses an unreadable payload; None if it is no command."""
+        """Make the acknowledgement that refuses an unreadable payload; None if no command."""
         number = acked_command_of(payload)
         if number is None or number == CommandId.ACK:
             return None

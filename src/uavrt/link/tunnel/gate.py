@@ -1,4 +1,4 @@
-"""Check on the drone which ground stations may command; seal commands on the ground."""
+"""Drone: decide which ground stations may command. Ground: seal commands."""
 
 import secrets
 from collections import OrderedDict
@@ -34,16 +34,16 @@ ALIVE_S = 0.45
 """Time between two keepalives [s], plus up to 0.05 s. Nine fit into the drone's limit of 5 s:
 at 20 % loss all are lost once in 600 flights of half an hour."""
 ECHO_S = 5.0
-"""Largest age of a nonce or an announced session that is accepted [s]."""
+"""Largest accepted age of a nonce or of an announced session [s]."""
 ASKED = 6
-"""Nonces without an echo after which a drone counts as older. At 20 % loss each way this
-happens by chance once in 500 starts, and only repeats the request."""
+"""Number of nonces without an echo after which the drone's uavrt counts as older. At 20 % loss
+each way this happens by chance once in 500 starts, and only repeats the request."""
 MAX_ANNOUNCED = 4096
-"""Most announced sessions remembered; more than a drone has in a year."""
+"""Largest number of remembered session announcements; a drone has fewer in a year."""
 FILES_S = 3.0
 """Time for which a sealed keepalive announces file requests [s]."""
 SEALED_ORDERS = 64
-"""Most sealed motion orders remembered to add proofs to their answers, due within seconds."""
+"""Largest number of remembered motion orders, sealed ones whose answers need a proof."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 
 log = get_logger()
@@ -53,9 +53,8 @@ class Gate:
     """Decides on the drone which ground stations may command.
 
     `commanders`: system ids that may command; empty: all. `key_file`: file with a key; then
-    only sealed commands are accepted, if `key_required`. `key_required`: False: unsealed
-    commands are accepted too; a sealed one comes from an owner of the key. Raises `ConfigError`
-    if the key cannot be read.
+    only sealed commands are accepted, if `key_required`. `key_required`: False to accept
+    unsealed commands too. Raises `ConfigError` if the key cannot be read.
     """
 
     def __init__(
@@ -69,13 +68,13 @@ class Gate:
         self._key_required = key_required
         self._keeper = None if key_file is None else SealKeeper(read_key(key_file))
         self.refused = 0
-        """Sealed messages that were forged, repeated or damaged."""
+        """Number of sealed messages that were forged, repeated or damaged."""
         self._sealed_s: dict[Ids, float] = {}
         """Time of each station's last valid seal [s]."""
         self._files_s: dict[Ids, float] = {}
-        """Time at which each station last announced file requests by a sealed keepalive [s]."""
+        """Time of each station's last sealed keepalive that announces file requests [s]."""
         self._proving: set[Ids] = set()
-        """Stations that check proofs: they have sent a sealed keepalive."""
+        """Stations that check proofs, because they have sent a sealed keepalive."""
         self._orders: OrderedDict[tuple[Ids, int], None] = OrderedDict()
         """Station and request id of recent sealed motion orders."""
         self._proves = True
@@ -94,7 +93,7 @@ class Gate:
         return None
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
-        """Message that announces the session of valid seals; None without a key."""
+        """Message that announces the session in which seals are valid; None without a key."""
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
@@ -128,7 +127,7 @@ class Gate:
 
     @contextmanager
     def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
-        """Context in which a motion order is handled; gives the reason of a refusal, or None.
+        """Context in which a motion order is handled; yields the reason of a refusal, or None.
 
         Answers that are sent within the block belong to this order.
         """
@@ -172,7 +171,7 @@ class Sealer:
 
     @property
     def ready(self) -> bool:
-        """True once the drone's session is known."""
+        """True once the session of the drone is confirmed."""
         return self._session is not None
 
     def accept_session(self, payload: bytes, drone: Ids) -> None:
@@ -199,7 +198,7 @@ class Sealer:
         """Sealed messages due now: a keepalive, and a nonce for an unconfirmed session.
 
         Of several announced sessions the one tried least often comes first, so that replayed
-        ones do not delay the drone's.
+        announcements do not delay the drone's session.
 
         `links`: number of links that carry keepalives in turn, each as often as a single one.
         `files`: True while files are requested.
@@ -222,7 +221,7 @@ class Sealer:
         return due
 
     def __call__(self, payload: bytes, payload_type: int) -> bytes:
-        """Seal a payload of a kind of message to the drone."""
+        """Seal a payload of the given type to the drone."""
         return self._seal(payload, UNSEALED[payload_type].inside)
 
     def parameter(self, name: str, value: float) -> bytes:
@@ -262,8 +261,8 @@ class Sealer:
 
 @dataclass(slots=True)
 class _Announced:
-    """An announced session, which may be a recording."""
+    """An announced session, which may come from a recording."""
 
     heard_s: float = -inf
     asked: int = 0
-    """Number of nonces sealed for this session."""
+    """Number of nonces sent to confirm this session."""

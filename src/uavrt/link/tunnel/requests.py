@@ -1,4 +1,4 @@
-"""Repeatable requests and uploads as sets, as the numbered versions have them.
+"""Recognise repeated requests, and collect uploads as sets, as in the numbered versions.
 
 From version 4 on a ground station repeats the same bytes until they are acknowledged. The drone
 keeps its last 16 acknowledgements for 120 s, and sends them again to repetitions.
@@ -34,7 +34,7 @@ class RequestCache:
     def repeated(
         self, asker: Asker, request_id: int, payload: bytes, now_s: float
     ) -> bytes | bool:
-        """Check whether a request is a repetition, and remember it if it is new.
+        """Check whether a request is a repetition; store a new one.
 
         Returns the acknowledgement to send again, True for a repetition in progress, False for
         a new request. Raises `TunnelError` if another request had the same id.
@@ -54,7 +54,7 @@ class RequestCache:
         return False
 
     def answered(self, asker: Asker, request_id: int, answer: bytes) -> None:
-        """Remember the acknowledgement of a request."""
+        """Store the acknowledgement of a request."""
         known = self._requests.get((asker, request_id))
         if known is not None:
             known.answer = answer
@@ -62,7 +62,7 @@ class RequestCache:
 
 @dataclass(slots=True)
 class TagUpload:
-    """An upload of tags as a set, complete once every index has come."""
+    """An upload of tags as a set, complete once every index has arrived."""
 
     upload_id: int
     tag_count: int

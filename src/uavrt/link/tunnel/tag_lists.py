@@ -1,4 +1,4 @@
-"""Digests to compare the tag lists of drone and ground.
+"""Compute and compare digests of the tag lists of drone and ground station.
 
 A drone that detects refuses new tags and reports its list with a digest. A restarted ground
 station recognises its own list by it and continues to receive.
@@ -22,14 +22,14 @@ def tag_list_digest(tags: Iterable[Tag]) -> str:
 
 
 def _of_code(tag: Tag) -> bytes:
-    """Bytes that identify a coded tag; its times are in microseconds."""
+    """Bytes that identify a coded tag; the tag's times are in microseconds."""
     times_s = (*tag.gaps_s, *tag.pulse_intervals_s, tag.pulse_width_s)
     numbers = (tag.tag_id, round(tag.frequency_hz), *(round(1e6 * one) for one in times_s))
     return b"coded" + repr(numbers).encode()
 
 
 def searched_text(tags: Iterable[Tag]) -> str:
-    """Name the searched tags: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
+    """Text with the searched tags: ``tags 2, 4 (list 0a1b2c3d)``; 64 characters at most."""
     known = list(tags)
     digest = tag_list_digest(known)
     ids = ", ".join(str(tag.tag_id) for tag in known)
@@ -39,6 +39,6 @@ def searched_text(tags: Iterable[Tag]) -> str:
 
 
 def digest_in(text: str) -> str | None:
-    """Find a tag list's digest in a drone's text; None without one."""
+    """Find a tag list's digest in a drone's text; None if the text has none."""
     found = _DIGEST.search(text)
     return found[1] if found else None

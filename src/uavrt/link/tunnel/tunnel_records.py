@@ -25,12 +25,12 @@ from uavrt.link.tunnel.generations.g1 import (
 from uavrt.link.tunnel.generations.g2 import AckG2, PulseG2, PulseG2v1
 
 LATEST_S = 9.2e9
-"""Latest time whose nanoseconds fit into 64 bits, in the year 2261 [s since 1970]."""
+"""Latest time that fits into 64 bits as nanoseconds: the year 2261 [s since 1970]."""
 
 ROOM_G1, ROOM_G2 = 115, 107
-"""Most bytes of an acknowledgement's text in G1 and G2, without the NUL that ends it."""
+"""Largest size of an acknowledgement's text in G1 and G2, without the final NUL [bytes]."""
 _USABLE = 0xF000
-"""Lowest group number that gives the usable share of time [per mille] with "nothing found"."""
+"""Smallest group number that encodes the usable share of time [per mille] in a report."""
 
 STATUS_NUMBERS_OF_PULSES: dict[DetectionStatus, int] = {
     "subthreshold": STATUS_SUBTHRESHOLD,
@@ -103,7 +103,7 @@ def tag_from_wire(message: TagG0 | TagG1) -> Tag:
 
 
 def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1 | PulseG2:
-    """Convert a pulse of G1 to the pulse message of a numbered version."""
+    """Convert a pulse message of G1 to that of a numbered version."""
     if generation == "G2v1":
         return PulseG2v1(pulse=pulse)
     return PulseG2(pulse=pulse) if generation == "G2" else pulse
@@ -169,7 +169,7 @@ def pulse_to_wire(
 
 
 def search_report_to_wire(report: SearchReport) -> PulseG1:
-    """Convert a search report to "searched, nothing found" (status 3); not in G0."""
+    """Convert a search report to "searched, nothing found" (status 3); G0 has no such text."""
     share, weakest_db = report.usable_share, report.weakest_enr_db
     return PulseG1(
         tag_id=report.tag_id,
@@ -191,7 +191,7 @@ def detector_heartbeat(tag_id: int, time_ns: int) -> PulseG1:
 def pulse_from_wire(
     message: PulseG0 | PulseG1, tag: Tag | None = None
 ) -> PulsePose | SearchReport | None:
-    """Convert a message to a pulse; None if it is a detector's heartbeat.
+    """Convert a message to a pulse; None if the message is a detector's heartbeat.
 
     Fields missing on the wire: the end follows from the tag's pulse width (without a tag it is
     the start), the other altitude and noise of G0 are NaN. The rate is the one whose next pulse
@@ -244,7 +244,7 @@ def pulse_from_wire(
 
 
 def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
-    """Find the listed tag with the number in a message; None if it is not listed.
+    """Find the listed tag with the number in a message; None if no listed tag has it.
 
     For a tag with a second rate, the original runs a second detector under the number after the
     tag's. So its tags have even numbers.
@@ -256,7 +256,7 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 
 
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
-    """Find which of a tag's intervals, numbered from 1, agrees with the predicted next pulse.
+    """Number, from 1, of the tag's interval that agrees with the predicted next pulse.
 
     The message has the start of the predicted window: the interval less its uncertainty.
     """
@@ -287,7 +287,7 @@ def _place_on_wire(message: PulseG0 | PulseG1) -> tuple[float, float]:
 
 
 def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
-    """Pose in a pulse message; None if it has none, or an invalid position."""
+    """Pose in a pulse message; None without a valid position."""
     if isinstance(message, PulseG1):
         quaternion = from_euler_deg(message.yaw_deg, message.pitch_deg, message.roll_deg)
         amsl, relative = math.nan, message.altitude_relative_m
@@ -322,7 +322,7 @@ def ack_to_wire(
     generation: Generation = "G1",
     request_id: int = 0,
 ) -> AckG0 | AckG1 | AckG2:
-    """Make an acknowledgement; G0 has no room for the message."""
+    """Make an acknowledgement; in G0 the text is dropped."""
     result = SUCCESS if accepted else FAILURE
     if generation == "G2":
         return AckG2(
@@ -339,7 +339,7 @@ def ack_to_wire(
 
 
 def _path_that_fits(message: str, room: int) -> str:
-    """Shorten a long path at its front, since its end names the flight."""
+    """Shorten a long path from its front, because the end names the flight."""
     if not message.startswith("/") or len(message.encode()) <= room:
         return message
     tail = message.encode()[-(room - len("…".encode())) :]
@@ -347,7 +347,7 @@ def _path_that_fits(message: str, room: int) -> str:
 
 
 def heartbeat_to_wire(state: SystemState, cpu_temperature_c: float | None) -> Heartbeat:
-    """Make the drone side's heartbeat; an unknown temperature is NaN."""
+    """Make the drone's heartbeat; an unknown temperature becomes NaN."""
     return Heartbeat(
         system_id=SYSTEM_CONTROLLER,
         status=STATUS_NUMBERS[state],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound, UsageError
 from uavrt.core.plugins import Registry
 from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.bearing import classic_bearings as classic
@@ -141,7 +141,7 @@ def estimate_bearing(
 def _added(method: str) -> BearingEstimator:
     if method not in ADDED_METHODS:
         known = ", ".join(["pattern_ml", *_METHODS, *ADDED_METHODS])
-        raise UsageError(f"there is no method {method!r}", remedy=f"Choose from {known}")
+        raise NotFound(f"there is no method {method!r}", remedy=f"Choose from {known}")
     return ADDED_METHODS[method]
 
 

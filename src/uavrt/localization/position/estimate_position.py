@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.core.earth.tangent_plane import plane_around
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound, UsageError
 from uavrt.core.plugins import Registry
 from uavrt.localization.position.bayes_fix import ellipse_of, normal_radius_m
 from uavrt.localization.position.bayes_model import Known
@@ -101,7 +101,7 @@ def estimate_position(
         return ADDED_METHODS[method](stations, powers)
     if method not in _LENTH:
         names = ", ".join(["bayes", "track", *_LENTH, *ADDED_METHODS])
-        raise UsageError(f"there is no method {method!r}", remedy=f"Choose from {names}")
+        raise NotFound(f"there is no method {method!r}", remedy=f"Choose from {names}")
     if stations is None or len(stations.bearing_deg) < 2:
         raise UsageError(f"{method} needs two bearings", remedy="Use the method bayes")
     return _lenth(stations, method)

@@ -1,1 +1,1 @@
-"""Probability of detecting a tag at a place: link budget, propagation, coverage."""
+"""Probability of detecting a tag at a position: link budget, propagation, coverage."""

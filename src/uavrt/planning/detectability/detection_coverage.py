@@ -1,4 +1,4 @@
-"""Probability of detecting a tag at each place along a path, planned or flown.
+"""Probability of detecting a tag at each position along a path, planned or flown.
 
 The expected pulses are divided into groups of K. The mean energy of a group, by link budget,
 antenna pattern and terrain, gives the detector's own detection probability. The error of the
@@ -57,9 +57,9 @@ class Coverage:
     groups: int
     """Number of pulse groups on the path; for a whole flight 1 or 0."""
     whole_flight: bool = False
-    """True if all pulses are judged together, as by `uavrt integrate`."""
+    """True if all pulses are combined, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
-    """Sentences on the limitations of the figures."""
+    """Sentences on what the coverage leaves out, such as hills."""
 
     @property
     def mean(self) -> float:
@@ -137,7 +137,7 @@ def coverage_of(
     """Probability at each cell that at least one group of a tag's pulses is detected.
 
     `ground`: its cells are possible positions of the tag.
-    `way`: one row for each pulse.
+    `way`: positions of the antenna, one for each pulse.
     `tag`: its K, interval and false-alarm probability give the threshold.
     `budget`: link budget; the path's height replaces the budget's.
     `pattern`: used with the path's headings; an upright whip's is equal on all sides with a
@@ -145,7 +145,7 @@ def coverage_of(
     `level_sigma_db`: standard deviation of the tag's level, common to all pulses.
     `frequency_window_hz`: half-width of the search around the tag's frequency.
     `hills`: False for level ground.
-    `whole_flight`: judge all pulses together, as `uavrt integrate` does.
+    `whole_flight`: combine all pulses, as `uavrt integrate` does.
     `most_drift`: searched change of the interval over the flight.
     `on_pulse`: called with the number of finished pulses and their total.
     """

@@ -16,7 +16,7 @@ from uavrt.planning.detectability.ground_propagation import GroundReflection
 from uavrt.planning.tuning import PLANNING
 
 THERMAL_DBM_HZ = -173.98
-"""Noise density of a matched load at 290 K."""
+"""Noise density of a matched load at 290 K [dBm/Hz]."""
 
 Ground = Literal["two-ray", "free"]
 
@@ -63,7 +63,7 @@ class LinkBudget:
         return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / SPEED_OF_LIGHT_M_S)
 
     def enr_db(self, ground_m: np.ndarray, *, rise_m: np.ndarray | float = 0.0) -> np.ndarray:
-        """ENR at distances over the ground [dB], of the same shape.
+        """ENR at distances over the ground [dB], in the shape of the distances.
 
         `rise_m`: height of the ground beneath the drone above that of the tag. The reflected
             ray uses the heights above the ground at either end.
@@ -79,7 +79,7 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Distance up to which an ENR is reached [m], 100 km at most; None if nowhere."""
+        """Greatest distance at which an ENR is reached [m], at most 100 km; None if nowhere."""
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
         )

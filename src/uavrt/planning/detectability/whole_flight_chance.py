@@ -28,9 +28,9 @@ class WholeFlightModel:
     least_pulses: int = 12
     """Number of pulses that the ordinary detector sums; a shorter flight gains nothing."""
     design_enr: float = 2.0
-    """Energy over noise for which the weights are optimal."""
+    """Pulse energy over noise for which the weights are optimal."""
     patterns: float = 6.0
-    """Number of distinguishable places, for an antenna that turns."""
+    """Number of tag positions that give distinguishable energies, for an antenna that turns."""
     hypotheses: float = 6.0
     """Number of independent hypotheses for each pattern and cell."""
     slot_pulses: float = 0.5
@@ -161,7 +161,7 @@ def _exponentials(tag: Tag) -> float:
 
 @lru_cache(maxsize=16)
 def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]:
-    """Deviation and skewness of a slot in noise; mean and variance by a pulse's level."""
+    """Deviation and skewness of a noise slot; mean and variance of a slot with a pulse."""
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)
     strength = 10.0 ** (_TRAIN_ENR_DB / 10.0)[:, np.newaxis]

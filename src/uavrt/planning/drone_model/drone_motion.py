@@ -57,7 +57,7 @@ class Path:
     yaw_deg: _Floats
 
     def state(self, number: int) -> VehicleState:
-        """State of the drone at the time step of this number."""
+        """State of the drone at the time step with this number."""
         return VehicleState(
             time_s=float(self.time_s[number]),
             east_m=float(self.east_m[number]),
@@ -89,12 +89,12 @@ class Vehicle(Protocol):
 
     @property
     def hovers(self) -> bool:
-        """True if it can stay in place and turn."""
+        """True if the drone can stay in place and turn."""
 
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """(places,) duration of the path to each [s]; infinite if the wind is too strong."""
+        """(positions,) duration of the path to each [s]; infinite if the wind is too strong."""
 
     def along(
         self,
@@ -135,7 +135,7 @@ class Multirotor:
     """Acceleration [m/s²]; infinite if the speed changes at once."""
     yaw_rate_deg_s: float = 45.0
     turns_first: bool = False
-    """True if it turns to its course before it moves."""
+    """True if the drone turns to its course before it moves."""
     airspeed_m_s: float | None = None
     """Greatest airspeed [m/s], for an autopilot that holds `speed_m_s` over ground against the
     wind; None if `speed_m_s` is the airspeed."""

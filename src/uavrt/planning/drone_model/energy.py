@@ -50,7 +50,7 @@ class EnergyModel:
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Update with the predicted energy of a stretch, and the energy used by the battery.
+        """Update the power scale: predicted energy of a stretch against that used.
 
         An unlikely value (an unknown payload) is accepted, but increases the uncertainty: the
         drone has to come home. `sigma_wh` is the error of two readings' difference. Raises

@@ -46,7 +46,7 @@ class OtherDrones:
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Planned paths of drones that report; they will receive the pulses there."""
+    """Planned paths of the other drones that report; their pulses there count as received."""
     left: frozenset[int] = frozenset()
     """Tags that other drones search."""
     strips: tuple[Strip, ...] = ()
@@ -55,14 +55,14 @@ class OtherDrones:
     def strip_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """(ways,) least distance of straight paths from all paths of other drones [m]."""
+        """(paths,) least distance of straight paths from the paths of all other drones [m]."""
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
             least = np.minimum(least, segment_distance_m(start_m, (east_m, north_m), one))
         return least
 
     def legs(self, time_s: float) -> Legs | None:
-        """Remaining paths of the reporting drones, sampled; None without any."""
+        """Remaining paths of the other drones that report, sampled; None without any."""
         if not self.listening:
             return None
         shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples

@@ -1,4 +1,4 @@
-"""Actions that a planner can give the drone."""
+"""Actions that a planner can choose for the drone."""
 
 from dataclasses import dataclass
 

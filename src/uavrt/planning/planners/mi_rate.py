@@ -1,8 +1,8 @@
 """Default planner: the path with the most information per second on all tags not yet found.
 
-It rates paths of several lengths in sixteen directions, to each tag, past it on both sides, and
-a turn in place. A tag's value is limited to the information still needed to find it: paths that
-give more gain nothing.
+It rates paths of several lengths in sixteen directions, paths to each tag and past it on both
+sides, and a turn in place. A tag's value is limited to the information still needed to find it:
+paths that give more gain nothing.
 """
 
 from dataclasses import dataclass
@@ -36,17 +36,17 @@ class _PathRating:
     samples: int = 8
     """Number of points of a path; each represents the pulses around it."""
     directions: int = 16
-    """Number of evenly spread directions of paths that lead to no tag."""
+    """Number of evenly spread directions of exploratory paths, which do not head for a tag."""
     horizons_cycles: tuple[float, ...] = (1.0, 3.0)
-    """Lengths of the paths that lead to no tag [decision cycles]."""
+    """Lengths of exploratory paths, which do not head for a tag [decision cycles]."""
     hypotheses: int = 48
-    """Number of hypotheses of each tag by which a path is rated."""
+    """Number of hypotheses of each tag used to rate a path."""
     turn_s: float = 2.0
     """Approximate time to turn before a path of the following round [s]."""
     stay_s: float = 4.0
     """Time spent at the end of a path to a tag [s]."""
     finished_share: float = 0.1
-    """Missing information, as a share of what a tag needs, below which the round omits it."""
+    """Missing share of a tag's needed information below which the round skips the tag."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
     # factor times the share. Finishing one tag then counts for more than beginning two; the
     # second term decides while no tag is nearly found.
@@ -55,13 +55,13 @@ class _PathRating:
     explore_nats: float = 2.5
     """Missing information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Relative gain for which the drone changes to another tag near animals or drones."""
+    """Relative gain required to change to another tag near animals or drones."""
     turn_nats: float = 1.5
-    """Least information on an animal that may be near for which a turn is made [nats]."""
+    """Least information on a possibly near animal that justifies a turn [nats]."""
     near_probability: float = 0.25
     """Least probability of a near animal at which the drone leaves instead of turning."""
     vague_factor: float = 1.5
-    """Spread of a tag's position over the distance to keep, above which a turn locates it."""
+    """Ratio of position spread to distance to keep above which a turn locates the tag."""
 
 
 _RATING = _PathRating()
@@ -213,7 +213,7 @@ class MiRate:
         return here(situation).refused[0] is None
 
     def _least_disturbing(self, situation: Situation, ways: CandidatePaths) -> Decision:
-        """Choose the least disturbing path, if the area allows any, when none is allowed."""
+        """Choose the path that disturbs animals least, if the area allows one."""
         stays = self._wait_or_turn(situation)
         if stays is not None:
             return stays
@@ -274,7 +274,7 @@ class MiRate:
 
 
 def _worth(situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
-    """(tags, ways) share of each tag's needed information that each path gives."""
+    """(tags, paths) share of each tag's needed information that each path gives."""
     out = np.empty_like(nats)
     for number, belief in enumerate(situation.wanted):
         needed = situation.stop.needed_nats(belief)
@@ -297,7 +297,7 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """(ways,) rate over each path and a following round to the nearest tag each time."""
+    """(paths,) value per second of each path with a round to the remaining tags after it."""
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])
     tags_y = np.array([one.north_m for one in places])

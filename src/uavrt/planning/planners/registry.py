@@ -5,7 +5,7 @@ An entry of the group ``uavrt.planners`` is called without arguments and returns
 
 from collections.abc import Callable
 
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound
 from uavrt.core.plugins import Registry
 from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.situation import Planner
@@ -17,9 +17,9 @@ PLANNERS: Registry[Callable[[], Planner]] = Registry("uavrt.planners", _OWN)
 
 
 def planner_named(name: str) -> Planner:
-    """Make the planner of that name; raises `UsageError` for an unknown one."""
+    """Make the planner with the given name; raises `UsageError` for an unknown name."""
     if name not in PLANNERS:
-        raise UsageError(
+        raise NotFound(
             f"there is no planner {name!r}", remedy=f"Choose from {', '.join(PLANNERS)}"
         )
     return PLANNERS[name]()

@@ -17,22 +17,22 @@ class CandidatePaths:
     """Straight paths from the drone's position, and whether they may be flown."""
 
     east_m: _Floats
-    """(ways,) east coordinate of each end [m]."""
+    """(paths,) east coordinate of each end [m]."""
     north_m: _Floats
     refused: list[str | None]
     """Reasons why each path may not be flown; None if it may."""
     disturbs: NDArray[np.bool_]
-    """(ways,) True for paths that are refused only because they may come near an animal."""
+    """(paths,) True for paths refused only because they may come near an animal."""
     kept: _Floats
-    """(ways,) probability of keeping the distance from the most endangered animal."""
+    """(paths,) probability of keeping the distance to the most endangered animal."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """(ways,) True for the paths that may be flown."""
+        """(paths,) True for the paths that may be flown."""
         return np.array([reason is None for reason in self.refused])
 
     def action(self, number: int) -> FlyTo:
-        """Convert the path of this number to an action."""
+        """Convert the path with the given number to an action."""
         return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
 
 
@@ -82,7 +82,7 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths close to other drones' paths; a drone already close may only leave."""
+    """Refuse paths close to other drones' paths; a drone close to one may only leave."""
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -98,7 +98,7 @@ def _near_others(
 
 
 def here(situation: Situation) -> CandidatePaths:
-    """Path of no length, at whose end the drone stays for a cycle."""
+    """Path of zero length: the drone stays at its position for a cycle."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -123,7 +123,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Reason if no whole circle fits after a cycle on a path, or at its end; else None."""
+    """Reason if no whole circle fits after a cycle on a path or at its end; else None."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -143,7 +143,7 @@ def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
 def sampled(
     situation: Situation, east_m: _Floats, north_m: _Floats, spans_s: _Floats, samples: int
 ) -> Legs:
-    """Paths (ways,), sampled at the middles of equal shares of their times."""
+    """Sample paths (paths,) at the middles of equal shares of their times."""
     shares = (np.arange(samples) + 0.5) / samples
     return situation.vehicle.along(
         situation.state, east_m, north_m, situation.wind, spans_s[:, None] * shares
@@ -151,7 +151,7 @@ def sampled(
 
 
 def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: int) -> Legs:
-    """A turn in place, sampled like paths."""
+    """Sample a turn in place like the paths."""
     shares = (np.arange(samples) + 0.5) / samples
     return Legs(
         duration_s=np.array([duration_s]),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from uavrt.analysis.archive.parquet.parquet_tables import FlightRow, RecordingRow
 from uavrt.analysis.archive.steps.flight_work import PlacingSettings
 from uavrt.analysis.archive.steps.recording_cells import CELL_S, LEAD_IN_S
-from uavrt.core.errors import UsageError
+from uavrt.core.errors import NotFound, UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
@@ -31,7 +31,7 @@ class BatchSettings:
     def check(self) -> None:
         """Reject unknown steps, and steps without one that they need; raises `UsageError`."""
         if unknown := sorted(set(self.steps) - set(STEPS)):
-            raise UsageError(
+            raise NotFound(
                 f"there is no step {unknown[0]}", remedy=f"Choose from {', '.join(STEPS)}"
             )
         for before, step in (

@@ -69,7 +69,7 @@ class _Handler(Protocol):
 
 
 class ConnectionInbox:
-    """Passes each message and record to the part that handles it; ignores others.
+    """Passes each message and record to the part that handles it; other ones are ignored.
 
     `motion`: None if this drone accepts no motion orders. `ask`: sends a command to the
     supervisor. `text`: sends a text to the operator. `linked`: a link to the ground is
@@ -130,8 +130,8 @@ class ConnectionInbox:
     def payload(self, payload_type: int, payload: bytes, peer: Peer) -> None:
         """Handle a payload by its row in the table of link messages.
 
-        Sealed (authenticated) messages are checked first, so a flood of unsealed ones cannot
-        block them. Rate limits apply only to messages without a valid seal.
+        Sealed (authenticated) messages are checked first, so a flood of unsealed messages
+        cannot block them. Rate limits apply only to messages without a valid seal.
         """
         if payload_type == SEALED_TYPE:
             opened = self.stations.gate.open(payload, peer.place, self._link.place)

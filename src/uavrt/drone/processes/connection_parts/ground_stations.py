@@ -1,4 +1,4 @@
-"""Ground stations of a drone: which one commands, and by which link each gets its answers.
+"""Ground stations of a drone: which one commands, and on which link each is answered.
 
 The station in command has its own share of the link; its answers are sent before pulses.
 """
@@ -29,11 +29,11 @@ class GroundStations:
         self._next_session_ns = 0
 
     def asked(self, peer: Peer) -> None:
-        """Remember the link of a station's message as the link for its answers."""
+        """Remember the link of a station's message, to answer on the same link."""
         self._asked_on[peer.place] = peer.link
 
     def commander(self, source: str | None) -> None:
-        """Set the station in command from the source name of its commands."""
+        """Set the station in command, from the source name of its commands."""
         if source is None or not source.startswith(MAVLINK_SOURCE):
             return
         system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
@@ -42,7 +42,7 @@ class GroundStations:
         self._limits.commander(place)
 
     def accepted(self, asker: Place) -> None:
-        """Treat a station as the one in command until the supervisor reports it."""
+        """Treat a station as in command until the supervisor confirms it."""
         if not self._limits.has_commander:
             self._limits.commander(asker)
 
@@ -52,7 +52,7 @@ class GroundStations:
         return self._limits.dropped
 
     def admits(self, peer: Peer, answers: int = 0) -> bool:
-        """True if an unsealed message may be handled; with a key, all share one limit."""
+        """True if an unsealed message may be handled; with a key, all senders share a limit."""
         place = (0, 0) if self.gate.locked else peer.place
         return self._limits.admits(place, self._now_ns(), answers=answers)
 
@@ -62,13 +62,13 @@ class GroundStations:
         return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
 
     def file_received(self, peer: Peer, trip_s: float) -> None:
-        """Adapt a link's rate to a file transfer's round trip [s], unless it carries pulses."""
+        """Adapt a link's rate to a file transfer's round trip [s], if it carries no pulses."""
         others = self._limits.has_commander and not self._limits.commands(peer.place)
         if not (others and peer.link == self._link.tunnel.link):
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """Silence of each station [s]; after a first sealed message only those count."""
+        """Silence of each station [s]; after its first sealed message only those count."""
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
@@ -79,7 +79,7 @@ class GroundStations:
             self._link.tunnel.send_tunnel(answer.payload, priority, self._peer(answer.asker))
 
     def answer_motion(self, payload: bytes, asker: Place | None) -> None:
-        """Report the progress of a motion order to its station, or to all if None."""
+        """Report the progress of a motion order to the given station, or to all if None."""
         if asker is None:
             self._link.tunnel.send_tunnel(payload, Priority.STATUS, None, MOTION_STATE_TYPE)
             return
@@ -88,7 +88,7 @@ class GroundStations:
         self._link.tunnel.send_tunnel(payload, priority, self._peer(asker), kind)
 
     def answer_parameter(self, value: ParamValue, asker: Peer | None) -> None:
-        """Report a parameter: to all, or to one station with low priority."""
+        """Report a parameter to all stations, or to one with low priority."""
         tunnel = self._link.tunnel
         if asker is None or (self._limits.commands(asker.place) and not self.gate.locked):
             tunnel.send_message(value)

@@ -33,7 +33,7 @@ from uavrt.link.tunnel.own_messages.beep import BEEP_TYPE, encode_beep
 
 HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
-"""Time between two reports of the computer's load [ns]; 250 bytes, 2 % of the slowest link."""
+"""Time between two reports of the computer's load [ns]; 250 bytes: 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
 AGAIN_NS = ns_from_s(30.0)
 """Time between two reports of a persisting fault [ns]; 200 bytes, below 1 % of the slowest
@@ -41,10 +41,10 @@ link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Time between two search reports of a tag [ns]; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
-"""Shortest time between two reports that a tag's detector works [ns]. The original ground
-station expects one within K + 1 pulse intervals and a second, about 6 s."""
+"""Shortest time between two heartbeats of a tag's detector [ns]. The original ground station
+expects one within K + 1 pulse intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""Time added to `ALIVE_NS` for each tag [ns]; it limits these reports to 10 a second."""
+"""Additional time for each tag in `ALIVE_NS` [ns]; limits these reports to 10 a second."""
 BEEP_NS = ns_from_s(5.0)
 """Time between two reports of beeping senders, which are sent in turn [ns]."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
@@ -54,7 +54,7 @@ UNKNOWN_U32 = 0xFFFFFFFF
 
 
 class GroundStatus:
-    """Decides which status messages are due, and sends them.
+    """Sends the status messages that are due.
 
     `exchange`: encodes payloads for the ground station's protocol version. `root`: directory
     whose free space is reported. `disk`: runs disk queries; inline by default.
@@ -90,7 +90,7 @@ class GroundStatus:
         return self._limiter.left_out + self._tag_limiter.left_out
 
     def tags(self, count: int) -> None:
-        """Set the number of tags searched."""
+        """Set the number of tags that are searched."""
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
@@ -108,7 +108,7 @@ class GroundStatus:
             self._report_computer()
 
     def begin_flight(self, shift_ns: int) -> None:
-        """Use the time of a new flight; clear the last flight's beeping senders."""
+        """Use the time of a new flight, and clear the last flight's beeping senders."""
         self._shift_ns = shift_ns
         self._beeps.clear()
 
@@ -123,7 +123,7 @@ class GroundStatus:
             self._beeps.clear()
 
     def beep(self, beep: Beep) -> None:
-        """Add a beeping sender, or a newer measurement of a known one."""
+        """Add a beeping sender, or a newer measurement of one already added."""
         keep_beep(self._beeps, beep)
         self.beeps_left_out += drop_beeps(self._beeps)
         if beep in self._beeps:
@@ -149,7 +149,7 @@ class GroundStatus:
         *,
         newcomer: bool,
     ) -> None:
-        """Repeat lasting faults, for stations that missed the first report or a piece of it.
+        """Repeat lasting faults, for stations that missed the first report or a part of it.
 
         `processes`: those that are not ok report why. `others`: other lasting faults.
         `newcomer`: a station has just appeared; it gets all faults at once.
@@ -191,9 +191,9 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _report_computer(self) -> None:
-        """Report load and free space; the last known space while the disk does not answer.
+        """Report load and free space: the last measured space while the disk does not answer.
 
-        The query is not repeated, because many of them would delay file transfers later.
+        A pending query is not repeated, because many queries would delay file transfers later.
         """
         asked = not self._asking
         if asked:

@@ -1,6 +1,6 @@
 """SNR and pulse count of each tag as MAVLink named values, for other ground stations.
 
-They are sent at a low rate, and only when no pulse waits.
+The values are sent at a low rate, and only when no pulse waits.
 """
 
 from collections import Counter, OrderedDict, deque
@@ -13,7 +13,7 @@ from uavrt.link.mavlink.dialect import NamedValueFloat
 from uavrt.link.mavlink.sending.named_value import value_name
 
 PERIOD_NS = ns_from_s(0.25)
-"""Time between two messages [ns]; at most 30 bytes each, a tenth of the slowest link."""
+"""Time between two messages [ns]; at up to 30 bytes each, a tenth of the slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
 """Time between two values of the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
@@ -62,7 +62,7 @@ class NamedValues:
             self._news[pulse.tag_id] = now_ns, pulse.snr_db
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until the next message is due [ns]; None if there is none."""
+        """Time until the next message is due [ns]; None without any."""
         if not self._wanted() or self._pulses_wait():
             return None
         gap_ns = max(0, self._free_ns - now_ns)
@@ -74,7 +74,7 @@ class NamedValues:
         return None if first_ns is None else max(gap_ns, first_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> NamedValueFloat | None:
-        """Return the message that is due; a tag's count follows its SNR."""
+        """Return the message that is due; a tag's pulse count follows its SNR."""
         if self.wait_ns(now_ns) != 0:
             return None
         if not self._outgoing:

@@ -29,12 +29,12 @@ CLOSEST_NS = ns_from_s(0.02)
 SILENCE_NS = ns_from_s(5.0)
 """Age above which a position is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
-"""Time after a position with altitude for which positions without it are dropped [ns]."""
+"""Time after a position with altitude during which positions without it are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between requests to a silent gpsd, which loses them with the connection [s]."""
+"""Time between requests to a silent gpsd [s], which forgets a request on reconnection."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
-"""Longest wait of a pulse for the receiver's next position [s]."""
+"""Longest time that a pulse waits for the receiver's next position [s]."""
 
 
 def pose_address(settings: PoseSettings) -> Address | None:

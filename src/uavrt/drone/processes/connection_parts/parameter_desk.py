@@ -1,4 +1,4 @@
-"""Parameters of the drone, as ground stations list and set them.
+"""Parameters of the drone, which ground stations can list and set.
 
 Connects MAVLink parameters (`uavrt.link.mavlink.services.parameter_service`) to the table of
 settings (`uavrt.config.parameters`) and the supervisor, which alone changes them. Part of the
@@ -75,7 +75,7 @@ class ParameterDesk:
     ) -> None:
         """Handle a request to read or set parameters.
 
-        `refusal`: why this station may not set any. `request_id`: number for a resulting
+        `refusal`: reason why this station may not set any. `request_id`: number for a resulting
         command. `sealed`: the request was authenticated by the drone's key.
         """
         answer = self._server.receive(message)
@@ -123,7 +123,7 @@ class ParameterDesk:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer: send the value in force, and the reason if refused.
+        """Handle the supervisor's answer: send the present value, and the reason if refused.
 
         Changed settings arrive before the reply, so the value is the new one.
         """

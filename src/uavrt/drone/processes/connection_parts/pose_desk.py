@@ -1,6 +1,6 @@
-"""Collects the vehicle's poses, records them, and gives each pulse the antenna's pose.
+"""Collect the vehicle's poses, record them, and add the antenna's pose to each pulse.
 
-The samples come from the autopilot, or from the station itself (`own_pose`).
+Attitude and position come from the autopilot, or from the station itself (`own_pose`).
 """
 
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ POSE_PERIOD_NS = 50_000_000
 """Time between recorded poses [ns]. Interpolation over 50 ms errs by less than 0.1° at the
 start of a turn of 60°/s."""
 OWN_POSE_PERIOD_NS = 250_000_000
-"""Time between recorded poses without autopilot, where turns are slower [ns]."""
+"""Time between recorded poses without autopilot [ns]; such stations turn more slowly."""
 REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
 """Time between two reports of the position of a station without autopilot [ns]."""
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
@@ -93,7 +93,7 @@ class PoseDesk:
 
     @property
     def is_own(self) -> bool:
-        """True if the pose comes from settings or a GPS receiver, not from an autopilot."""
+        """True if the pose comes from settings or a GPS receiver and not from an autopilot."""
         return self._own is not None
 
     async def run(self) -> None:
@@ -113,7 +113,7 @@ class PoseDesk:
             self._ring.clear()
 
     def watch_clock(self, stale: bool, counters: Callable[[], Mapping[str, float]]) -> None:
-        """Report when the autopilot's clock stops or resumes being known."""
+        """Report when the autopilot's clock becomes unknown or known."""
         if stale == self._clock_is_stale:
             return
         self._clock_is_stale = stale
@@ -128,7 +128,7 @@ class PoseDesk:
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
 
     def position(self, sample: PositionSample) -> None:
-        """Add a position, timed by the clock of this process; record the poses now known."""
+        """Add a position, timed by the clock of this process; record the poses it completes."""
         self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
@@ -154,7 +154,7 @@ class PoseDesk:
         self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
 
     def ready(self) -> list[PulsePose]:
-        """Return the pulses whose pose is known, or will never be."""
+        """Return the pulses with a known pose, and those that will never have one."""
         return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
 
     def flush(self) -> list[PulsePose]:
@@ -185,12 +185,12 @@ class PoseDesk:
         return missing
 
     def faults(self) -> list[StatusText]:
-        """Get lasting faults of pose and clock, which the ground is reminded of."""
+        """Lasting faults of pose and clock, which are repeated to the ground."""
         faults = [_STALE_CLOCK] if self._clock_is_stale else []
         return faults if self._missing is None else [*faults, _missing_text(self._missing)]
 
     def due(self, now_ns: int) -> Pose | None:
-        """The station's own position, when due for a report; None with an autopilot."""
+        """Position of the station itself when a report is due; None with an autopilot."""
         if self._own is None or now_ns < self._next_report_ns:
             return None
         self._next_report_ns = now_ns + REPORT_PERIOD_NS

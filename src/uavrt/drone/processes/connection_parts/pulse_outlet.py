@@ -1,4 +1,4 @@
-"""Delivers pulses to the ground: queues, sends, and reads unsent ones from the disk.
+"""Deliver pulses to the ground: queue them, send them, and read unsent ones from the disk.
 
 Connects the sender (`uavrt.link.tunnel.pulses.reliable`) to the flight's database
 (`uavrt.flight.database.spool`). Part of the connection process. `Disk` reads the database, so
@@ -26,19 +26,19 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Number of flights whose pulses may still be undelivered; the recorder notes as many."""
+"""Number of flights whose pulses may be undelivered; the recorder handles as many."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Number and age [ns] of remembered deliveries, which the recorder may not have stored yet. It
-commits every three seconds; after a longer delay some pulses are sent twice."""
+"""Number and age [ns] of remembered deliveries, perhaps not yet stored by the recorder. The
+recorder commits every three seconds; after a longer delay some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
     """All pulses that are still to be sent to the ground.
 
-    `encode`: payload of a pulse in the ground's protocol version. `note`: gets deliveries, for
-    the recorder. `disk`: runs disk work; inline by default. `first_refill_ns`: time before
+    `encode`: makes a pulse's payload in the ground's protocol version. `note`: gets deliveries,
+    for the recorder. `disk`: runs disk work; inline by default. `first_refill_ns`: time before
     which nothing is read from disk.
     """
 
@@ -73,7 +73,7 @@ class PulseOutlet:
             self.sender.stores.disk_has_news()
 
     def disk_has_news(self) -> None:
-        """Note that the database has a pulse that this process has not received."""
+        """Record that the database has a pulse that this process has not received."""
         self.sender.stores.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:
@@ -162,7 +162,7 @@ class PulseOutlet:
 def _read(
     flights: Sequence[str], store: int, room: int, without: Collection[ItemKey]
 ) -> tuple[list[PulsePose], bool]:
-    """Get up to `room` unsent pulses that are not in `without`; True if there are more."""
+    """Get up to `room` unsent pulses that are not in `without`; True if more exist."""
     found: list[PulsePose] = []
     more = False
     for directory in flights:

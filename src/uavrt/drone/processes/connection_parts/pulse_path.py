@@ -1,4 +1,4 @@
-"""The path of pulses through the connection: pose, recorder, ground stations, receipts."""
+"""Path of pulses through the connection: pose, recorder, ground stations, receipts."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -28,7 +28,7 @@ has received are sent."""
 
 
 class PulsePath:
-    """Passes on the pulses of the present flight; sends none to the ground unless `linked`."""
+    """Passes on the pulses of the present flight; to the ground only if `linked`."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class PulsePath:
         self._status.search_report(report, self._now_ns())
 
     def tick(self, now_ns: int) -> None:
-        """Pass on the pulses whose pose is known; repeat what was not acknowledged."""
+        """Pass on pulses with a known pose; repeat those not acknowledged."""
         self.pass_on(self._poses.ready())
         sender = self.outlet.sender
         sender.station_present(self._link.station_present, now_ns)
@@ -98,7 +98,7 @@ class PulsePath:
     def pass_on(self, pulse_poses: Iterable[PulsePose]) -> None:
         """Send pulses with their pose to the recorder and to the ground.
 
-        If a pose came too late, the recorder has already replaced it; such pulses are dropped.
+        If a pose is late, the recorder has already replaced it; such pulses are dropped.
         """
         for pulse_pose in pulse_poses:
             if self._delivery.may_send(pulse_pose.pulse.key):
@@ -111,7 +111,7 @@ class PulsePath:
             self._send(pulse_pose)
 
     def recorded(self, record: Recorded) -> None:
-        """Note which pulses the flight's database contains."""
+        """Record which pulses the flight's database contains."""
         known = [self._delivery.recorded(key) for key in record.pulses]
         if not all(known):
             self.outlet.disk_has_news()
@@ -123,7 +123,7 @@ class PulsePath:
             self._link.tunnel.wake()
 
     def _report_tag(self, pulse: Pulse) -> None:
-        """Send values and texts to stations that cannot decode our pulses."""
+        """Send values and texts to stations that cannot decode uavrt's pulses."""
         now_ns = self._now_ns()
         self._named_values.heard(pulse, now_ns)
         text = self._tag_texts.text(pulse)
@@ -153,7 +153,7 @@ class PulsePath:
 
     @property
     def unsent(self) -> int:
-        """Number of pulses that wait for a pose, for sending, or for a receipt."""
+        """Number of pulses that wait for a pose, for sending, or for acknowledgement."""
         sender = self.outlet.sender
         return self._poses.pulses_waiting + sender.pulses.waiting + len(sender.underway)
 

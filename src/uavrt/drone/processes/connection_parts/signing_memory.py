@@ -1,8 +1,8 @@
-"""Stores the newest times of signed frames in a file, to reject replays after a restart.
+"""Store the newest times of signed frames in a file, to reject replays after a restart.
 
 The file is written every 2 s, unsynced. It survives the end of the process, but a power cut may
-lose half a minute. So after a restart the times are increased by 3 s, after a reboot by 40 s; a
-genuine sender has soon passed that.
+lose half a minute. So the times are increased by 3 s after a restart and by 40 s after a
+reboot; a genuine sender's clock soon passes them.
 """
 
 from pathlib import Path
@@ -37,7 +37,7 @@ class SigningMemory:
         self._load()
 
     def due(self, now_ns: int) -> SigningKept | None:
-        """Get the data to be written by `write`; None if not due or unchanged."""
+        """Data to be written by `write`; None if not due or unchanged."""
         if now_ns < self._next_ns:
             return None
         self._next_ns = now_ns + PERIOD_NS

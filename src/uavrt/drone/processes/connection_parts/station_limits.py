@@ -1,4 +1,4 @@
-"""Limits the rate of processed ground-station messages, so that a flood delays no pulses.
+"""Limit the rate of processed ground-station messages, so that a flood delays no pulses.
 
 The station in command has its own allowance. All others share one, since one sender can use
 many names. Messages beyond it are counted and dropped.
@@ -10,16 +10,15 @@ Place = tuple[int, int]
 """System and component id of a station."""
 
 OWN_BURST, OWN_PER_S = 400, 50
-"""Allowance of the station in command: uploading a hundred tags three times, seven receipts a
-second."""
+"""Allowance of the station in command, at once and per second: enough to upload a hundred tags
+three times, and for seven receipts a second."""
 OTHERS_BURST, OTHERS_PER_S = 120, 60
-"""Allowance of all other stations for messages without an answer: receipts of eight stations.
-"""
+"""Allowance of all other stations, at once and per second; enough for receipts of eight."""
 ANSWERED_BURST, ANSWERED_PER_S = 12, 1
-"""Allowance for messages that need an answer, such as an upload or a parameter list. Answers
-have a lower priority than pulses, but use the link."""
+"""Allowance, at once and per second, for messages that need an answer, such as an upload.
+Answers have a lower priority than pulses, but use the link."""
 FILES_BURST, FILES_PER_S = 200, 100
-"""Allowance for file requests; a client that reads piece by piece gets 24 kB/s."""
+"""Allowance for file requests, at once and per second; piecewise reading gets 24 kB/s."""
 OPEN_FILES_BURST, OPEN_FILES_PER_S = 8, 1
 """Allowance for unauthenticated file requests while a drone with a key detects."""
 
@@ -53,14 +52,14 @@ class StationLimits:
         return place == self._commander
 
     def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
-        """True if a file request may be handled; `proof`: it is authenticated if necessary."""
+        """True if a file request may be handled; `proof`: no authentication is missing."""
         allowance = self._files if proof else self._open_files
         admitted = (proof and place == self._commander) or allowance.take(now_ns)
         self.dropped += not admitted
         return admitted
 
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
-        """True if a message may be processed; `answers`: number of messages that answer it."""
+        """True if a message may be processed; `answers`: number of messages in reply."""
         if place == self._commander:
             admitted = self._own.take(now_ns)
         elif answers:

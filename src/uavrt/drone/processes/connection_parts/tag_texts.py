@@ -12,7 +12,7 @@ Longer than a turn's time behind the antenna, or one or two lost groups."""
 
 
 class TagTexts:
-    """Decides which text is due; one that could not be sent is due again with the next pulse.
+    """Decides which text is due; an unsent one is due again with the next pulse.
 
     `tags`: tags of the flight, for their names and intervals.
     """
@@ -25,17 +25,17 @@ class TagTexts:
         self._tags = {tag.tag_id: tag for tag in tags}
         self._last_ns: dict[int, int] = {}
         self._due: dict[int, float | None] = {}
-        """Tags with a text due, and the preceding silence [s]; None for the first reception."""
+        """Tags with a text due, and the silence before it [s]; None for the first reception."""
 
     def restore(self, ends_ns: Mapping[int, int]) -> None:
-        """Set when tags were last received in this flight, before this process started."""
+        """Set when each tag was last received in this flight, before this process started."""
         for tag_id, end_ns in ends_ns.items():
             self._last_ns[tag_id] = max(end_ns, self._last_ns.get(tag_id, end_ns))
             if tag_id in self._due and self._due[tag_id] is None:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Register a pulse; return the text that is due. Only confirmed pulses count."""
+        """Register a pulse; return the text that is due. Only confirmed pulses are used."""
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id
@@ -50,7 +50,7 @@ class TagTexts:
         return self._words(pulse) if tag_id in self._due else None
 
     def reported(self, tag_id: int) -> None:
-        """Note that the text about a tag was sent."""
+        """Record that the text about a tag was sent."""
         self._due.pop(tag_id, None)
 
     def _silence_s(self, tag_id: int) -> float:

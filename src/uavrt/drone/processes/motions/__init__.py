@@ -1,1 +1,1 @@
-"""Parts of the connection that move the vehicle and report it."""
+"""Parts of the connection that send motion commands and report the vehicle's state."""

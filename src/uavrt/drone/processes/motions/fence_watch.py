@@ -1,6 +1,6 @@
-"""Reads the autopilot's geofence over its link, for the guide.
+"""Read the autopilot's geofence over its link, for the guide.
 
-It is read when the autopilot is found, and every half minute while no order is flown.
+The fence is read when the autopilot is found, and every half minute while no order is flown.
 """
 
 from collections import Counter
@@ -64,7 +64,7 @@ class FenceWatch:
             self._end(self._download)
 
     def repeat(self) -> None:
-        """Send the known fence again, for a restarted guide."""
+        """Send the known fence again, because the guide was restarted."""
         if self._known is not None:
             self._report(self._known)
 

@@ -1,4 +1,4 @@
-"""Sends the motion commands that the authority permits, until control ends.
+"""Send the motion commands that the authority permits, until control ends.
 
 The authority (`uavrt.guidance`) decides from the autopilot's messages whether a command may be
 sent. An operator ends control by *Take back*.
@@ -36,14 +36,14 @@ class Outlets:
     """Functions by which the motion parts send their messages."""
 
     command: Callable[[Message], None]
-    """Sends a command to the autopilot at once."""
+    """Function that sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
     """True if a command could be sent at once."""
     state: Callable[[bytes, Asker | None], None]
-    """Sends a payload of type 60006 to one station, or to all if None."""
+    """Function that sends a payload of type 60006 to one station, or to all if None."""
     ask: Callable[[Command], None]
     record: Callable[[str, object], None]
-    """Sends a record to the guide, through the supervisor."""
+    """Function that sends a record to the guide, through the supervisor."""
     text: Callable[[StatusText], None]
 
 
@@ -64,11 +64,11 @@ class MotionControl:
         self._settings, self._out = settings, outlets
         self._own_place, self._changed = own_place, changed
         self.authority: Authority | None = None
-        """Decides which commands are permitted; None without a known autopilot."""
+        """Decides which commands are permitted; None while the autopilot is unknown."""
         self.standing = Standing.OUT
         self.stalls = StallWatch(monotonic_s())
         self.order_id = self.sent = self.refused = 0
-        """Number of the last confirmed order (`order_id`); its commands sent and refused."""
+        """Number of the last confirmed order, and its numbers of commands sent and refused."""
         self._said = ""
         self._late_reported = False
 
@@ -108,7 +108,7 @@ class MotionControl:
             self._changed(now_s)
 
     def wake(self, now_s: float, *, turn: bool = False) -> None:
-        """End control if this process was paused so long that its messages may be old."""
+        """End control if this process was paused so long that received messages may be old."""
         pause_s = self.stalls.wake(now_s, turn=turn)
         if pause_s > SAFETY.stall_s:
             self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
@@ -121,7 +121,7 @@ class MotionControl:
             self.watch(now_s)
 
     def end(self, reason: str, now_s: float) -> None:
-        """End control, for this reason."""
+        """End control, for the given reason."""
         if self.authority is not None:
             self.authority.stop(now_s, reason)
             self.watch(now_s)
@@ -153,13 +153,13 @@ class MotionControl:
 
     @property
     def known(self) -> Authority:
-        """Get the authority; raises `CommandRefused` while the autopilot is unknown."""
+        """Return the authority; raises `CommandRefused` while the autopilot is unknown."""
         if self.authority is None:
             raise CommandRefused("the autopilot is not known")
         return self.authority
 
     def fly(self, wish: VehicleWish, now_s: float) -> bool:
-        """Handle the guide's request for the present order; True if it contained a motion."""
+        """Handle the guide's request for the present order; True if a motion was requested."""
         authority = self.known
         assert wish.order_id is not None
         self._said = wish.said or self._said
@@ -200,7 +200,7 @@ class MotionControl:
 
 
 class TakeBack:
-    """The operator's *Take back*: stops the drone where it is, then ends control."""
+    """The operator's *Take back*: stops the drone in place, then ends control."""
 
     def __init__(self, settings: GuidanceSettings, control: MotionControl) -> None:
         self._settings, self._control = settings, control
@@ -212,7 +212,7 @@ class TakeBack:
         return self._by_s > 0.0
 
     def begin(self, now_s: float) -> None:
-        """Stop a drone that flies our command, end control, withdraw a proposed order."""
+        """Stop a drone that flies this order, end control, withdraw a proposed order."""
         if self._control.authority is not None:
             self._by_s = self._by_s or now_s + STOP_WITHIN_S
             self.go_on(now_s)

@@ -1,7 +1,7 @@
-"""Connects motion orders, the autopilot's messages and the commands to the autopilot.
+"""Connect motion orders, the autopilot's messages and the commands to the autopilot.
 
 Part of the connection process. `Authority` gets the autopilot's messages before anything else
-uses them. The guide's requests become commands here or are dropped. Orders must be sealed
+uses them. Requests of the guide become commands here or are dropped. Orders must be sealed
 (authenticated), except for a simulator on this computer.
 """
 
@@ -26,7 +26,7 @@ from uavrt.link.mavlink.message import Message
 class MotionDesk:
     """Passes each message to the parts that need it, in a safe order.
 
-    `settings`: the drone's. `outlets`: functions that send its messages. `own_place`: own
+    `settings`: settings of the drone. `outlets`: functions that send messages. `own_place`: own
     system and component id; the vehicle has the same system id. `next_request_id`: numbers for
     commands. `autopilot_link`: address of the autopilot's link.
     """
@@ -66,8 +66,8 @@ class MotionDesk:
     ) -> None:
         """Handle a message from the autopilot.
 
-        `age_s`: time since it arrived. `late_s`: its delay on the link, None if the autopilot's
-        clock is unknown.
+        `age_s`: time since the message arrived [s]. `late_s`: its delay on the link [s], None
+        if the autopilot's clock is unknown.
         """
         now_s, before = monotonic_s(), self._autopilot.kind
         self.control.wake(now_s)

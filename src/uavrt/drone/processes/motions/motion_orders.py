@@ -1,4 +1,4 @@
-"""Motion orders of ground stations: checked, allowed by the supervisor, proposed, confirmed."""
+"""Motion orders of ground stations: check, permission, proposal and confirmation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ PENDING = 16
 ANSWERS_WITHIN_S = 2.0
 """Longest wait for the supervisor at a confirmation [s]; stations wait no longer."""
 SENDER_S = 10.0
-"""Silence of the station that reports other drones after which another may do so [s]. Two
-stations at once could assign the same path twice."""
+"""Silence of the station that reports other drones after which another station may do so [s].
+Two stations at once could assign the same path twice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +62,8 @@ class MotionOrders:
     ) -> None:
         """Handle a ground station's message about motion.
 
-        `payload`: of type 60005, without its seal. `asker`: the station. `refusal`: why this
-        station may not command. `sealed`: it had a valid seal.
+        `payload`: of type 60005, without its seal. `asker`: the station. `refusal`: reason why
+        it may not command. `sealed`: True if the seal was valid.
         """
         try:
             message = decode_motion(payload, asker)

@@ -27,7 +27,7 @@ class MotionReports:
         self._out, self._control, self._autopilot = outlets, control, autopilot
         self._silent_s: Mapping[Asker, float] = {}
         self._confirmer: Asker | None = None
-        """Station that confirmed the order; control ends if it falls silent."""
+        """Station that confirmed the order; control ends when this station falls silent."""
         self._request: tuple[Asker, int] | None = None
         self._answered: bytes | None = None
         """Encoded answer to the last motion request; None if not answered yet."""
@@ -59,7 +59,7 @@ class MotionReports:
         self._out.state(payload, asker)
 
     def is_repeated(self, asker: Asker, request_id: int) -> bool:
-        """True if a request repeats the last one; its answer is then sent again."""
+        """True if a request repeats the last one, whose answer is then sent again."""
         if (asker, request_id) != self._request:
             self._request, self._answered = (asker, request_id), None
             return False
@@ -105,7 +105,7 @@ class MotionReports:
 
     @property
     def _ground_silent_s(self) -> float:
-        """Silence of the station that confirmed the order; without one, the shortest [s]."""
+        """Silence of the station that confirmed the order; else the shortest of all [s]."""
         silent_s = self._silent_s
         if self._control.standing is Standing.OUT or self._confirmer is None:
             return min((NEVER_S, *silent_s.values()))

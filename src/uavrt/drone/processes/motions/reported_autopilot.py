@@ -1,4 +1,4 @@
-"""The autopilot's type, battery and wind, as its messages report them, and its link."""
+"""Type, battery and wind of the autopilot, as reported by its messages, and its link."""
 
 from collections.abc import Callable
 from math import inf
@@ -22,13 +22,13 @@ itself."""
 
 
 class ReportedAutopilot:
-    """The present autopilot's reported state; `link` is the address of its link."""
+    """State reported by the present autopilot; `link` is the address of its link."""
 
     def __init__(self, link: Address | None) -> None:
         self._on_loopback = link is not None and link.is_loopback
         late = link is not None and link.kind == "tcp" and not link.is_loopback
         self.link_fault = TCP_IS_LATE if late else None
-        """Reason why no order can be flown over this link; None if possible."""
+        """Reason why no order can be flown over this link; None if orders can be flown."""
         self.reset()
 
     def reset(self) -> None:
@@ -56,7 +56,7 @@ class ReportedAutopilot:
 
     @property
     def takes_unsealed(self) -> bool:
-        """True if unauthenticated orders are accepted: by the simulator on this computer."""
+        """True if unauthenticated orders are accepted: from this computer's simulator."""
         return bool(self._simulated) and self._on_loopback
 
     def ask_identity(

@@ -1,18 +1,18 @@
-"""Detects pauses of this process, after which received messages may be old."""
+"""Detect pauses of this process, after which received messages may be old."""
 
 from uavrt.guidance.safety import SAFETY
 
 LATE_S = 0.2
-"""Longest time between two turns of the main loop (normally 50 ms) without a pause [s].
+"""Time between two turns of the main loop (normally 50 ms) above which it was paused [s].
 
-After a longer one, waiting messages of the autopilot are read before a command is sent, and
-before the autopilot counts as silent."""
+After a pause, waiting messages of the autopilot are read before a command is sent, and before
+the autopilot counts as silent."""
 LATE_TURNS = 2
-"""Number of turns after a pause until all waiting messages are certainly read."""
+"""Number of turns after a pause until all waiting messages have been read."""
 
 
 class StallWatch:
-    """Measures the pauses of a process, which begins awake at `now_s`."""
+    """Measures the pauses of a process that is running at `now_s`."""
 
     def __init__(self, now_s: float) -> None:
         self._awake_s = now_s
@@ -25,7 +25,7 @@ class StallWatch:
         return self._late_turns > 0
 
     def wake(self, now_s: float, *, turn: bool = False) -> float:
-        """Register that the process runs, in a new `turn` or in one; return the pause [s]."""
+        """Register that the process runs; `turn`: a new turn begins. Returns the pause [s]."""
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
             if not self.late:
@@ -36,5 +36,5 @@ class StallWatch:
         return pause_s
 
     def silence_counts(self, now_s: float) -> bool:
-        """True if silence of the autopilot counts; not for `SAFETY.stall_s` after a pause."""
+        """True if silence of the autopilot counts; false for `SAFETY.stall_s` after a pause."""
         return not self.late or now_s >= self._silence_counts_from_s

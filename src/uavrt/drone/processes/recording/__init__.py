@@ -1,1 +1,1 @@
-"""Parts of the recorder."""
+"""Parts of the recorder: times of commits, choice of health reports, missing poses."""

@@ -1,26 +1,26 @@
-"""Decides when the recorder commits; rarely, because each commit writes partly filled pages."""
+"""Decide when the recorder commits; rarely, because each commit writes partly filled pages."""
 
 PULSES_S = 3.0
-"""Longest time until a pulse is committed, and shortest time between two such commits [s]."""
+"""Longest time until a pulse is committed, and shortest time between two commits [s]."""
 OTHERS_S = 15.0
-"""Longest time until poses, health and texts are committed [s]; a power cut loses them."""
+"""Longest time until poses, health and texts are committed [s]; a power cut loses these."""
 RETRY_S = 1.0
 
 
 class CommitTimes:
-    """Tracks since when pulses and other records wait for a commit."""
+    """Tracks how long pulses and other records have been waiting for a commit."""
 
     def __init__(self) -> None:
         self._pulses_at_s: float | None = None
         self._others_at_s: float | None = None
 
     def pulses_wait(self, now_s: float) -> None:
-        """Note the time at which a pulse was written."""
+        """Record the time at which a pulse was written."""
         if self._pulses_at_s is None:
             self._pulses_at_s = now_s + PULSES_S
 
     def others_wait(self, now_s: float) -> None:
-        """Note the time at which a record other than a pulse was written."""
+        """Record the time at which a record other than a pulse was written."""
         if self._others_at_s is None:
             self._others_at_s = now_s + OTHERS_S
 
@@ -29,7 +29,7 @@ class CommitTimes:
         return self._pulses_at_s is not None and now_s >= self._pulses_at_s
 
     def all_due(self, now_s: float) -> bool:
-        """True if everything written should be committed now, together with pulses due soon."""
+        """True if everything written should be committed now, including pulses due soon."""
         spare_s = PULSES_S if self.pulses_due(now_s) else 0.0
         return self._others_at_s is not None and now_s >= self._others_at_s - spare_s
 

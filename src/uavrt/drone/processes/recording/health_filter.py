@@ -1,4 +1,4 @@
-"""Selects the health reports to record: every change, and one in thirty of the rest.
+"""Select the health reports to record: every change, and one in thirty of the rest.
 
 Each process reports once a second, with 450 bytes of counters. Arming and landing count as
 changes, because they separate turns in flight from carrying the drone.
@@ -17,12 +17,12 @@ class HealthFilter:
     def __init__(self) -> None:
         self._recorded: dict[str, Health] = {}
         self._last: dict[str, Health] = {}
-        """Last report of each process, if it was not recorded."""
+        """Last report of each process that was not recorded."""
         self.left_out = 0
         """Number of reports that were not recorded."""
 
     def to_record(self, health: Health) -> list[Health]:
-        """Get the reports to record now; after a change also the last one before it."""
+        """Select the reports to record now; after a change also the last one before it."""
         process = health.process
         before, last = self._recorded.get(process), self._last.pop(process, None)
         same = before is not None and _state(before) == _state(health)
@@ -37,7 +37,7 @@ class HealthFilter:
         return [last, health]
 
     def last(self) -> list[Health]:
-        """Get each process's last report at the end of a flight, and reset."""
+        """Return each process's last report at the end of a flight, and reset."""
         last = list(self._last.values())
         self._last.clear()
         self._recorded.clear()

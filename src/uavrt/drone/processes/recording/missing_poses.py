@@ -1,7 +1,7 @@
-"""Reconstructs poses of pulses that the connection can no longer provide.
+"""Reconstruct poses of pulses that the connection can no longer provide.
 
-The connection normally adds the pose. If it is killed or stopped, the pulses waiting there lose
-theirs. The recorder has those pulses and the vehicle's recorded poses.
+The connection normally adds the pose. If the connection is killed or stopped, pulses waiting
+there get none. The recorder has those pulses and the vehicle's recorded poses.
 """
 
 from collections import OrderedDict
@@ -14,15 +14,15 @@ from uavrt.core.units import ns_from_s
 from uavrt.localization.pose.ring import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
 
 REACH_NS = ns_from_s(MAX_GAP_S + MAX_EXTRAPOLATION_S)
-"""Largest time between a pulse and a recorded pose used for it [ns]."""
+"""Longest time from a pulse to a recorded pose used for it [ns]."""
 MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Pulses without pose, and those among them whose pose will never arrive.
+    """Pulses that wait for a pose, and a check for poses that will never arrive.
 
-    Poses of a tag's pulses arrive in the order of the pulses. A pose counts as lost once a
-    later pulse's has arrived, or after `patience_s`.
+    Poses of a tag's pulses arrive in the order of the pulses. A pose counts as lost once the
+    pose of a later pulse has arrived, or after `patience_s`.
     """
 
     def __init__(self, patience_s: float) -> None:
@@ -33,12 +33,12 @@ class AwaitedPoses:
         return sum(map(len, self._tags.values()))
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Add a pulse; one that is already waiting keeps its time."""
+        """Add a pulse; a pulse that is already waiting keeps its time."""
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._patience_s))
 
     def came(self, pulse: Pulse) -> list[Pulse]:
-        """Remove a pulse with its pose; return the tag's earlier pulses, as lost ones."""
+        """Remove a pulse with its pose; return the tag's earlier pulses, which get no pose."""
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:
             return []
@@ -69,7 +69,7 @@ class AwaitedPoses:
 def pose_from_records(
     pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings
 ) -> PulsePose:
-    """Compute a pulse's antenna pose from recorded vehicle poses; None if none is near enough.
+    """Compute a pulse's antenna pose from recorded vehicle poses near it; None without any.
 
     `poses`: around the pulse's centre, in the order of time. `antenna`: its mounting.
     """

@@ -1,1 +1,1 @@
-"""Parts of receiver and detector: capture, kept channels, watch on the search."""
+"""Parts of receiver and detector: raw capture, channel recording, hang detection, latency."""

@@ -1,4 +1,4 @@
-"""Searches for unlisted beeping senders in a thread, so that the radio is read meanwhile.
+"""Search for unlisted beeping senders in a thread, while the radio is read.
 
 A batch of the search takes up to 0.2 s on a slow computer; a radio's pipe buffers 40 ms.
 """
@@ -16,8 +16,7 @@ from uavrt.detection.beeps.beep_search import BeepSearch
 log = get_logger()
 
 MOST_WAITING: Final = 6
-"""Largest number of sample blocks queued for the search, 12 MB at 3 MS/s; more are dropped and
-counted."""
+"""Largest number of sample blocks queued for the search, 12 MB at 3 MS/s."""
 _CLOSE_S: Final = 2.0
 
 
@@ -27,7 +26,7 @@ needed."""
 
 
 class BeepListener:
-    """Runs a search made by `make` in a thread, and collects the beeping senders found."""
+    """Runs a search made by `make` in a thread; collects the beeping senders found."""
 
     def __init__(self, make: Callable[[], BeepSearch]) -> None:
         self._make = make
@@ -36,7 +35,7 @@ class BeepListener:
         self._there = threading.Semaphore(0)
         self._found: deque[tuple[BeepSearch, Beep]] = deque()
         self.failed = False
-        """True if the thread has ended with an error; nothing more is found then."""
+        """True if the thread has ended with an error; no more senders are found then."""
         self.dropped_s = 0.0
         """Duration of samples dropped because the search was too slow [s]."""
         self._thread = threading.Thread(target=self._work, name="beeps", daemon=True)
@@ -57,7 +56,7 @@ class BeepListener:
         self._put((self._search, radio, tags))
 
     def take_found(self) -> list[Beep]:
-        """Get the senders found since the last call."""
+        """Return the senders found since the last call."""
         found = [self._found.popleft() for _ in range(len(self._found))]
         return [beep for search, beep in found if search is self._search]
 

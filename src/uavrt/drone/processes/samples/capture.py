@@ -1,6 +1,6 @@
-"""Raw capture: records the radio's decimated band for a set time, without detection.
+"""Raw capture: record the radio's decimated band for a set time, without detection.
 
-It runs in the receiver process, in place of the receiver.
+The capture runs in the receiver process, in place of the receiver.
 """
 
 from collections.abc import Mapping
@@ -70,7 +70,7 @@ class Capture:
         return "captured" if self.said() else "not captured"
 
     def said(self) -> str:
-        """Text on what was recorded and why it is incomplete; empty if nothing was recorded."""
+        """Text on the samples recorded and the reason if incomplete; empty if none were."""
         recorded = self._earlier + self._recorder.written_samples
         if not recorded:
             return ""
@@ -97,7 +97,7 @@ class Capture:
         """Do nothing, because no samples are buffered here."""
 
     def restart_filters(self, *, failed: bool = True) -> None:
-        """Restart the filter, because the next samples do not follow the last ones."""
+        """Restart the filter, because the next samples do not continue the last ones."""
         self.failures += failed
         self._front_end.reset()
         self._check = SampleCheck("the radio")

@@ -1,9 +1,9 @@
-"""Aborts a tag's search that hangs, and identifies the tag.
+"""Abort a tag's search that hangs, and identify the tag.
 
 A timer of processor time checks which step runs (`DetectorGroup.last_searched`). The same step
 at several checks in a row counts as a hang and raises an exception, so that the process
-continues. The supervisor would kill it without knowing the tag. Processor time excludes pauses
-of the process or computer. A hang in one library call is left to the supervisor.
+continues. The supervisor cannot identify the tag. Processor time excludes pauses of the process
+or computer. A hang in one library call is left to the supervisor.
 """
 
 import signal
@@ -14,12 +14,12 @@ from types import FrameType, TracebackType
 CHECK_S = 0.8
 """Processor time between two checks [s]."""
 CHECKS = 5
-"""Checks in the same step that count as a hang: 3.2 to 4 s. The supervisor kills the process
-after 5 s of silence; the longest normal step takes some tenths of a second."""
+"""Number of checks in the same step that counts as a hang: 3.2 to 4 s. The supervisor kills the
+process after 5 s of silence; the longest normal step takes some tenths of a second."""
 
 
 class SearchHangs(RuntimeError):
-    """Raised in a search that does not end."""
+    """Raised when a search does not end."""
 
 
 class HangWatch:

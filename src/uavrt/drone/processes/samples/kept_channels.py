@@ -1,4 +1,4 @@
-"""Records a flight's channel samples within the receiver process."""
+"""Record a flight's channel samples within the receiver process."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,7 +9,7 @@ from uavrt.flight.samples.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Queues channel samples for recording and reports drops; can be off."""
+    """Queues channel samples for recording and reports dropped ones; can be switched off."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True

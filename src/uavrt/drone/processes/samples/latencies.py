@@ -1,4 +1,4 @@
-"""Age of samples at the end of their search: median and 99th percentile."""
+"""Age of samples at the end of their search: median and 99th percentile [ms]."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class Latencies:
         self._present[min(max(step, 0), MOST_MS)] += 1
 
     def percentile_ms(self, percent: float) -> float | None:
-        """Latency that this percentage of values does not exceed [ms]; None if empty."""
+        """Latency that the given percentage of values does not exceed [ms]; None if empty."""
         up_to = np.cumsum(self._past + self._present)
         if not up_to[-1]:
             return None

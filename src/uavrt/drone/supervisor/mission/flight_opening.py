@@ -1,4 +1,4 @@
-"""Creates a flight's directory and assigns tags to detector processes."""
+"""Create a flight's directory and assign tags to detector processes."""
 
 import itertools
 import math
@@ -13,8 +13,7 @@ from uavrt.core.errors import RecordingError
 from uavrt.core.messages import FlightInfo, Tag
 
 _CHEAP_SHARE_TAGS = 16
-"""Number of tags one detector process may get while others have none; they cost 2 % of a core.
-"""
+"""Number of tags one detector process may get while others have none: 2 % of a core."""
 
 
 def share_tags(
@@ -43,7 +42,7 @@ def share_tags(
 def _with_ghosts(
     together: list[list[Tag]], receiver: Receiver, window_hz: float, most: int
 ) -> list[list[Tag]]:
-    """Join groups of tags that may be receiver ghosts of each other, up to `most` tags each."""
+    """Join groups of tags that may be ghosts of each other, up to `most` tags per group."""
     group_of = {tag.tag_id: group for group in together for tag in group}
     multiples = (
         (receiver.multiple(ghost.frequency_hz, tag.frequency_hz, window_hz), tag, ghost)

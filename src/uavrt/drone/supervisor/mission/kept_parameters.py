@@ -53,9 +53,9 @@ class SettingsInForce:
                 log.warning("stored parameter rejected", reason=error.message)
         self._on_change = on_change
         self.now = self.in_flight = settings
-        """Settings for the next flight (`now`) and for the present flight (`in_flight`)."""
+        """Settings for the next flight (`now`), and for the present flight (`in_flight`)."""
         self.gain: int | None = None
-        """Radio gain given with a start command; None: the settings' gain."""
+        """Radio gain given with a start command; None: gain of the settings."""
 
     def resume(self, gain: int | None, waiting: Mapping[str, float]) -> None:
         """Restore a start command's gain and the present flight's older parameter values."""
@@ -68,7 +68,7 @@ class SettingsInForce:
 
     @property
     def waiting(self) -> dict[str, float]:
-        """Parameters that differ between this flight and the next; with present values."""
+        """Parameters that differ between this flight and the next, with the present values."""
         now = parameter_values(self.now)
         in_flight = parameter_values(self.in_flight)
         return {name: one for name, one in in_flight.items() if one != now[name]}
@@ -78,7 +78,7 @@ class SettingsInForce:
         self.in_flight = self.now
 
     def set(self, name: str | None, value: float | None, *, detecting: bool) -> str:
-        """Set a parameter, now and for later flights; return a text on when it takes effect."""
+        """Set a parameter, now and for later flights; return a text on when it applies."""
         if name is None or value is None:
             raise UavrtError("the parameter or its value is missing")
         waits = detecting and not PARAMETERS[name].live

@@ -1,4 +1,4 @@
-"""Counts pulses that have no pose yet, so that a flight is closed only when all have one.
+"""Count pulses that have no pose yet, so that a flight is closed only when all have one.
 
 The supervisor forwards each pulse twice: from its detector, and again with its pose.
 """
@@ -18,7 +18,7 @@ class LastPulses:
 
     @property
     def waiting(self) -> int:
-        """Number of pulses without a pose, including those lost with a killed process."""
+        """Number of pulses without a pose, including pulses lost with a killed process."""
         return self._waiting
 
     def flight_started(self) -> None:

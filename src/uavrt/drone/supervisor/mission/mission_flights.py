@@ -1,4 +1,4 @@
-"""Begins, resumes, corrects and ends flights and raw captures."""
+"""Begin, resume, correct and end flights and raw captures."""
 
 import shutil
 from collections import deque
@@ -26,7 +26,7 @@ from uavrt.drone.supervisor.mission.tag_upload import TagUpload, check_tag
 from uavrt.link.tunnel.tag_lists import searched_text
 
 LAST_FLIGHTS = 3
-"""Number of ended flights that the connection and the recorder can still serve."""
+"""Number of ended flights that connection and recorder can still serve."""
 RESUME_WITHIN_S = 900.0
 """Largest age of a flight that resumes after a restart of the computer [s]. This covers a
 battery change or brown-out in the air, but not last week's flight."""
@@ -67,8 +67,7 @@ class Flights:
         self.last: deque[str] = deque(maxlen=LAST_FLIGHTS)
         """Directories of ended flights, newest last."""
         self.ending = False
-        """True while the last pulses of a flight are being recorded; no flight can begin yet.
-        """
+        """True while a flight's last pulses are recorded; no flight can begin meanwhile."""
 
     def resume(self, saved: SavedState) -> SystemState | None:
         """Resume the flight of an earlier supervisor; return its state, None if none resumes.
@@ -253,12 +252,12 @@ class Flights:
         return self.flight, words, warnings
 
     def mark_ending(self) -> str:
-        """Mark the flight as ending; return its directory, or an empty string."""
+        """Mark the flight as ending; return its directory, or an empty string if none."""
         self.ending = True
         return self.flight.directory if self.flight else ""
 
     def ended(self) -> FlightInfo | None:
-        """Close the flight after its last pulse; return it, or None if there was none."""
+        """Close the flight after its last pulse; return the flight, or None without one."""
         flight, self.flight = self.flight, None
         if flight is not None:
             self.last.append(flight.directory)

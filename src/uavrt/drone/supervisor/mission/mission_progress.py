@@ -12,7 +12,7 @@ from uavrt.core.messages import FlightInfo, Health, Operation
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
 """Status texts by which the receiver reports the end of a raw capture."""
 NO_SAMPLES_LIMIT_S = 30.0
-"""Time without samples after which an overdue capture counts as failed [s]."""
+"""Time without samples that makes a capture fail once its length has passed [s]."""
 
 NO_SAMPLES = "the radio gives no samples. Check that it is plugged in"
 FEW_SAMPLES = "the radio gives too few samples. Check its cable, or set a lower sample rate"
@@ -33,7 +33,7 @@ class FlightProgress:
         self._over = False
         self._fault = self._recorded = self._why = ""
         self._slow = NO_SAMPLES
-        """Likely cause of a slow capture, reported if the receiver gives none."""
+        """Likely cause of a slow capture, used if the receiver reports no cause."""
 
     def started(self, flight: FlightInfo) -> None:
         """Begin tracking a new flight or capture."""
@@ -48,7 +48,7 @@ class FlightProgress:
         self._say("running", "waiting for samples")
 
     def heard(self, health: Health) -> None:
-        """Update from a process's health report; only the receiver's counts."""
+        """Update from a process's health report; only that of the receiver is used."""
         if not health.process.startswith("receiver"):
             return
         if self._capture_s is not None and health.ok:

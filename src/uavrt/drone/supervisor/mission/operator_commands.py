@@ -1,4 +1,4 @@
-"""Decides on the operator's commands and holds their result: state, tags and flight."""
+"""Decide on the operator's commands, and hold the resulting state, tags and flight."""
 
 import math
 from collections.abc import Callable
@@ -121,7 +121,7 @@ class Mission:
         return self._replies[key]
 
     def drop_replies(self) -> None:
-        """Drop stored replies, because a restarted process repeats its request numbers."""
+        """Drop stored replies, because a restarted process uses its request numbers again."""
         self._replies.clear()
 
     def _decide(self, command: Command) -> CommandReply:
@@ -130,7 +130,7 @@ class Mission:
         return self._decide_order(command)
 
     def _decide_run(self, command: Command) -> CommandReply:
-        """Carry out the parameter that starts detection with the last tags, or stops it."""
+        """Handle the parameter that starts detection with the last tags, or stops it."""
         try:
             start = run_wanted(math.nan if command.value is None else command.value)
         except UavrtError as error:
@@ -237,7 +237,7 @@ class Mission:
         return words
 
     def _has_no_list(self, command: Command) -> bool:
-        """True if the last complete list of tags must be loaded before a start.
+        """True if a start needs the last complete list of tags to be loaded first.
 
         Another station's unfinished upload is replaced only on a sealed (authenticated)
         command, or after that station was silent for a minute.
@@ -248,7 +248,7 @@ class Mission:
         return self.state is SystemState.IDLE
 
     def flight_ended(self) -> FlightInfo | None:
-        """Close the flight after its last pulse; return it, or None if there was none."""
+        """Close the flight after its last pulse; return the flight, or None without one."""
         flight = self.flights.ended()
         self.commander.flight_ended()
         self._save()

@@ -46,7 +46,7 @@ class RadioTest:
         return self._process.pid
 
     def stop(self) -> None:
-        """Stop the test because a flight needs the radio; its answer then says so."""
+        """Stop the test, because a flight needs the radio; the answer then says this."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
 

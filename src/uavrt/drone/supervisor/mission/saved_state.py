@@ -28,14 +28,14 @@ class SavedState:
     tags: tuple[Tag, ...]
     flight: FlightInfo | None
     tags_sent: int = 0
-    """Number of tags the sender announced for the last upload; 0 if unknown."""
+    """Number of tags that the sender announced for the last upload; 0 if unknown."""
     last_flights: tuple[str, ...] = ()
     gain: int | None = None
-    """Radio gain given with a start command; None: the settings' gain."""
+    """Radio gain given with a start command; None: gain of the settings."""
     waiting: dict[str, float] = field(default_factory=dict)
-    """Present values of parameters that change at the next flight."""
+    """Present values of the parameters that change at the next flight."""
     commander: str | None = None
-    """Station in command; None if every station may command."""
+    """Source name of the station in command; None if every station may command."""
 
 
 class StateStore(KeptFile[SavedState]):

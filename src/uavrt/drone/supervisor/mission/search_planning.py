@@ -25,7 +25,7 @@ TIMEOUT_S = 15.0
 """Longest wait for the plan [s]. Imports take 0.3 s and measuring a long list 2 s, several
 times that on a busy small computer."""
 UNMEASURED_TAGS = 100
-"""Number of tags that two cores of a small computer can always search; more are measured."""
+"""Largest number of tags that two cores can always search; longer lists are measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ def _read_all(descriptor: int) -> bytes:
 
 
 def main() -> None:
-    """Read a question from the descriptor named in the arguments; print the answer."""
+    """Read a request from the descriptor named in the arguments; print the answer."""
     from uavrt.core.clock import cpu_s
     from uavrt.detection.search_plan import plan_search
     from uavrt.drone.ipc.parent import die_with_parent

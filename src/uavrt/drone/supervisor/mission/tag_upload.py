@@ -25,11 +25,11 @@ class TagUpload:
         self._last = KeptFile(directory / LAST_TAGS_NAME, tuple[Tag, ...], "last tags")
         self._tags: dict[int, Tag] = {}
         self.sent = 0
-        """Number of tags the sender announced for this upload; 0 if unknown."""
+        """Number of tags that the sender announced for this upload; 0 if unknown."""
 
     @property
     def tags(self) -> Mapping[int, Tag]:
-        """The tags by tag number."""
+        """The uploaded tags by tag number."""
         return self._tags
 
     def begin(self, tags: Sequence[Tag] = (), sent: int = 0) -> None:
@@ -38,7 +38,7 @@ class TagUpload:
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag; repeating an equal one is allowed."""
+        """Add a tag; adding an equal tag again is allowed."""
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:
@@ -50,7 +50,7 @@ class TagUpload:
         self._tags[tag.tag_id] = tag
 
     def end(self, tag_count: int | None) -> str:
-        """End the list and store it if it is complete; return its size as text."""
+        """End the list, and store a complete list; return its size as text."""
         if not self._tags:
             raise UavrtError("no tag was sent: send TAG before END_TAGS")
         for one, two in same_codes(tuple(self._tags.values())):

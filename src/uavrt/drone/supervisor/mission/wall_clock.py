@@ -1,4 +1,4 @@
-"""Reports corrections of the computer's clock during a flight, which keeps its own time."""
+"""Report corrections of the computer's clock during a flight; the flight keeps its own time."""
 
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.drone.card import clock_fault
@@ -6,8 +6,8 @@ from uavrt.drone.card import clock_fault
 REPORTED_CORRECTION_S = 0.5
 """Smallest reported correction [s]; NTP adjusts at most half a second in 17 minutes."""
 REPEAT_AFTER_S = 15.0
-"""Time after which a wrong clock is reported again, for stations that connect later [s]. Longer
-than the 10 s in which the connection suppresses repeated texts."""
+"""Time after which a wrong clock is reported again, for stations that connect later [s]. This
+exceeds the 10 s in which the connection suppresses repeated texts."""
 
 
 class WallClockWatch:
@@ -18,7 +18,7 @@ class WallClockWatch:
         self._again_s: float | None = None
 
     def flight_started(self, now_s: float) -> str | None:
-        """Begin with both clocks equal; return a warning if the date is impossible."""
+        """Begin with equal clocks; return a warning if the date is impossible."""
         self._noted_s = 0.0
         text = _wrong_time()
         self._again_s = None if text is None else now_s + REPEAT_AFTER_S

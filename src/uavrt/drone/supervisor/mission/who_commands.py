@@ -1,9 +1,9 @@
-"""Decides which station may command: the first one, until it is silent for a minute.
+"""Decide which station may command: the first one, until it is silent for a minute.
 
-Telemetry radios are open to everybody. The first commanding station is accepted from its tags
-to the flight's end. Others take over only with a sealed command, which proves the drone's key,
-or after `SILENCE_S`. Senders choose their own names, so this prevents mistakes, not an attack
-(docs/how-to/lock-the-link.md).
+Telemetry radios are open to everybody. The first commanding station is in command from its tag
+upload to the flight's end. Others take over only with a sealed command, which proves the
+drone's key, or after `SILENCE_S`. Senders choose their own names, so this prevents mistakes,
+not an attack (docs/how-to/lock-the-link.md).
 """
 
 from collections.abc import Callable
@@ -13,8 +13,8 @@ from uavrt.core.commands import COMMANDS, Who
 from uavrt.core.messages import Command
 
 SILENCE_S = 60.0
-"""Silence of the commanding station after which another may command [s]; longer than a restart
-takes."""
+"""Silence of the commanding station after which another station may command [s]; longer than a
+restart takes."""
 OWN_SOURCES = ("capture", "command line")
 """Command sources on the drone itself: the supervisor and the program that started it."""
 

@@ -1,4 +1,4 @@
-"""Starts processes: forked from the nursery if it is ready, otherwise by exec.
+"""Start processes: forked from the nursery if it is ready, otherwise by exec.
 
 This module has few imports. The nursery starts before the supervisor imports the rest, so that
 both import at the same time.
@@ -30,13 +30,13 @@ SILENCE_S = 3.0
 IMPORT_S = 20.0
 """Longest silence of the nursery during its imports [s]; they take 0.6 s of CPU time."""
 FIRST_WAIT_S = 10.0
-"""Longest wait for the nursery's imports at the start of the system [s]."""
+"""Longest wait for the nursery's imports when the system starts [s]."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""Environment that limits BLAS to one thread; more would compete for few cores."""
+"""Environment that limits BLAS to one thread, since more threads compete for few cores."""
 
 
 class Launcher:
-    """Starts processes, by the nursery if it runs."""
+    """Starts processes, through the nursery if it runs."""
 
     def __init__(self) -> None:
         self._environment = blas_environment() | ENVIRONMENT
@@ -73,7 +73,7 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Descriptor that becomes readable when the nursery sends or ends; None without it."""
+        """Descriptor that becomes readable if the nursery sends or ends; None without one."""
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:
@@ -156,7 +156,7 @@ class Launcher:
     ) -> int:
         """Start ``python -m MODULE`` in its own process group; return its process id.
 
-        It is a child of this process, and the caller must reap it.
+        The new process is a child of this process, and the caller must reap it.
 
         `module`: has a function ``main``. `name`: shown by ``top``. `output`: descriptor for
         printed output. `fds`: descriptors to inherit, with the same numbers. `environment`:
@@ -181,7 +181,7 @@ class Launcher:
     # ------------------------------------------------------- what was started
 
     def watch(self, pid: int) -> int:
-        """Get a descriptor that becomes readable once the process ends; raises `OSError`."""
+        """Get a descriptor that becomes readable when the process ends; raises `OSError`."""
         return os.pidfd_open(pid)
 
     def signal(self, pid: int, number: int) -> None:
@@ -189,7 +189,7 @@ class Launcher:
         os.killpg(pid, number)
 
     def reap(self, pid: int) -> tuple[int, float]:
-        """Get exit code and CPU time [s] of a process that has ended."""
+        """Reap an ended process; return its exit code and CPU time [s]."""
         _, status, usage = os.wait4(pid, 0)
         return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
 

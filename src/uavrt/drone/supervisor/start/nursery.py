@@ -1,11 +1,11 @@
-"""The nursery: a process that has all modules imported and forks the others from it.
+"""The nursery: a process with all modules imported, from which the other processes are forked.
 
 ``python -m uavrt.drone.supervisor.start.nursery``, started by
 `uavrt.drone.supervisor.start.launcher`. Imports cost each process 0.1 to 0.4 s of CPU and 13 to
 40 MB. Here they are done once, and the forked processes share the memory pages.
 
-A process is forked twice: it becomes the supervisor's own child (the supervisor adopts orphans)
-and outlives the nursery.
+A process is forked twice, so that it becomes the supervisor's own child (the supervisor adopts
+orphans) and outlives the nursery.
 
 A request is one datagram: JSON with file descriptors (``SCM_RIGHTS``). The answer is the
 process id. An empty datagram is a life check, answered by an empty one. The first datagram is
@@ -83,7 +83,7 @@ def serve(sock: socket.socket) -> ForkedProcess | None:
 
 
 def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
-    """Fork a process that is not our child; returns its id here, its data in the fork."""
+    """Fork a child of the supervisor; returns its id here, and its data in the new process."""
     reader, writer = os.pipe()
     try:
         parent_id = os.fork()

@@ -1,4 +1,4 @@
-"""Decides when to restart an ended process: at once, then after growing delays."""
+"""Decide when to restart an ended process: at once, then after growing delays."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ class RestartPolicy:
     """Wait before the first, second, … consecutive restart [s]; later ones use the last value.
     """
     settled_s: float = 10.0
-    """Running time after which an end counts as the first one again [s]."""
+    """Running time after which the next end counts as the first one again [s]."""
     degraded_after: int = 4
     """Number of consecutive ends after which the process is reported as degraded; restarts
     continue."""

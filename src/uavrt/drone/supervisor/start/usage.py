@@ -13,9 +13,9 @@ class Usage:
     """CPU time and memory of a process tree."""
 
     cpu_s: float
-    """User and system time of living descendants and of reaped ones [s]."""
+    """User and system time of living descendants and of reaped children [s]."""
     memory_mb: float
-    """Resident memory [MB]; shared pages count in each process."""
+    """Resident memory [MB]; pages shared by processes count in each."""
 
 
 def read_proc(path: str) -> str:

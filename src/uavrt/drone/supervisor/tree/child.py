@@ -27,14 +27,14 @@ READ_BYTES = 65_536
 class Child:
     """A running process of the table.
 
-    It has its own process group, a stream socket to the supervisor, and a pipe for printed
-    output.
+    The process has its own process group, a stream socket to the supervisor, and a pipe for
+    printed output.
 
     `name`: instance name, for example ``detector-1``. `intake`: schedules reads of records.
     `outbox`: records to send; it outlives the child. `pass_fds`: sample sockets the child
     inherits. `on_line`, `on_output`: called with each record and each printed line. `on_exit`:
-    called once, with the exit code. Raises `OSError` if the process cannot be started; one that
-    cannot be watched is left to `Fleet`, as an orphan.
+    called once, with the exit code. Raises `OSError` if the process cannot be started; a
+    process that cannot be watched is left to `Fleet`, as an orphan.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Child:
         self.name = name
         self.exit_code: int | None = None
         self.heard = False
-        """True once the process has sent a record, so its imports are done."""
+        """True once the process has sent a record, which means that its imports are done."""
         self.killed = False
         self.last_heard_s = monotonic_s()
         self.cpu_s = self.own_cpu_s = 0.0

@@ -1,4 +1,4 @@
-"""Stores each line that the processes print, with its time.
+"""Store each line that the processes print, with its time.
 
 During a flight the files are in the flight's directory, in the layout of the thesis
 (`uavrt.flight.flight_layout`); the radio program's output gets a file of its own. Otherwise
@@ -22,7 +22,7 @@ _PLAIN_KEYS = {"event", "level", "timestamp", "process"}
 
 
 def warning_text(process: str, line: bytes) -> StatusText | None:
-    """Convert a printed line to an operator's text; None unless a warning or worse."""
+    """Convert a printed line to an operator's text; None for less than a warning."""
     try:
         event = json.loads(line)
         severity = _SEVERITY[event["level"]]

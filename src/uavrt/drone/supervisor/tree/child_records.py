@@ -1,4 +1,4 @@
-"""Schedules reads of the processes' records: at once when idle, in batches under load.
+"""Schedule reads of the processes' records: at once when idle, in batches under load.
 
 A hundred tags cause forty messages a second. Each wake-up of the supervisor costs 0.1 to 0.2
 ms, more than the records themselves, so reads are at least `PERIOD_S` apart. After a pause,
@@ -38,7 +38,7 @@ class Intake:
             self._listen(True)
 
     def remove(self, fd: int) -> None:
-        """Stop reading a descriptor, before it is closed; an unknown one is ignored."""
+        """Stop reading a descriptor before it is closed; an unknown one is ignored."""
         if self._readers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
         if not self._readers:

@@ -1,4 +1,4 @@
-"""The state of one process of the table, kept across restarts."""
+"""State of one process of the table of processes, kept across restarts."""
 
 import os
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from uavrt.drone.supervisor.tree.waiting_records import Outbox
 
 @dataclass(slots=True)
 class Instance:
-    """One process of the table, running or not; kept across restarts."""
+    """One process of the table of processes, running or not; kept across restarts."""
 
     name: str
     row: ProcessRow
@@ -31,16 +31,16 @@ class Instance:
     health: Health | None = None
     stop_asked_s: float | None = None
     cpu_s_before: float = 0.0
-    """CPU time of its earlier runs, including their child processes [s]."""
+    """CPU time of the process's earlier runs, including child processes [s]."""
     own_cpu_s_before: float = 0.0
-    """CPU time of its earlier runs, without their child processes [s]."""
+    """CPU time of the process's earlier runs, without child processes [s]."""
     memory_mb: float = 0.0
     silence_reported: bool = False
     """True if the operator was warned that the process is silent."""
     tag_ids: tuple[int, ...] = ()
-    """Numbers of the tags assigned to it at its last start."""
+    """Numbers of the tags assigned to the process at its last start."""
     last_error: str = ""
-    """Last warning or error it printed; shown to the operator if the process ends."""
+    """Last warning or error that the process printed, for the operator if it ends."""
 
     def __post_init__(self) -> None:
         self.outbox = Outbox(self.row.backlog, keeps=self.row.acks_taken)
@@ -78,7 +78,7 @@ class Instance:
         )
 
     def over_budget(self, now_s: float) -> str | None:
-        """Return a warning if it uses more than its row's budget, otherwise None."""
+        """Warning if the process uses more than its row's budget; None otherwise."""
         child = self.child
         if child is None:
             return None

@@ -1,12 +1,12 @@
-"""Compares a process's use of CPU and memory with the budget in the table of processes."""
+"""Compare a process's use of CPU and memory with the budget in the table of processes."""
 
 from collections import deque
 
 WINDOW_S = 20.0
 """Time over which CPU use is averaged [s], so that imports or a slow disk raise no alarm."""
 CPU_ALLOWANCE = 4.0
-"""Factor by which a Raspberry Pi 5 core may exceed the CPU budgets. They are stated for the
-reference machine with 100 tags."""
+"""Factor by which a Raspberry Pi 5 core may exceed the CPU budgets, which are for the reference
+machine with 100 tags."""
 REPEAT_S = 300.0
 
 

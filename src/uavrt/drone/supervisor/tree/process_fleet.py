@@ -1,4 +1,4 @@
-"""The running processes of the table: started, monitored, restarted and stopped."""
+"""The running processes of the table of processes: start, monitor, restart and stop them."""
 
 import asyncio
 import contextlib
@@ -30,11 +30,11 @@ log = get_logger()
 LineHandler = Callable[[Instance, bytes], None]
 
 SILENCE_REPORT_S = 4.0
-"""Silence after which the operator is warned of a process with a longer silence limit [s]."""
+"""Silence after which a process with a longer silence limit is reported [s]."""
 
 
 class Fleet:
-    """All instances of the table's rows.
+    """All instances of the rows in the table of processes.
 
     `rows`: in start order. `mission`: source of state, tags, flight, settings and clock.
     `launcher`: starts processes; its nursery is restarted here. `workers`: most detector
@@ -64,14 +64,14 @@ class Fleet:
         self._intake = Intake()
         self._instances: dict[str, Instance] = {}
         self._earlier_children = set(launcher.children())
-        """Children that this program had before the fleet was created; they are not orphans."""
+        """Children of this program from before the fleet was created; they are not orphans."""
         self._exempt: set[int] = set()
         self._ending: set[int] = set()
         self._sockets: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
         self._window_hz = mission.settings.now.detection.frequency_window_hz
         """Search half-width at the last assignment of tags [Hz]."""
         self._receiver: Receiver | None = None
-        """Radio frequency and sample rate at the last assignment of tags."""
+        """Radio frequency and sample rate at the last assignment of tags [Hz]."""
         self._restarting = asyncio.Lock()
         self._restarts_waiting = 0
         """Number of pending restarts of the search; processes start after the last one."""
@@ -82,7 +82,7 @@ class Fleet:
         return self._instances.values()
 
     def instance_of(self, row: ProcessRow) -> Instance:
-        """Get the instance of a row that has only one, running or not."""
+        """Get the instance of a row with only one instance, running or not."""
         return self._instance(row.name, row, 0)
 
     def _instance(self, name: str, row: ProcessRow, worker: int) -> Instance:
@@ -218,7 +218,7 @@ class Fleet:
 
     @contextlib.contextmanager
     def exempt(self, pid: int) -> Iterator[None]:
-        """While in this context, do not kill a child process that belongs to no row."""
+        """Context in which a child process that belongs to no row is not killed."""
         self._exempt.add(pid)
         try:
             yield
@@ -228,7 +228,7 @@ class Fleet:
     def _end_orphans(self) -> None:
         """Kill processes that a killed child has left behind, such as a radio program.
 
-        One that hangs in the kernel, as on a USB device, ends later and is not waited for.
+        One that hangs in the kernel, as on a USB device, ends later, without a wait.
         """
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
@@ -327,7 +327,7 @@ class Fleet:
         return tuple(fds)
 
     async def taken(self, topic: str, limit_s: float) -> bool:
-        """Wait until processes with `acks_taken` took a topic's records; False if late."""
+        """Wait until processes with `acks_taken` took a topic's records; False on a timeout."""
         deadline_s = monotonic_s() + limit_s
         takers = [i for i in self._instances.values() if i.row.acks_taken]
         while any(instance.outbox.holds(topic) for instance in takers):
@@ -360,7 +360,7 @@ class Fleet:
 
 
 def exit_text(exit_code: int) -> str:
-    """Describe how a process ended by its exit code; negative codes are signals."""
+    """Describe how a process ended, from its exit code; negative codes are signals."""
     if exit_code >= 0:
         return f"ended (exit {exit_code})"
     try:

@@ -1,7 +1,7 @@
 """Variants of the table of processes, which differ in how many stages share a process.
 
-The stages are the same in each. `PROCESSES` is the normal table; ``one`` is for a computer with
-a single core. ``uavrt experiment resources --shapes`` compares their cost.
+The stages are the same in each variant. `PROCESSES` is the normal table; ``one`` is for a
+computer with a single core. ``uavrt experiment resources --shapes`` compares their cost.
 """
 
 from dataclasses import replace
@@ -35,5 +35,5 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
 
 
 def rows_for(settings: Settings) -> tuple[ProcessRow, ...]:
-    """Rows of the table that these settings need."""
+    """Rows of the table that the given settings need."""
     return tuple(row for row in SHAPES[settings.detection.shape] if row.configured(settings))

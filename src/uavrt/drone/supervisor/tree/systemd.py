@@ -1,4 +1,4 @@
-"""Reports to systemd that the system is ready and alive (sd_notify(3)), if it runs it."""
+"""Report to systemd that the system is ready and alive (sd_notify(3)), if run by systemd."""
 
 import contextlib
 import os
@@ -13,8 +13,7 @@ class SystemdNotifier:
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._sock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if address else None
         self.watchdog_s = _watchdog_s()
-        """Longest allowed time between calls of `alive` [s]; None without systemd's watchdog.
-        """
+        """Longest allowed time between calls of `alive` [s]; None without a watchdog."""
 
     def ready(self) -> None:
         """Report that the start is complete."""
@@ -40,7 +39,7 @@ class SystemdNotifier:
 
 
 def _watchdog_s() -> float | None:
-    """Half of systemd's watchdog time [s]; None if it does not watch this process."""
+    """Half of systemd's watchdog time [s]; None without a watchdog."""
     microseconds = os.environ.get("WATCHDOG_USEC", "")
     pid = os.environ.get("WATCHDOG_PID", str(os.getpid()))
     if not microseconds.isdigit() or pid != str(os.getpid()):

@@ -16,7 +16,7 @@ Predicate = Callable[[SystemState], bool]
 
 
 def always(state: SystemState) -> bool:
-    """True in every state."""
+    """Always true: the process runs in every state."""
     return state in SystemState
 
 
@@ -31,7 +31,7 @@ def while_receiving(state: SystemState) -> bool:
 
 
 def on_every_drone(settings: Settings) -> bool:
-    """True with any settings."""
+    """Always true: the process is needed with any settings."""
     return isinstance(settings, Settings)
 
 
@@ -64,26 +64,25 @@ class ProcessRow:
     meaning: str
     runs: Predicate
     consumes: tuple[str, ...]
-    """Topics that the supervisor forwards to the process."""
+    """Topics that the supervisor forwards to the process of this row."""
     produces: tuple[str, ...]
     configured: Callable[[Settings], bool] = on_every_drone
-    """Function of the settings: True if the process is needed."""
+    """Function of the settings that returns True if the process is needed."""
     backlog: int | None = None
-    """Most records of one topic queued for the process; None: no limit. It must hold a burst: a
-    hundred tags with pulses at the same time give hundreds of records."""
+    """Largest number of one topic's records queued for the process; None: no limit. Bursts must
+    fit: a hundred tags with pulses at the same time give hundreds of records."""
     acks_taken: bool = False
-    """True if it reports how many records it has taken; after its end the rest is sent again.
-    """
+    """True if the process reports how many records it has taken; the rest is sent again."""
     per_worker: bool = False
     """True if each detector worker gets its own instance."""
     samples_to: str | None = None
-    """Name of the row that receives samples from it, by one socket for each instance."""
+    """Name of the row that receives samples from this one, by a socket for each instance."""
     silence_limit_s: float = 5.0
     """Silence after which the process is killed [s]; a healthy one reports once a second."""
     start_limit_s: float = 20.0
-    """Longest wait for its first report after the start, which includes its imports [s]."""
+    """Longest wait for the first report after the start [s], which includes the imports."""
     restart: RestartPolicy = SOON
-    """Delays of restarts after it ended unexpectedly."""
+    """Delays of restarts after the process ended unexpectedly."""
     cpu_budget_percent: float
     """CPU budget [% of one core of the reference machine], with 100 tags."""
     memory_limit_mb: float
@@ -259,5 +258,5 @@ SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
 def consumers_of(
     topic: str, rows: tuple[ProcessRow, ...] = PROCESSES
 ) -> tuple[ProcessRow, ...]:
-    """Rows that consume a topic."""
+    """Rows of the table that consume a given topic."""
     return tuple(row for row in rows if topic in row.consumes)

@@ -1,10 +1,10 @@
-"""Queue of records to be sent to one process; it outlives the process.
+"""Queue of records to be sent to one process; the queue outlives the process.
 
-Lossless records wait until the process takes them. Of other topics the newest are kept and the
-dropped ones counted.
+Lossless records wait until the process takes them. Of other topics only the newest records are
+kept, and the dropped ones counted.
 
-A process may end before it has read or stored records that were sent. If it reports its
-progress (`ProcessRow.acks_taken`), these are sent again to its next run.
+A process may end before it has read or stored records that were sent. If the process reports
+its progress (`ProcessRow.acks_taken`), such records are sent again to its next run.
 """
 
 import socket
@@ -15,11 +15,10 @@ from uavrt.drone.ipc.topics import TOPICS, decode_record, topic_of
 
 BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
-"""Largest number of sent lines kept until they are taken: 10 MB, half an hour of failing disk.
-"""
+"""Largest number of sent lines kept until taken: 10 MB, half an hour with a failing disk."""
 RUNS_WITHOUT_PROGRESS = 3
-"""Consecutive runs without progress after which kept lines are dropped; one of them may crash
-the process."""
+"""Number of consecutive runs without progress after which kept lines are dropped, because one
+of them may crash the process."""
 
 Line = tuple[str, bytes]
 """Topic and the whole line with its newline."""
@@ -28,7 +27,7 @@ Line = tuple[str, bytes]
 class Outbox:
     """Queue of record lines to be sent to one process.
 
-    `backlog`: largest number per topic. `keeps`: keep sent lines until reported as taken.
+    `backlog`: largest number of lines per topic. `keeps`: True to keep sent lines until taken.
     """
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
@@ -36,7 +35,7 @@ class Outbox:
         self._keeps = keeps
         self._lines: deque[Line] = deque()
         self._kept: deque[Line] = deque()
-        """Lines sent to the present run and not yet taken."""
+        """Lines sent to the present run of the process that it has not yet taken."""
         self._taken = 0
         self._runs_without_progress = 0
         self._flight: bytes | None = None
@@ -103,7 +102,7 @@ class Outbox:
         self._kept.clear()
 
     def write_to(self, sock: socket.socket) -> bool:
-        """Send lines until the socket is full; True if none is left."""
+        """Send lines until the socket is full; True if none remains."""
         while self._lines:
             try:
                 sent = sock.send(self._next_bytes())

@@ -6,7 +6,7 @@ from typing import Any
 
 from starlette.requests import Request
 
-from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.routes.routing import Row, json_body, json_object
 from uavrt.ground.web.work.waterfalls import LiveWaterfall, recorded_picture, recordings, tag_of
@@ -69,7 +69,7 @@ class ExtraApi:
         found = await asyncio.to_thread(recordings, flight)
         chosen = [one for one in found if one.name == query.get("recording", one.name)]
         if not chosen:
-            raise UsageError("this flight has no recorded samples on this computer")
+            raise NotFound("this flight has no recorded samples on this computer")
         tag_id = int(_number(query.get("tag", ""), "tag"))
         summary = await asyncio.to_thread(library.summary, flight_id)
         tag = tag_of(summary.tags, tag_id)

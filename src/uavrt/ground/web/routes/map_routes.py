@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
 from uavrt.analysis.inputs.map_files import MapFile, read_map
-from uavrt.core.errors import FormatError, RecordingError, UsageError, os_errors_as
+from uavrt.core.errors import FormatError, NotFound, RecordingError, UsageError, os_errors_as
 from uavrt.ground.web.routes.routing import answered
 from uavrt.ground.web.work.foreign_worker import ForeignWorker
 
@@ -67,7 +67,7 @@ def map_path(directory: Path, name: str) -> Path:
     """Path of a map by its name; raises `UsageError`."""
     path = directory / name
     if not _NAME.fullmatch(name) or not path.is_file():
-        raise UsageError(f"there is no map {name[:80]!r}")
+        raise NotFound(f"there is no map {name[:80]!r}")
     return path
 
 

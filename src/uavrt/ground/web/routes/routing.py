@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from uavrt.core.errors import CommandRefused, FormatError, LinkError, UavrtError
+from uavrt.core.errors import CommandRefused, FormatError, LinkError, NotFound, UavrtError
 from uavrt.ground.commanding_page import Commander
 from uavrt.ground.page_listeners import encode
 from uavrt.ground.web.work.foreign_requests import read_body
@@ -71,8 +71,8 @@ def answered(handle: Handler) -> Callable[[Request], Any]:
         except (LinkError, CommandRefused) as error:
             return _json_response({"error": str(error)}, 409)
         except UavrtError as error:
-            missing = error.message.startswith("there is no")
-            return _json_response({"error": str(error)}, 404 if missing else 422)
+            status = 404 if isinstance(error, NotFound) else 422
+            return _json_response({"error": str(error)}, status)
         except OSError as error:
             named = "" if error.filename is None else f"{str(error.filename)[-80:]}: "
             return _json_response({"error": f"{named}{error.strerror or error}"}, 422)

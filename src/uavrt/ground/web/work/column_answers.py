@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from starlette.responses import Response
 
-from uavrt.core.errors import FormatError
+from uavrt.core.errors import NotFound
 from uavrt.localization.headings import yaws_deg
 
 POSE_COLUMNS = (
@@ -34,7 +34,7 @@ def chosen_columns(
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}
     if unknown:
-        raise FormatError(
+        raise NotFound(
             f"there is no column {min(unknown)[:40]!r}",
             remedy=f"Columns are {', '.join((*columns, YAW))}",
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uavrt.core.earth.geodesy import distance_m
-from uavrt.core.errors import FormatError, UsageError
+from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.core.messages import Tag
 from uavrt.ground.link.motions.page_motions import number_in, places_in
 from uavrt.ground.store.estimates import AntennaChoice
@@ -143,7 +143,7 @@ def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
     for one in tags:
         if one.tag_id == tag_id:
             return one
-    raise UsageError(
+    raise NotFound(
         f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose a tag of the table"
     )
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.measure.waterfall import MaximumHold, Waterfall
-from uavrt.core.errors import FormatError, UavrtError, UsageError
+from uavrt.core.errors import FormatError, NotFound, UavrtError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import ChannelBlock, IQBlock, Tag
 from uavrt.core.units import ns_from_s
@@ -246,7 +246,7 @@ def tag_of(tags: tuple[Tag, ...], tag_id: int) -> Tag:
     for tag in tags:
         if tag.tag_id == tag_id:
             return tag
-    raise UsageError(f"there is no tag {tag_id} in this flight")
+    raise NotFound(f"there is no tag {tag_id} in this flight")
 
 
 def _blocks(source: RecordingSource) -> Iterator[IQBlock]:

@@ -1,7 +1,7 @@
 """Send missions and fences to an autopilot and read them, by MAVLink's mission protocol. Pure.
 
-Each transfer is given messages and the time, and returns messages to send. The vehicle requests
-the items of an upload, and lost ones again. In a download, items are requested from the vehicle
+A transfer takes messages and the time, and returns messages to send. In an upload the vehicle
+requests the items, and lost ones again. In a download, items are requested from the vehicle
 (https://mavlink.io/en/services/mission.html). Nothing here starts a mission.
 """
 
@@ -17,17 +17,17 @@ from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.message import Message
 
 MOST_ITEMS = 1000
-"""Most items of a download: ArduPilot holds some 700, PX4 2000."""
+"""Largest number of items in a download; ArduPilot holds some 700, PX4 2000."""
 RETRY_S = 1.0
-"""Time until a request is repeated [s]; longer than the queue of a full 57 600-baud link."""
+"""Time until a request is repeated [s], longer than a full queue at 57 600 baud."""
 TRIES = 12
-"""Most tries of a request; each fails with 36 % at 20 % loss each way, all once in 200 000."""
+"""Largest number of tries of a request; at 20 % loss each way all fail once in 200 000."""
 SILENCE_S = 6.0
 """Longest silence in an upload [s]; PX4 repeats its requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
-"""Longest duration of a whole transfer, and its addition for each item [s]."""
+"""Longest duration of a whole transfer, and additional time for each item [s]."""
 LAST_S = 3.0
-"""Longest wait for the answer to a complete upload [s]; else a download shows the result."""
+"""Longest wait for the answer to a complete upload [s]; then a download shows the result."""
 _TYPES: dict[MissionKind, int] = {
     "mission": MavMissionType.MISSION,
     "fence": MavMissionType.FENCE,
@@ -52,8 +52,8 @@ _OURS = (
 class MissionTransfer(ABC):
     """Base of mission upload and download.
 
-    `own`: system and component id of this side. `done`: it has succeeded. `fault`: reason of
-    its failure. `silent`: it has failed because no answer came. `counters`: numbers of
+    `own`: system and component id of this side. `done`: True after success. `fault`: reason of
+    a failure. `silent`: True if it failed for lack of an answer. `counters`: numbers of
     repetitions and of unused messages.
     """
 
@@ -85,7 +85,7 @@ class MissionTransfer(ABC):
         return self._take(message, now_s)
 
     def due(self, now_s: float) -> list[Message]:
-        """Messages to send now, for the first time or again."""
+        """Messages to send now, for the first time or as a repetition."""
         if self.over:
             return []
         if self._begun_s is None:
@@ -109,18 +109,18 @@ class MissionTransfer(ABC):
 
     @abstractmethod
     def _take(self, message: Message, now_s: float) -> list[Message]:
-        """Use a message that belongs to this transfer."""
+        """Handle a message of this transfer; subclasses decide what it means."""
 
     @abstractmethod
     def _again(self, now_s: float) -> list[Message]:
-        """Requests that are due, for the first time or again."""
+        """Requests that are due, for the first time or as a repetition."""
 
     def _strange(self) -> list[Message]:
         self.counters["strange"] += 1
         return []
 
     def _try(self, message: Message, now_s: float, wait_s: float = RETRY_S) -> list[Message]:
-        """Send a request; fail the transfer after `TRIES` of them."""
+        """Send a request; after `TRIES` requests the transfer fails."""
         if self._tries >= TRIES:
             self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
             self.silent = True
@@ -221,7 +221,7 @@ class MissionUpload(MissionTransfer):
 
 
 class MissionDownload(MissionTransfer):
-    """Download that requests all items; those received are in `items`."""
+    """Downloads a mission by requesting all items; `items` holds those received."""
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
         super().__init__(kind, vehicle, own)
@@ -283,6 +283,6 @@ class MissionDownload(MissionTransfer):
 
 
 def with_home(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
-    """Insert an item for home before a mission; ArduPilot keeps its home there."""
+    """Insert a home item before a mission, as ArduPilot stores home in item 0."""
     first = (MissionItem(command=16),) if home_first else ()
     return (*first, *items)

@@ -24,7 +24,7 @@ from uavrt.link.mavlink.services.parameter_service import decode_value, encode_v
 
 HEARTBEAT_S = 1.0
 ANSWER_S = 0.7
-"""Longest wait for an answer [s]; longer than the queue of a full 57 600-baud link."""
+"""Longest wait for an answer [s], longer than a full queue at 57 600 baud."""
 TRIES = 4
 REQUEST_GAP_S = 0.03
 OWN_COMPONENT = 191
@@ -76,7 +76,7 @@ class ParameterClient:
         return self.kind != MavAutopilot.ARDUPILOTMEGA
 
     async def read(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Get the values of parameters; None for those not answered, as unknown ones."""
+        """Get the values of parameters; None for those without an answer, as unknown ones."""
         assert self.autopilot is not None
         values: dict[str, float | None] = dict.fromkeys(names)
         for _ in range(TRIES):

@@ -27,7 +27,7 @@ class _Stream:
 
 
 class StreamRequests:
-    """Requested messages, their rates by message id, and the state of each request."""
+    """Messages to request, their rates by message id, and the state of each request."""
 
     def __init__(self, rates_hz: dict[int, float]) -> None:
         self._streams = {
@@ -46,7 +46,7 @@ class StreamRequests:
             stream.wanted, stream.tries, stream.heard_ns = True, 0, now_ns
 
     def received(self, message_id: int, now_ns: int) -> None:
-        """Record that a streamed message came."""
+        """Record that a requested message has arrived."""
         stream = self._streams.get(message_id)
         if stream is not None:
             stream.heard_ns = now_ns

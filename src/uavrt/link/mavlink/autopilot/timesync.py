@@ -1,8 +1,8 @@
 """Convert the autopilot's boot time to this computer's time.
 
-TIMESYNC round trips give pairs of boot time and local time. A straight line through the best of
-them gives offset and skew. Without answers, the messages themselves bound the offset from one
-side: none arrives before it was sent. Pure: no clock is read here.
+TIMESYNC round trips give pairs of boot time and local time. A straight line through the best
+pairs gives offset and skew. Without answers, the messages themselves bound the offset from one
+side: no message arrives before it was sent. Pure: no clock is read here.
 """
 
 import math
@@ -15,15 +15,15 @@ MAX_SKEW = 0.025
 """Largest rate difference of the clocks; PX4 1.17 in simulation runs 1.1 to 2 % slow."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
-"""Time span of round trips that shows the skew even on a slow link [s]."""
+"""Least time span of round trips for a reliable skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
-"""Uncertainty of the skew accepted over a shorter span: 2 ms in a second."""
+"""Largest uncertainty of a skew from a shorter time span: 2 ms in a second."""
 ONE_WAY_NS = ns_from_s(3.0)
-"""Time for which messages are collected before their smallest delay is used [ns]."""
+"""Time over which messages are collected before their smallest delay is used [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
-"""Seconds of messages that bound the offset; over longer times the clocks drift apart."""
+"""Number of last seconds whose messages bound the offset; older ones have drifted."""
 STALE_NS = ns_from_s(10.0)
 """Age of the last answer above which the line is extrapolated and times are marked [ns]."""
 
@@ -34,7 +34,7 @@ class RoundTrip:
 
     remote_ns: int
     local_ns: int
-    """Local time half-way between sending and receiving [ns]."""
+    """Local time midway between sending and receiving [ns]."""
     round_trip_ns: int
 
 
@@ -42,12 +42,12 @@ class TimeSync:
     """Maps boot time to local time by a line through the shortest round trips of a window.
 
     A message that waited in a queue did so in one direction only, so its midpoint is off by up
-    to half its round trip; the shortest trips waited least. A jump of the boot clock that no
-    delay can explain, or its fall, restarts the window: the autopilot was restarted.
+    to half its round trip; the shortest trips waited least. If the boot clock falls, or jumps
+    by more than any delay explains, the window restarts, because the autopilot was restarted.
 
     `window_s`: time for which a round trip counts. `keep`: share of the shortest round trips of
-    each 2 s used for the line; 30 % at one a second. `jump_s`: error that means another clock,
-    beyond the uncertainty of round trips and skew; an error below one second must occur in two
+    each 2 s used for the line; 30 % at one a second. `jump_s`: error beyond the uncertainty of
+    round trips and skew that means another clock; below one second it must occur in two
     consecutive answers.
     """
 
@@ -66,7 +66,7 @@ class TimeSync:
         self._uncertain_ns = 0
         """Half the median round trip of the answers used for the line [ns]."""
         self._suspect: RoundTrip | None = None
-        """Answer that only another clock explains; the next clear answer decides."""
+        """Answer that only a different boot clock explains; the next clear answer decides."""
         self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
         """Arrival time and offset of the message with the smallest delay in each second."""
         self._one_way_bin_ns = 0
@@ -106,7 +106,7 @@ class TimeSync:
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """True if the line is extrapolated without answers, or the offset has only a bound."""
+        """True if the line is extrapolated without answers, or the offset is only bounded."""
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 
@@ -151,7 +151,7 @@ class TimeSync:
         self._line = self._fit()
 
     def add_one_way(self, remote_ns: int, received_ns: int) -> None:
-        """Handle a message with a boot time, for autopilots that do not answer TIMESYNC.
+        """Handle a message with a boot time, from an autopilot that does not answer TIMESYNC.
 
         The smallest differences of the last seconds are the offset plus the shortest delay.
         """
@@ -163,7 +163,7 @@ class TimeSync:
             self._one_way[-1] = (received_ns, offset)
 
     def local_ns(self, remote_ns: int) -> int | None:
-        """Local time of a boot time [ns]; one-way after 3 s without round trips; else None."""
+        """Local time of a boot time [ns]; from one-way delays after 3 s without round trips."""
         if self._line is not None:
             remote, local, skew = self._line
             delta = remote_ns - remote
@@ -174,9 +174,9 @@ class TimeSync:
         return remote_ns + self._least_offset(remote_ns + bound[-1][1])
 
     def _least_offset(self, at_ns: int) -> int:
-        """Offset at a time, by the line below which no message lies.
+        """Offset at a time, by the lower bound of the messages' offsets.
 
-        Its slope is that between the messages of smallest delay in the first and second half.
+        Its slope is that from messages of smallest delay in the first and second half.
         """
         points = list(self._one_way)
         half = len(points) // 2
@@ -206,9 +206,8 @@ class TimeSync:
         """Fit the line through the shortest round trips; of equal ones the newest counts.
 
         The shortest trip of every 2 s (at first of shorter pieces) is taken, and of these the
-        shorter part, so that they spread over the window. While the span is too short for a
-        skew, the line goes through the shortest trip, with the previous skew (also from before
-        a restart), at first none.
+        shortest ones, so that they spread over the window. While the span is too short for a
+        skew, the line goes through the shortest trip with the previous skew, at first 0.
         """
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns

@@ -37,8 +37,8 @@ _KINDS: dict[int, AutopilotName] = {
     dialect.MavAutopilot.ARDUPILOTMEGA: "ardupilot",
 }
 _MULTIROTORS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
-"""MAV_TYPE numbers of vehicles that hover: multicopters and helicopters. A plane circles
-instead, and ArduPilot numbers its modes differently on it."""
+"""MAV_TYPE numbers of vehicles that hover: multicopters and helicopters. Planes circle instead,
+and ArduPilot numbers their modes differently."""
 WATCHED_HZ: dict[int, float] = {
     dialect.PositionTargetGlobalInt.ID: 10.0,
     dialect.RcChannels.ID: 10.0,
@@ -50,9 +50,8 @@ WATCHED_HZ: dict[int, float] = {
     dialect.Wind.ID: 0.2,
     dialect.WindCov.ID: 0.2,
 }
-"""Messages that show a takeover in time, with their rates [Hz]. PX4 refuses HEARTBEAT and
-ArduPilot CURRENT_MODE: each reports its mode by the other. Each also has its own message for
-the wind."""
+"""Messages that show a takeover in time, with their rates [Hz]. PX4 reports its mode by
+CURRENT_MODE, ArduPilot by HEARTBEAT; each also has its own message for the wind."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
@@ -67,14 +66,14 @@ _RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 
 
 def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
-    """Kind of an autopilot by its heartbeat; None for unknown ones and winged vehicles."""
+    """Kind of an autopilot by its heartbeat; None for an unknown kind or a winged vehicle."""
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
 def observations(
     message: Message, now_s: float, late_s: float | None = None
 ) -> Iterator[Observation]:
-    """Convert a message of the autopilot to observations; most messages give none.
+    """Convert a message of the autopilot to observations; most messages contain none.
 
     `now_s`: monotonic time of arrival [s]. `late_s`: delay of the message [s]; None if the
     autopilot's clock is unknown.
@@ -169,7 +168,7 @@ def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]
 
 
 def command_message(command: VehicleCommand, system_id: int) -> Message:
-    """Write a command to the autopilot.
+    """Make the message of a command to the autopilot.
 
     DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
     the others by COMMAND_LONG.

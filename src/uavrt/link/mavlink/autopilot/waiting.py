@@ -8,7 +8,7 @@ T = TypeVar("T")
 
 
 async def within(timeout_s: float, answer: Awaitable[T]) -> T | None:
-    """Wait for an answer; None if it does not come within `timeout_s`."""
+    """Wait for an answer; None if no answer arrives within `timeout_s`."""
     try:
         async with asyncio.timeout(timeout_s):
             return await answer

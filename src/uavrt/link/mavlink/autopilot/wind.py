@@ -10,7 +10,7 @@ from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.message import Message
 
 STRONGEST_M_S = 60.0
-"""Strongest wind accepted [m/s]; no drone flies in more."""
+"""Strongest plausible wind [m/s]; stronger reports are ignored, as no drone flies then."""
 
 
 def wind_of(message: Message) -> tuple[float, float] | None:

@@ -1,10 +1,10 @@
 """Base class of links over UDP, TCP and serial ports; `uavrt.link.mavlink.links.transport`
 opens them.
 
-A link that cannot be opened raises a `LinkError` with its remedy. After that it recovers by
+A link that cannot be opened raises a `LinkError` with its remedy. An open link recovers by
 itself: a lost serial adapter or TCP peer is tried again every second; frames to send are
 meanwhile dropped and counted. Received frames go to one callback, at once, in the loop's
-thread. It uses no thread and no blocking call.
+thread. Links use no thread and no blocking call.
 
 No input ends the reading: a frame whose handler fails is counted and logged, and the next frame
 is read.
@@ -22,7 +22,7 @@ log = get_logger()
 
 
 class Parser(Protocol):
-    """Protocol of a parser that cuts bytes into frames and counts bytes outside of frames."""
+    """Protocol of a parser that splits bytes into frames and counts bytes outside of frames."""
 
     received: int
     bad_crc: int
@@ -39,7 +39,7 @@ class Parser(Protocol):
 
 RETRY_S = 1.0
 MAX_PENDING = 16_384
-"""Most bytes that may wait for the operating system; further frames are dropped."""
+"""Largest number of bytes that may wait for the operating system; more are dropped."""
 
 
 @dataclass(slots=True)
@@ -51,16 +51,16 @@ class LinkCounters:
     skipped_bytes: int = 0
     sent: int = 0
     dropped: int = 0
-    """Frames not sent: no peer is known, the link is down, or the send buffer is full."""
+    """Number of frames not sent: no known peer, link down, or full send buffer."""
     reconnects: int = 0
     faults: int = 0
-    """Received frames whose handler failed, by a defect or a full disk."""
+    """Number of received frames whose handler failed, by a defect or a full disk."""
 
 
 class Link:
     """Base of the links over UDP, TCP and serial ports.
 
-    `on_frame`: called with each received frame. `parser`: None: one of MAVLink.
+    `on_frame`: called with each received frame. `parser`: None: for MAVLink.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Link:
         raise NotImplementedError
 
     def send(self, frame: bytes) -> bool:
-        """Send one frame without waiting; False (and counted) when it could not be."""
+        """Send one frame without waiting; False, and counted, if it could not be sent."""
         sent = self._write(frame)
         if sent:
             self._sent += 1

@@ -25,13 +25,13 @@ log = get_logger()
 
 READ_SIZE = 4096
 BITS_PER_BYTE = 10
-"""Bits that a byte takes on a serial line, with start and stop bit."""
+"""Number of bits that a byte takes on a serial line, with start and stop bit."""
 SERIAL_PENDING = 2048
-"""Most bytes that may wait for a serial port: 0.36 s at 57 600 baud."""
+"""Largest number of bytes that may wait for a serial port: 0.36 s at 57 600 baud."""
 SIOCOUTQ = 0x5411
-"""Linux ioctl number that gives the unacknowledged bytes of a TCP connection."""
+"""Linux ioctl number to read the number of unacknowledged bytes of a TCP connection."""
 UNACKNOWLEDGED_MS = 3000
-"""Wait of unacknowledged bytes after which TCP reconnects [ms]; later data would be stale."""
+"""Age of unacknowledged bytes above which TCP reconnects [ms]; later data would be stale."""
 MOST_WRITES = 1024
 
 
@@ -46,10 +46,10 @@ class TcpLink(Link):
         self._task: asyncio.Task[None] | None = None
         self._written = 0
         self._writes: deque[tuple[int, float]] = deque(maxlen=MOST_WRITES)
-        """Sent frames that may be unacknowledged: bytes written before each, and its time."""
+        """Unacknowledged frames: for each the number of bytes written before, and its time."""
 
     async def open(self) -> None:
-        """Connect to the server, then keep connected."""
+        """Connect to the server, then stay connected."""
         with os_errors_as(
             LinkError,
             self.address,
@@ -104,7 +104,7 @@ class TcpLink(Link):
 
     @property
     def delay_s(self) -> float:
-        """Wait of the oldest unacknowledged byte [s]; infinite if the send buffer is full."""
+        """Age of the oldest unacknowledged byte [s]; infinite if the send buffer is full."""
         writer = self._writer
         if writer is None:
             return 0.0
@@ -131,7 +131,7 @@ class TcpLink(Link):
 
 
 class SerialLink(Link):
-    """A serial port: pyserial sets it up, the loop watches its file descriptor."""
+    """Link by a serial port: pyserial sets it up, the loop watches its file descriptor."""
 
     def __init__(
         self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None
@@ -241,7 +241,7 @@ class SerialLink(Link):
 
 
 def _unacknowledged(connected: socket.socket) -> int:
-    """Bytes that the system has not delivered yet; 0 if it does not report them."""
+    """Number of bytes that the system has not delivered yet; 0 if not reported."""
     if sys.platform != "linux":
         return 0
     import fcntl
@@ -253,7 +253,7 @@ def _unacknowledged(connected: socket.socket) -> int:
 
 
 def _serial_error(address: Address, error: OSError | ValueError) -> LinkError:
-    """Describe what is wrong with a serial port, and what to do."""
+    """Describe the fault of a serial port, and the remedy."""
     number = getattr(error, "errno", None)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         ports = ", ".join(sorted(port.device for port in list_ports.comports())) or "none"

@@ -46,9 +46,9 @@ async def keep_open(
 ) -> NoReturn:
     """Read a receiver until cancelled; reopen it when it fails.
 
-    `address`: the receiver's address. `take`: called with what the parser returns. `opened`:
+    `address`: the receiver's address. `take`: called with each frame of the parser. `opened`:
     called with the link once it is open, and with None when it is closed. `failed`: called with
-    the reason each time that it cannot be opened.
+    the reason after each failed attempt to open the link.
     """
     link = None
     try:

@@ -1,7 +1,7 @@
 """Links over UDP.
 
-Messages come 4 ms apart, and at 260 a second wake-ups cost more than reading. So the socket is
-read empty at a wake-up and then polled every `REST_S` until it is quiet; commands wait up to 8
+Messages come 4 ms apart, and at 260 a second wake-ups cost more than reading. So a wake-up
+empties the socket, which is then polled every `REST_S` until it is quiet; commands wait up to 8
 ms. The age of a frame is read from the kernel's time stamp, so that clocks are compared by the
 time of arrival.
 """
@@ -33,7 +33,7 @@ RECEIVE_BUFFER = 1 << 18
 SO_TIMESTAMPNS = 35
 """Linux option for time stamps in ns (asm-generic/socket.h); Python names it from 3.14."""
 OLDEST_NS = 10_000_000_000
-"""Age of a datagram above which the wall clock must have stepped [ns]."""
+"""Greatest plausible age of a datagram [ns]; above it, the wall clock must have stepped."""
 _TIMESPEC = struct.Struct("@ll")
 _GONE = (ConnectionRefusedError, ConnectionResetError)
 
@@ -84,7 +84,7 @@ class UdpLink(Link):
 
     @property
     def local_port(self) -> int:
-        """Port of the socket, also if the system chose it."""
+        """Port number of the socket, also if the system chose it."""
         assert self._socket is not None
         port: int = self._socket.getsockname()[1]
         return port
@@ -129,7 +129,7 @@ class UdpLink(Link):
                 self._rest()
 
     def _look(self) -> None:
-        """Read again after a pause; wait for datagrams only once none has come."""
+        """Read again after a pause; wait for datagrams only once none has arrived."""
         self._timer = None
         found = True
         try:
@@ -160,7 +160,7 @@ class UdpLink(Link):
         return found
 
     def _lost(self, error: OSError) -> None:
-        """Reopen the socket after the network went away."""
+        """Reopen the socket after the network was lost."""
         log.warning("link lost", address=str(self.address), reason=str(error))
         self._release()
         self._retry_later()

@@ -1,8 +1,8 @@
 """Send messages no faster than an autopilot forwards and a radio carries. Pure.
 
-PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main loop;
-what does not fit is dropped silently. Three tunnel messages fit, so those for the ground leave
-one at a time, a gap apart.
+PX4 buffers forwarded messages in a ring of 583 bytes and takes out one per pass of its main
+loop; the excess is dropped silently. Three tunnel messages fit, so messages for the ground are
+sent one at a time, a gap apart.
 
 Urgent messages are queued here. Pulses and files stay with their sources; the next one is taken
 when there is room for it.
@@ -27,7 +27,7 @@ HEADER_BYTES = 12
 
 
 class Priority(IntEnum):
-    """Order in which messages leave; the lowest number goes first."""
+    """Sending priority of a message; the lowest number is sent first."""
 
     ACK = 0
     STATUS = 1
@@ -39,19 +39,19 @@ class Priority(IntEnum):
 
 
 CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
-"""Most messages that may wait in the queue of each priority."""
+"""Largest number of queued messages of each priority."""
 URGENT = (Priority.ACK, Priority.STATUS)
 ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
-"""Bytes that a lower priority leaves free for a pulse after it; its longest frame."""
+"""Number of bytes that each lower priority leaves free for a pulse: its longest frame."""
 OTHER_PATIENCE_NS = ns_from_s(2.0)
-"""Longest wait behind pulses of answers to stations that do not command [ns]."""
+"""Longest wait behind pulses for answers to stations that do not command [ns]."""
 
 
 Item = TunnelPayload | Message
 
 
 class Source(Protocol):
-    """Protocol of a source that keeps its own messages and gives them one by one."""
+    """Protocol of a source that stores its messages and returns them one by one."""
 
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until the source has a message to send [ns]; None without any."""
@@ -62,14 +62,14 @@ class Source(Protocol):
 
 @dataclass(slots=True)
 class PacingCounters:
-    """Numbers of messages that left a paced queue, and that it dropped."""
+    """Numbers of messages sent from a paced queue, and dropped by it."""
 
     released: int = 0
     dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(CAPACITY, 0))
 
 
 class PacedQueue:
-    """Bounded queues by priority, and sources, from which one message may leave per gap.
+    """Bounded queues by priority, and sources, that send one message per gap.
 
     When a queue is full its oldest message is dropped and counted: an old status is useless,
     and an acknowledgement is requested again.
@@ -96,7 +96,7 @@ class PacedQueue:
         self._other_since_ns: int | None = None
         self.rate = rate or LinkRate()
         self.frame_extra_bytes = 0
-        """Bytes added to each frame, such as the 13 of a signature."""
+        """Number of bytes added to each frame, such as the 13 of a signature."""
         self.counters = PacingCounters()
 
     def __len__(self) -> int:
@@ -108,7 +108,7 @@ class PacedQueue:
         self._sources = dict(sorted(self._sources.items()))
 
     def put(self, item: Item, priority: Priority) -> None:
-        """Queue an urgent message, or one of `Priority.OTHER`."""
+        """Queue an urgent message, or one with `Priority.OTHER`."""
         queue = self._queues[priority]
         if len(queue) >= CAPACITY[priority]:
             queue.popleft()
@@ -116,7 +116,7 @@ class PacedQueue:
         queue.append(item)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a message may leave [ns]; None when none waits."""
+        """Time until a message may be sent [ns]; None when none waits."""
         gap_ns = 0 if self._free_ns is None else max(0, self._free_ns - now_ns)
         if self._urgent(now_ns) is not None:
             return gap_ns
@@ -131,7 +131,7 @@ class PacedQueue:
         return max(gap_ns, self.rate.wait_ns(now_ns, ROOM_BYTES.get(min(ready), 0)))
 
     def _urgent(self, now_ns: int) -> deque[Item] | None:
-        """Queue whose message may leave without regard to the rate; None if there is none."""
+        """Queue whose message may be sent regardless of the rate; None if there is none."""
         other = self._queues[Priority.OTHER]
         if not other:
             self._other_since_ns = None
@@ -142,7 +142,7 @@ class PacedQueue:
         return next((self._queues[p] for p in URGENT if self._queues[p]), None)
 
     def take(self, now_ns: int) -> Item | None:
-        """Return the message that may leave now, and start the gap."""
+        """Return the message that may be sent now, and start the gap."""
         if self.wait_ns(now_ns) != 0:
             return None
         queue = self._urgent(now_ns)
@@ -176,7 +176,7 @@ class PacedQueue:
 
 
 def _size(item: Item) -> int:
-    """Size of a message's frame, unsigned [bytes]."""
+    """Size of a message's unsigned frame [bytes]."""
     if isinstance(item, TunnelPayload):
         return FRAME_OVERHEAD + len(item.payload)
     return HEADER_BYTES + len(item.pack().rstrip(b"\0"))

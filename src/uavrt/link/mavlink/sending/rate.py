@@ -3,9 +3,9 @@
 A token bucket whose rate follows the known state of the link:
 
 - RADIO_STATUS (PX4 passes it on) gives the free part of the radio's buffer.
-- Without it (ArduPilot does not forward it), the round trips of acknowledgements do. While
-  their mean stays near its minimum the link is not full, and the rate grows. When a queue makes
-  it longer, the rate falls. Loss says nothing: on a radio most of it is noise.
+- Without it (ArduPilot does not forward it), the round trips of acknowledgements do. While the
+  mean round trip stays near its minimum the link is not full, and the rate grows. When a queue
+  makes it longer, the rate falls. Loss is ignored: on a radio, most is noise.
 - With neither, the rate is a planning figure.
 
 Urgent messages (acknowledgements, status) do not wait for the bucket but empty it.
@@ -19,12 +19,12 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 START_BYTES_S = 1200.0
 LEAST_BYTES_S = 300.0
 MOST_BYTES_S = 3000.0
-"""Highest rate by RADIO_STATUS [bytes/s]; a SiK radio at AIR_SPEED 64 carries 3167."""
+"""Highest rate set by RADIO_STATUS [bytes/s]; a SiK radio at AIR_SPEED 64 carries 3167."""
 MOST_BY_ACKS_BYTES_S = 24_000.0
 PLAIN_BYTES_S = 2000.0
-"""Rate without any report [bytes/s]: AIR_SPEED 64 less 1000 of telemetry; 15 pulses."""
+"""Rate without any report [bytes/s]: 3000 of AIR_SPEED 64 minus 1000 of telemetry."""
 FRAME_OVERHEAD = 17
-"""Bytes of a TUNNEL frame in addition to its payload: 12 of MAVLink 2, 5 of TUNNEL."""
+"""Size of a TUNNEL frame beyond its payload [bytes]: 12 of MAVLink 2, 5 of TUNNEL."""
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
 PULSE_WAIT_S = 0.005
@@ -33,7 +33,7 @@ RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
 BASE_WINDOW = 240
-"""Rounds of 0.25 s whose smallest mean round trip is an empty link's; one minute."""
+"""Number of 0.25 s rounds (a minute) whose smallest mean round trip counts as unqueued."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
 """Queueing delay at which the rate is lowered [s]; a SiK radio's buffer is 1850 B, 0.6 s."""
@@ -72,7 +72,7 @@ class LinkRate:
         self._round_ns = 0
         self._held_back = False
         self._quick = True
-        """True while no queue was seen; the link may be a fast one."""
+        """True until a queue has been seen; the link may then be a fast one."""
 
     def bytes_s(self, now_ns: int) -> float:
         """Present rate of the link [bytes/s]."""
@@ -122,8 +122,8 @@ class LinkRate:
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
         """Time until a message that is not urgent may leave [ns].
 
-        `room_bytes`: bytes of the bucket, at most `BURST_BYTES`, that stay free for a pulse
-        after it; the pulse then waits `PULSE_WAIT_S` at most.
+        `room_bytes`: bytes of the bucket, at most `BURST_BYTES`, reserved for a pulse sent
+        after this message; the pulse then waits `PULSE_WAIT_S` at most.
         """
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)

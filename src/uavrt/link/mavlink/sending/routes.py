@@ -12,13 +12,13 @@ from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink.discovery import Peer
 
 FRESH_NS = ns_from_s(1.5)
-"""Silence on a link after which another is used [ns]. Ground stations send a heartbeat a
+"""Silence on a link after which another link is used [ns]. Ground stations send a heartbeat a
 second: one may be lost, and repetitions still arrive within the 2 s of a failover."""
 STEADY_NS = ns_from_s(3.0)
-"""Time without such a silence after which a link may replace a working one [ns]. At the edge of
-its range a link comes and goes."""
+"""Time without silence above `FRESH_NS` after which a link may replace a working one [ns]. At
+the edge of its range a link comes and goes."""
 DOUBT_NS = ns_from_s(10.0)
-"""Time for which a link is avoided that receives but does not deliver [ns]."""
+"""Time for which a link that receives but does not deliver is avoided [ns]."""
 MAX_PEERS = 64
 
 
@@ -31,7 +31,7 @@ class Routes:
         self._doubted_until: dict[int, int] = {}
 
     def received(self, peer: Peer, link: int, now_ns: int) -> None:
-        """Record that a frame of `peer` has come by `link`."""
+        """Record that a frame of `peer` has arrived by `link`."""
         links = self._heard.setdefault(peer, {})
         since_ns, last_ns = links.get(link, (now_ns, now_ns))
         links[link] = (since_ns if now_ns - last_ns < FRESH_NS else now_ns, now_ns)
@@ -44,7 +44,7 @@ class Routes:
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:
-        """Link to a peer; the last one received when all are silent."""
+        """Number of the link to a peer; if all links are silent, the last that received it."""
         links = self._heard.get(peer)
         if not links:
             return 0
@@ -62,6 +62,6 @@ class Routes:
         return best
 
     def links_to(self, peers: Iterable[Peer], now_ns: int) -> tuple[int, ...]:
-        """Fewest links that reach all given peers, the preferred one first."""
+        """Smallest set of links that reach all given peers, the preferred one first."""
         needed = {self.link_to(peer, now_ns) for peer in peers}
         return tuple(link for link in self._order if link in needed)

@@ -24,16 +24,16 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Most pulses that may wait on each further link that must carry them too."""
+"""Largest number of pulses that wait on each further link that must carry them too."""
 UNSENT = 64
-"""Most messages for all stations kept until the first ground station appears. In the queue they
-would delay replies to file clients, which are no ground stations."""
+"""Largest number of messages to all stations kept until the first ground station appears. In
+the queue they would delay replies to file clients, which are no ground stations."""
 
 
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    `target`: gives the address of all ground stations, None if there is none. `gap_s`: time
+    `target`: returns the address of all ground stations, None without any. `gap_s`: time
     between two messages, at least 0.012 s. `straight`: direct link without an autopilot: fast,
     with the shortest gap. `frame_extra_bytes`: bytes added to each frame, such as a signature.
     `may_send`: True once the system number is known; messages wait until then.
@@ -68,11 +68,11 @@ class PacedSender:
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Send messages of `source` with that priority; call `wake` when it has new ones."""
+        """Send messages of `source` with the given priority; call `wake` for new ones."""
         self._queue.add_source(source, priority)
 
     def put(self, item: Item, priority: Priority) -> None:
-        """Queue a message with that priority."""
+        """Queue a message with the given priority."""
         self._queue.put(item, priority)
         self.wake()
 
@@ -100,12 +100,12 @@ class PacedSender:
             self._cancel_timer()
 
     def wake(self) -> None:
-        """Check the sources again: one has a message, or may send sooner."""
+        """Check the sources again, because one has a new message or may send sooner."""
         if self._loop is not None:
             self._pump()
 
     def _pump(self) -> None:
-        """Send the messages that may leave now; set a timer for the next one.
+        """Send the messages that may be sent now; set a timer for the next one.
 
         Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
         messages.
@@ -141,10 +141,10 @@ class PacedSender:
 
 
 class LinkView:
-    """A shared source as one of several links sees it: only the link in use takes from it.
+    """One link's view of a source that several links share: only the link in use takes from it.
 
-    `source`: source shared by all links. `link`: number of this link. `group`: gives the number
-    of the link in use. `views`: the views of all links, this one among them.
+    `source`: source shared by all links. `link`: number of this link. `group`: returns the
+    number of the link in use. `views`: the views of all links, this one among them.
     """
 
     def __init__(
@@ -154,13 +154,13 @@ class LinkView:
         self._copies: deque[Item] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a message may leave by this link [ns]; None without any."""
+        """Time until a message may be sent by this link [ns]; None without any."""
         if self._copies:
             return 0
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
-        """Return the next message; leave a copy for other links that carry it too."""
+        """Return the next message; queue a copy on other links that must carry it too."""
         if self._copies:
             return self._copies.popleft()
         if self._group.link != self._link:
@@ -183,7 +183,7 @@ class LinkView:
 
 
 class TunnelSender:
-    """Sends each message for the ground over the right link.
+    """Sends each message for the ground on the link that reaches its stations.
 
     An answer leaves by the link of its request. Messages to all ground stations leave by the
     fewest links that reach them (`uavrt.link.mavlink.sending.routes`), so that each station
@@ -203,7 +203,7 @@ class TunnelSender:
         self._unsent: deque[tuple[Item, Priority]] = deque(maxlen=UNSENT)
         self._text_id = 0
         self.changed: Callable[[], None] = lambda: None
-        """Function called when pulses leave by another link than before."""
+        """Function called when pulses are sent by another link than before."""
         self.changes = 0
         self.copies_dropped = self.unsent_dropped = 0
 
@@ -222,7 +222,7 @@ class TunnelSender:
         return self._senders[link].rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Send messages of `source` with that priority; call `wake` when it has new ones."""
+        """Send messages of `source` with the given priority; call `wake` for new ones."""
         if len(self._senders) == 1:
             self._senders[0].add_source(source, priority)
             return
@@ -268,7 +268,7 @@ class TunnelSender:
             self._put(chunk, Priority.STATUS)
 
     def wake(self) -> None:
-        """Check the sources again: one has a message, or may send sooner."""
+        """Check the sources again, because one has a new message or may send sooner."""
         for sender in self._senders:
             sender.wake()
 

@@ -1,4 +1,4 @@
-"""MAVLink 2 signing: only holders of a key can have sent a signed frame. Pure.
+"""MAVLink 2 signing: a signed frame can only come from a holder of the key. Pure.
 
 A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 bytes::
 
@@ -29,12 +29,12 @@ from uavrt.link.mavlink.dialect import MavComponent
 from uavrt.link.mavlink.frame import SIGNATURE_SIZE, Frame
 
 Unsigned = Literal["none", "autopilot", "all"]
-"""Senders whose unsigned frames are accepted: none, the autopilot's telemetry, all."""
+"""Senders whose unsigned frames are accepted: none, the autopilot for telemetry, or all."""
 
 KEY_SIZE = 32
 HASH_SIZE = 6
 EPOCH_S = 1_420_070_400
-"""Origin of signing times, 2015-01-01 UTC [s since 1970]."""
+"""Origin of signing times: 2015-01-01 UTC [s since 1970]."""
 TICK_NS = 10_000
 BEHIND_TICKS = 6_000_000
 """Largest age of a stream's first frame: one minute [10 µs]."""
@@ -48,7 +48,7 @@ COMMANDING = frozenset(
         dialect.FileTransferProtocol.ID,
     }
 )
-"""Messages never accepted unsigned under ``autopilot``: anyone can claim to be component 1."""
+"""Messages never accepted unsigned under ``autopilot``, as anyone can claim component id 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +65,14 @@ def read_signing_key(path: str | Path) -> SigningKey:
     """Read a key: 64 hexadecimal digits in a file.
 
     MAVProxy and QGroundControl make theirs from a passphrase, as its SHA-256: ``printf %s
-    PASSPHRASE | sha256sum | cut -c-64``. Raises `ConfigError` if there is none, or others may
-    read it.
+    PASSPHRASE | sha256sum | cut -c-64``. Raises `ConfigError` if the file has no key, or others
+    may read the file.
     """
     return SigningKey(read_key_file(path, "signing key", least=KEY_SIZE, most=KEY_SIZE))
 
 
 def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Signing | None":
-    """Make the signing of the settings; raises `ConfigError` when the key cannot be read."""
+    """Make the signing set in the settings; raises `ConfigError` for an unreadable key."""
     if settings.signing_key_file is None:
         return None
     key = read_signing_key(settings.signing_key_file)
@@ -84,7 +84,7 @@ class SigningTimes:
     """The newest signing times that were accepted [10 µs since 2015]."""
 
     newest: int
-    """Newest time of all streams, and of this side's own frames [10 µs since 2015]."""
+    """Newest signing time of all streams and of this side's own frames [10 µs since 2015]."""
     streams: tuple[tuple[int, int, int, int], ...] = ()
     """System id, component id, link id and time of each stream."""
 
@@ -119,7 +119,7 @@ class Signing:
             self._streams[system_id, component_id, link_id] = ticks + behind
 
     def signature(self, frame: bytes, link_id: int) -> bytes:
-        """Make the 13 signature bytes of a frame with the signed flag."""
+        """Compute the 13 signature bytes of a frame with the signed flag."""
         self._last_ticks = max(self._last_ticks + 1, self._now_ticks())
         tail = bytes((link_id & 0xFF,)) + self._last_ticks.to_bytes(6, "little")
         return tail + self._hash(frame + tail)

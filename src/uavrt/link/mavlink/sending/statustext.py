@@ -11,7 +11,7 @@ TEXTS_A_SECOND = 0.5
 TEXTS_KNOWN = 64
 REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
-"""Most pieces of a text: 400 bytes; more would block the radio for a second."""
+"""Largest number of pieces of a text: 400 bytes; more would block the radio for a second."""
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
@@ -44,7 +44,7 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Limits texts: ten at once, then one every two seconds, no repetition within 10 s.
+    """Limits the rate of texts: ten at once, then one every 2 s, no repetition within 10 s.
 
     A fault that repeats must not fill the radio link. Critical and worse texts always go.
     """

@@ -1,4 +1,4 @@
-"""Answer MAVLink commands: always one acknowledgement, to the sender. Pure."""
+"""Answer each MAVLink command with exactly one acknowledgement, to the sender. Pure."""
 
 from importlib.metadata import version
 
@@ -10,7 +10,7 @@ from uavrt.link.mavlink.services.metadata import Metadata
 
 
 def capabilities(*, bytewise: bool) -> int:
-    """MAV_PROTOCOL_CAPABILITY bits; `bytewise`: integer parameters travel as bytes."""
+    """MAV_PROTOCOL_CAPABILITY bits; `bytewise`: integer parameters are sent as bytes."""
     encoding = (
         MavProtocolCapability.PARAM_ENCODE_BYTEWISE
         if bytewise
@@ -59,7 +59,7 @@ def answer_command(
 
 
 def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | None:
-    """Message id that a request for a message names."""
+    """Id of the message that a command requests."""
     match message.command:
         case MavCmd.REQUEST_MESSAGE:
             param1 = message.param1

@@ -1,7 +1,7 @@
-"""A read-only MAVLink FTP server: flights from the drone over whatever link there is.
+"""A read-only MAVLink FTP server: serves flights from the drone over any link.
 
-It gives replies one by one to the paced queue, after pulses, so that a download takes only what
-they leave. How clients differ, and what follows from it:
+Replies go one by one to the paced queue, after pulses, so that a download uses only the
+capacity that pulses leave. The server allows for differences between clients:
 
 - Some choose a random session id and take only replies that echo it (MAVProxy), others use 0
   (QGroundControl, MAVSDK): a file is opened under the id that the client sent, for each client
@@ -46,7 +46,7 @@ T = TypeVar("T")
 
 BURST_S = 0.5
 MOST_BURST_BYTES = 32 * DATA_SIZE
-"""Longest burst [bytes]. After it a client reports its losses, which show the link's rate."""
+"""Longest burst [bytes]. Afterwards a client reports its losses, which show the link's rate."""
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
 """Time without use after which a session is closed [ns]."""
@@ -71,7 +71,7 @@ def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
 
 @dataclass(slots=True)
 class Session:
-    """A file that a client has open."""
+    """A file opened by a client."""
 
     file: BinaryIO | bytes
     size: int
@@ -80,14 +80,14 @@ class Session:
 
 @dataclass(slots=True)
 class Burst:
-    """A part of a file that was read and is sent in pieces."""
+    """Part of a file that was read and is being sent in pieces."""
 
     peer: Peer
     request: FtpPacket
     sequence: int
     offset: int
     data: bytes
-    """Bytes of the file from `offset` on; shorter than requested at the end of the file."""
+    """Bytes of the file from `offset` on; fewer than requested at the end of the file."""
     chunk: int
     size: int = 0
     """Size of the whole burst [bytes]; 0 before the first piece, when the rate is unknown."""
@@ -131,7 +131,7 @@ class Client:
 
 @dataclass(slots=True)
 class Crc:
-    """A file's checksum that is being computed."""
+    """Checksum of a file while it is being computed."""
 
     peer: Peer
     request: FtpPacket
@@ -142,7 +142,7 @@ class Crc:
 
 
 class FileServer:
-    """Serves a `FileTree` by the paced queue, which `wake` starts; `disk` reads files."""
+    """Serves a `FileTree` through the paced queue, started by `wake`; `disk` reads files."""
 
     def __init__(
         self, tree: FileTree, wake: Callable[[], None] = lambda: None, disk: Disk = at_once
@@ -159,10 +159,10 @@ class FileServer:
         self.refused = 0
         self.repeated = 0
         self.left = 0
-        """Requests refused because too many disk jobs were waiting."""
+        """Number of requests refused because too many disk jobs were waiting."""
         self.bytes_sent = 0
         self.given_up = 0
-        """Sessions closed to serve another client."""
+        """Number of sessions closed to serve another client."""
 
     def receive(self, payload: bytes, peer: Peer, now_ns: int) -> float | None:
         """Handle a request; return the round trip since the last data [s] or None."""
@@ -191,17 +191,17 @@ class FileServer:
         return trip_s
 
     def on(self, link: int) -> "FilesOnLink":
-        """Return the source of the replies that leave by link number `link`."""
+        """Return the source of the replies that are sent by link number `link`."""
         return FilesOnLink(self, link)
 
     def wait_ns(self, now_ns: int, link: int | None = None) -> int | None:
-        """Time until a reply may leave by link number `link` [ns]; None if none waits."""
+        """Time until a reply may be sent by link number `link` [ns]; None if none waits."""
         waiting = [peer for peer, _ in self._replies]
         waiting += [burst.peer for burst in self._bursts.values()]
         return 0 if any(link in (None, peer.link) for peer in waiting) else None
 
     def take(self, now_ns: int, rate_bytes_s: float, link: int | None = None) -> Message | None:
-        """Return the next reply that leaves by link number `link`."""
+        """Return the next reply for link number `link`."""
         here = [reply for reply in self._replies if link in (None, reply[0].link)]
         bursts = [b for b in self._bursts.values() if link in (None, b.peer.link)]
         if here:
@@ -434,7 +434,7 @@ class FileServer:
             self._replies.popleft()  # its client asks again
 
     def _repeat(self, peer: Peer, client: Client) -> None:
-        """Send the reply again to a repeated request; the request is not run twice."""
+        """Answer a repeated request with the same reply; the request is not run twice."""
         self.repeated += 1
         reply = client.reply
         if reply is not None and (peer, reply) not in self._replies:
@@ -462,7 +462,7 @@ class FileServer:
             self._disk(partial(close, session.file), _nothing)
 
     def _room_for(self, peer: Peer, now_ns: int) -> bool:
-        """True if a client may open another file; open files of others do not block it.
+        """True if a client may open another file; other clients' open files do not prevent it.
 
         Idle sessions are closed first. Then the client with the most sessions, if it has more
         than one, loses the one unused for longest.
@@ -492,13 +492,13 @@ def _nothing(result: object) -> None:
 
 
 class FilesOnLink:
-    """Replies of a `FileServer` that leave by one link; a source of the paced queue."""
+    """Source of a `FileServer`'s replies for one link, as the paced queue needs it."""
 
     def __init__(self, files: FileServer, link: int) -> None:
         self._files, self._link = files, link
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a reply may leave [ns]; None if none waits."""
+        """Time until a reply may be sent [ns]; None if none waits."""
         return self._files.wait_ns(now_ns, self._link)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Message | None:
@@ -515,7 +515,7 @@ def path_of(request: FtpPacket) -> str:
 
 
 def fitting(entries: list[bytes]) -> Iterator[bytes]:
-    """Bytes of as many whole directory entries as one reply holds, each ended by NUL."""
+    """Join as many whole directory entries as fit into one reply, each ended by NUL."""
     room = DATA_SIZE
     for entry in entries:
         room -= len(entry) + 1

@@ -95,7 +95,7 @@ class FtpPacket:
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """Bytes of the payload, always 251."""
+        """Encode the packet as payload bytes, always 251."""
         size = len(self.data) if self.size is None else self.size
         head = _LAYOUT.pack(
             self.sequence & 0xFFFF,
@@ -110,7 +110,7 @@ class FtpPacket:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read a payload of 251 bytes; any content is valid."""
+        """Decode a payload of 251 bytes; any content is valid."""
         sequence, session, opcode, size, request, complete, offset = _LAYOUT.unpack_from(
             payload
         )
@@ -127,5 +127,5 @@ class FtpPacket:
 
 
 def checksum(data: bytes, so_far: int = 0) -> int:
-    """CRC-32 of MAVLink FTP: starts at zero, not inverted at the end, as PX4 computes it."""
+    """CRC-32 as in MAVLink FTP and PX4: starts at zero and is not inverted at the end."""
     return zlib.crc32(data, so_far ^ 0xFFFFFFFF) ^ 0xFFFFFFFF

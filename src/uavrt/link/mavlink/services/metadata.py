@@ -1,7 +1,7 @@
 """Metadata files that a ground station can fetch from the drone side, made in memory.
 
-COMPONENT_METADATA (397) names the general file, which names the others; ground stations fetch
-them by MAVLink FTP and cache them by their checksum. Formats: general.schema.json and
+COMPONENT_METADATA (397) names the general file, which names the other files; ground stations
+fetch the files by MAVLink FTP and cache them by checksum. Formats: general.schema.json and
 parameter.schema.json, version 1, of MAVLink's component metadata service.
 """
 
@@ -16,7 +16,7 @@ from uavrt.link.mavlink.services.ftp_wire import checksum
 GENERAL_PATH = "metadata/general.json"
 PARAMETERS_PATH = "metadata/parameters.json"
 TYPE_PARAMETER = 1
-"""COMP_METADATA_TYPE_PARAMETER."""
+"""Number of parameter metadata: COMP_METADATA_TYPE_PARAMETER."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

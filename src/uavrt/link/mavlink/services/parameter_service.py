@@ -36,7 +36,7 @@ class ParameterChange:
 class ParameterServer:
     """Server of the parameters in force.
 
-    `values`: gives every parameter's value, in the order of their index. `types`: INT32 or
+    `values`: returns every parameter's value, in the order of the index. `types`: INT32 or
     REAL32 for each. `bytewise`: whether integers travel as bytes.
     """
 
@@ -54,8 +54,8 @@ class ParameterServer:
     def receive(self, message: Requests) -> list[dialect.ParamValue] | ParameterChange:
         """Handle a request; return the answers, or the requested change.
 
-        A request for an unknown name or index is not answered: one to all components may mean a
-        parameter of the autopilot.
+        A request for an unknown name or index is not answered, because it may mean a parameter
+        of the autopilot.
         """
         match message:
             case dialect.ParamRequestList():
@@ -71,7 +71,7 @@ class ParameterServer:
                 return []
 
     def value(self, name: str) -> dialect.ParamValue:
-        """PARAM_VALUE message with the value in force of a parameter."""
+        """Make the PARAM_VALUE message with the present value of a parameter."""
         kind = self._types[name]
         return dialect.ParamValue(
             param_id=name,
@@ -83,7 +83,7 @@ class ParameterServer:
 
 
 def encode_value(value: float, kind: int, bytewise: bool) -> float:
-    """Write a value into the float field of a parameter message.
+    """Encode a value for the float field of a parameter message.
 
     An integer below -2**22 or from 0x7F800001 would be a signalling NaN there, which Python
     does not preserve; no parameter of uavrt needs such values.
@@ -96,7 +96,7 @@ def encode_value(value: float, kind: int, bytewise: bool) -> float:
 
 
 def decode_value(field: float, kind: int, bytewise: bool) -> float | None:
-    """Read a value from the float field; None for a 64-bit type, infinity or NaN."""
+    """Decode a value of the float field; None for a 64-bit type, infinity or NaN."""
     if kind == MavParamType.REAL32 or not bytewise:
         return field if math.isfinite(field) else None
     layout = _FORMATS.get(kind)

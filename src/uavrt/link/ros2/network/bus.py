@@ -16,10 +16,10 @@ class Bus(Protocol):
     inbox: Inbox
 
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
-        """Send a message."""
+        """Send a message on its topic."""
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Keep one publishing node for each of these tags' detectors, and no others."""
+        """Keep one publishing node for each given tag's detector, and no others."""
 
     def reply(self, message: ServiceMessage) -> None:
         """Send the reply of a service."""

@@ -1,7 +1,7 @@
 """A DDS participant on the network, which ROS 2 shows as the nodes of the drone.
 
-How ROS 2 recognises nodes, topics and types of a foreign participant, and what must not be done
-with the binding, was found by experiment against ROS 2 Jazzy:
+How ROS 2 recognises nodes, topics and types of a foreign participant, and the limits of the
+binding, were found by experiment against ROS 2 Jazzy:
 
 - topics have the prefix ``rt/``, types the infix ``::msg::dds_::``, participants the user data
   ``enclave=/;``, endpoints their type hash;
@@ -70,16 +70,16 @@ log = get_logger()
 
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
-"""Time limit of a write [ms]; with few messages kept it never waits in practice."""
+"""Time limit of a write [ms]; with few messages kept, a write never waits in practice."""
 SAMPLE_MB = 4
-"""Longest message that DDS assembles [MB], a multiple of any topic's. It drops each part of a
-longer one as it comes and writes a warning."""
+"""Longest message that DDS assembles [MB], a multiple of any topic's. Longer ones are dropped
+part by part, with a warning."""
 READER_DEPTH = 4000
-"""Most messages of a topic that wait in its reader; 0.4 s at 10 000 a second."""
+"""Largest number of a topic's messages that wait in its reader; 0.4 s at 10 000 a second."""
 PASSES = 3
-"""Most passes over all readers in one round, while messages wait for the next pass."""
+"""Largest number of passes over all readers in one round, while messages wait for the next."""
 ANNOUNCED_LIMIT = 2000
-"""Most announced participants and publishers read at once."""
+"""Largest number of announced participants and publishers that are read at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
 """Pause of the reading thread after each round [s]; a flood is read in large portions."""
@@ -156,7 +156,7 @@ def _plain_type(primitive: str) -> Any:
 
 
 def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
-    """ROS domain: of the settings, else ROS_DOMAIN_ID, else 0; raises `ConfigError`."""
+    """Number of the ROS domain: settings, else ROS_DOMAIN_ID, else 0; raises `ConfigError`."""
     if settings.domain_id is not None:
         return settings.domain_id
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
@@ -168,7 +168,7 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 
 
 def reach_of(environment: Mapping[str, str]) -> Reach:
-    """Network reach that ROS 2's variables allow, at most that of `interfaces`.
+    """Network reach that ROS 2's variables allow, limited to that of `interfaces`.
 
     ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
     `ConfigError` if the latter is invalid.
@@ -194,10 +194,10 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
 def cyclone_config(
     interfaces: tuple[str, ...], reach: Reach = "interfaces", warnings_path: str = ""
 ) -> str:
-    """Make Cyclone DDS's configuration: the loopback, and these interfaces.
+    """Make Cyclone DDS's configuration for the loopback and the given interfaces.
 
-    The loopback is always in it, and named as a peer, so that ROS 2 bound to it is found. Only
-    participants with the same tag find each other.
+    The loopback is always included, and named as a peer, so that ROS 2 bound to it is found.
+    Only participants with the same tag find each other.
     """
     wanted = interfaces if reach == "interfaces" else ()
     named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
@@ -220,14 +220,14 @@ def cyclone_config(
 
 
 def _reply_name(message: type[RosMessage]) -> str:
-    """Key of the writer of a service's replies among this participant's writers."""
+    """Key of the writer of a service's replies, among this participant's writers."""
     return f"reply {message.ros_name}"
 
 
 def _qos(
     *, depth: int, message: type[RosMessage], keep: bool = False, mark: str = ""
 ) -> list[Any]:
-    """ROS 2's quality of service: reliable, the last `depth` messages."""
+    """Quality of service of ROS 2: reliable, with the last `depth` messages."""
     policies = [
         Policy.Reliability.Reliable(duration(milliseconds=WRITE_TIMEOUT_MS)),
         Policy.Durability.TransientLocal if keep else Policy.Durability.Volatile,
@@ -257,7 +257,7 @@ def _writer_qos(
 
 
 def _user_data(qos: Any) -> bytes:
-    """User data that a participant announces; empty without any."""
+    """User data that a participant announces; empty if there are none."""
     if qos is None or Policy.Userdata not in qos:
         return b""
     return bytes(qos[Policy.Userdata].data)
@@ -268,9 +268,9 @@ class Participant:
 
     `settings`: interfaces, domain, namespace, size of identifiers. `environment`:
     ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI replaces
-    `cyclone_config`. `nodes`: of `uavrt.link.ros2.graph.NODES`; one of them for a detector on
-    another computer. `names`: replacements of the table's node names. Raises `ConfigError` for
-    an invalid variable, `LinkError` if the network cannot be used so.
+    `cyclone_config`. `nodes`: some of `uavrt.link.ros2.graph.NODES`; only one for a detector on
+    another computer. `names`: replacements of these node names. Raises `ConfigError` for an
+    invalid variable, `LinkError` if the network cannot be used so.
     """
 
     def __init__(
@@ -284,9 +284,9 @@ class Participant:
         self._names = names or {}
         self.domain_id = domain_id_of(settings, environment)
         self.overruns = 0
-        """Number of times that a reader was full; messages may be missing from the counts."""
+        """Number of times that a reader was full; some messages may then be uncounted."""
         self.faults = 0
-        """Number of messages and announcements of others that could not be read."""
+        """Number of messages and announcements from others that could not be read."""
         self.unsent = 0
         """Number of messages that could not be written."""
         self._gid_bytes = settings.gid_bytes
@@ -381,7 +381,7 @@ class Participant:
     # ---------------------------------------------------------------- receiving
 
     def _read(self) -> None:
-        """Read messages until the end, in the only thread that reads."""
+        """Read messages until the end; runs in the only thread that reads."""
         while not self._closing.is_set():
             try:
                 if self._in_order or self._waitset.wait(duration(milliseconds=200)):
@@ -395,8 +395,8 @@ class Participant:
     def _read_once(self) -> None:
         """Take the messages of all readers, with those arriving meanwhile, in sending order.
 
-        Otherwise the release of a hundred tags could overtake some of the tags, and a start
-        command the release.
+        Without this order, the end of an upload could overtake some of its tags, and a start
+        command the end.
         """
         for _ in range(PASSES):
             found = self._take_all()
@@ -421,7 +421,7 @@ class Participant:
                 self.inbox.drop(self._read_topics[name])
 
     def _take_all(self) -> list[tuple[RosTopic, Sample]]:
-        """Take all waiting messages, reader by reader."""
+        """Take all waiting messages, one reader after the other."""
         found: list[tuple[RosTopic, Sample]] = []
         for _, topic, reader in self._readers:
             samples = reader.take(READER_DEPTH)
@@ -433,7 +433,7 @@ class Participant:
         return found
 
     def _learn_senders(self) -> None:
-        """Register announced publishers; DDS reports one before its messages."""
+        """Register announced publishers; DDS announces a publisher before its messages."""
         for participant in self._announced(self._participants):
             data = _user_data(participant.qos)
             self._senders.add_participant(str(participant.key), data)
@@ -458,12 +458,12 @@ class Participant:
                 yield samples[0]
 
     def _note_fault(self, error: Exception) -> None:
-        """Count and rarely log a fault that must not end the reading."""
+        """Count a fault that must not end the reading, and log it rarely."""
         self.faults += 1
         log.seldom(self.faults, "ROS 2 network: cannot be read", error=repr(error)[:200])
 
     def _wake_for(self, reader: Any) -> None:
-        """Let a reader's messages wake the reading thread."""
+        """Wake the reading thread when a reader has messages."""
         self._waitset.attach(
             ReadCondition(reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
         )
@@ -523,7 +523,7 @@ class Participant:
         return messages.graph_messages(self._gid_bytes)[2]
 
     def _introduce(self, nodes: Collection[str]) -> None:
-        """Announce the nodes and their endpoints to ROS 2."""
+        """Announce the drone's nodes and their endpoints to ROS 2."""
         gid, node_info, _ = messages.graph_messages(self._gid_bytes)
 
         def gid_of(entity: Any) -> Any:
@@ -550,7 +550,7 @@ class Participant:
         )
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Keep one publishing node for each of these tags' detectors; raises `LinkError`."""
+        """Keep one publishing node for each given tag's detector; raises `LinkError`."""
         topic = TOPICS["pulse"]
         own = {n for n, name in self._writers if name == topic.name and n not in self._nodes}
         for node in own.difference(nodes):

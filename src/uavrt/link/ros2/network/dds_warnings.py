@@ -1,4 +1,4 @@
-"""Read the warnings of the DDS library, its only report of dropped messages.
+"""Read the warnings of the DDS library, which reports dropped messages only in this way.
 
 The library can write them into a file as well as to stderr. The file's name is removed once the
 library has opened it, so it disappears with the process.
@@ -10,7 +10,7 @@ import tempfile
 from contextlib import suppress
 
 FILE_BYTES = 1_000_000
-"""Length above which the file of warnings is emptied [bytes]."""
+"""Length above which the file of warnings is truncated [bytes]."""
 _TOO_LONG = re.compile(rb"dropping oversize .* ([^ ]+)/[^/ ]+$")
 
 
@@ -22,12 +22,12 @@ class DdsWarnings:
         self._at = 0
 
     def opened(self) -> None:
-        """Remove the file's name, once the library has opened it."""
+        """Remove the file's name once the library has opened the file."""
         with suppress(OSError):  # not where open files cannot be removed
             os.unlink(self.path)
 
     def too_long(self) -> list[str]:
-        """DDS topic name of each message dropped as too long since the last call."""
+        """DDS topic names of the messages dropped as too long since the last call."""
         data = os.pread(self._descriptor, 1 << 16, self._at)
         whole = data[: data.rfind(b"\n") + 1]
         self._at += len(whole)

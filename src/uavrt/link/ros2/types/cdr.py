@@ -1,4 +1,4 @@
-"""Messages to CDR bytes and back, as ROS 2 has them on the wire and in recordings.
+"""Convert messages to CDR bytes and back, the encoding of ROS 2 on the wire and in recordings.
 
 Plain CDR (version 1 of XCDR) in the writer's byte order behind a header of four bytes::
 
@@ -39,7 +39,7 @@ Encoder = Callable[[bytearray, Any], None]
 
 
 def encode(message: RosMessage) -> bytes:
-    """Write a message as little-endian CDR; raises `FormatError` if a number does not fit."""
+    """Encode a message as little-endian CDR; raises `FormatError` if a number does not fit."""
     data = bytearray(_LITTLE)
     try:
         _encoder(type(message))(data, message)
@@ -58,7 +58,7 @@ def _encoder(message: type[RosMessage]) -> Encoder:
 
 
 def _make_encoder(message: type[RosMessage]) -> Encoder:
-    """Compile the encoder of a message: neighbouring numbers become one `struct`, nested too.
+    """Compile the encoder of a message: adjacent numbers become one `struct`, nested too.
 
     Ten times faster than field by field; at 100 tags that is 1 % of a core.
     """
@@ -95,7 +95,7 @@ def _flat_fields(message: type[RosMessage], prefix: str = "") -> Iterator[tuple[
 
 
 def _numbers_encoder(codes: Sequence[str], paths: Sequence[str]) -> Encoder:
-    """Make the encoder of neighbouring numbers, whose padding depends on the first offset."""
+    """Make the encoder of adjacent numbers, whose padding depends on the first offset."""
     packs = [struct.Struct("<" + _aligned(codes, phase)).pack for phase in range(8)]
     get = attrgetter(*paths)
     if len(paths) == 1:
@@ -104,7 +104,7 @@ def _numbers_encoder(codes: Sequence[str], paths: Sequence[str]) -> Encoder:
 
 
 def _aligned(codes: Sequence[str], phase: int) -> str:
-    """Format of neighbouring numbers with padding, for an offset of `phase` modulo 8 bytes."""
+    """Format of adjacent numbers with padding, for an offset of `phase` modulo 8 bytes."""
     text, at = "", phase
     for code in codes:
         size = struct.calcsize(code)
@@ -168,7 +168,7 @@ def _write_string(data: bytearray, value: str) -> None:
 
 
 def decode(message: type[M], data: bytes) -> M:
-    """Read a message from CDR of either byte order; raises `FormatError` if it is invalid."""
+    """Decode a message from CDR of either byte order; raises `FormatError` if it is invalid."""
     if data[:2] not in (_LITTLE[:2], _BIG[:2]):
         raise FormatError(f"not CDR: begins with {data[:4].hex()}")
     reader = _Reader(data, "<" if data[:2] == _LITTLE[:2] else ">")
@@ -215,7 +215,7 @@ class _Reader:
         return value
 
     def _count(self) -> int:
-        """Read a length; elements take a byte or more, so the remaining bytes bound it."""
+        """Read a length; the remaining bytes limit it, as each element takes at least one."""
         count = int(self._number("I"))
         if count > len(self._data) - self._at:
             raise struct.error(f"a length of {count} with {len(self._data) - self._at} left")

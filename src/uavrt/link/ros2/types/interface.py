@@ -25,7 +25,7 @@ _TYPE_IDS = {
     "string": 17,
     "string<=256": 21,
 }
-"""Type numbers of type_description_interfaces/FieldType; bounded strings have another."""
+"""Type numbers of type_description_interfaces/FieldType; bounded strings have other ones."""
 _NESTED = 1
 _ARRAY, _SEQUENCE = 48, 144
 """Offsets added to an element's type number for an array and a sequence."""
@@ -41,7 +41,7 @@ class Field:
     message: type[RosMessage] | None = None
     """Type of a nested message; None for a primitive."""
     length: int | None = None
-    """Number of elements of a fixed array (of bytes); None if it is none."""
+    """Number of bytes of a fixed array; None for any other field."""
     sequence: bool = False
 
 
@@ -50,7 +50,7 @@ _HASHES: dict[type, str] = {}
 
 
 def fields_of(message: type[RosMessage]) -> tuple[Field, ...]:
-    """Fields of a message, in order."""
+    """Fields of a message class, in order."""
     if message not in _FIELDS:
         hints = typing.get_type_hints(message, include_extras=True)
         kind: Any = message
@@ -80,7 +80,7 @@ def dds_name(message: type[RosMessage]) -> str:
 
 
 def definition(message: type[RosMessage]) -> str:
-    """Lines of a message's ``.msg`` file."""
+    """Text lines of a message's ``.msg`` file."""
     return "".join(f"{_type_text(entry)} {entry.name}\n" for entry in fields_of(message))
 
 

@@ -54,7 +54,7 @@ class Time(RosMessage):
 
 @ros_message("std_msgs/Header")
 class Header(RosMessage):
-    """Time and frame of a message; the frame holds its kind."""
+    """Time and frame of a message; `frame_id` holds the kind of the message."""
 
     stamp: Time = Time()
     frame_id: String = ""
@@ -215,8 +215,8 @@ class RosCodedTag(RosMessage):
 def graph_messages(gid_bytes: int) -> tuple[type[Any], type[Any], type[Any]]:
     """Message types that announce nodes and their endpoints, for one size of identifiers.
 
-    ROS 2 gets the names of nodes from these. Identifiers have 16 bytes since Iron, 24 from Foxy
-    to Humble.
+    ROS 2 reads the names of nodes from these messages. Identifiers have 16 bytes since Iron, 24
+    from Foxy to Humble.
     """
 
     @ros_message("rmw_dds_common/Gid")

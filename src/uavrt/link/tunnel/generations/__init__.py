@@ -1,1 +1,1 @@
-"""Messages of the original system's protocol, one module for each generation."""
+"""Messages of the original system's protocol, one module for each protocol generation."""

@@ -14,10 +14,10 @@ DECODERS = {**g0.DECODERS, **g1.DECODERS, **g2.DECODERS}
 
 
 def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessage:
-    """Read a tunnel payload (its first ``payload_length`` bytes).
+    """Decode a tunnel payload (its first ``payload_length`` bytes).
 
-    `generation`: the drone's generation, where a length stands for several messages. Raises
-    `TunnelError`, with the payload, for an unknown command or a wrong length; the
+    `generation`: the drone's generation, needed where several messages have the same length.
+    Raises `TunnelError`, with the payload, for an unknown command or a wrong length; the
     acknowledgement (to `acked_command_of`) can carry its text.
     """
     if not 4 <= len(payload) <= MAX_PAYLOAD:
@@ -42,7 +42,7 @@ def acked_command_of(payload: bytes) -> int | None:
 
 
 def generation_of(message: TunnelMessage) -> Generation | None:
-    """Generation whose senders write this message; None if several do."""
+    """Protocol generation whose senders write this message; None if several do."""
     match message:
         case g0.HeaderMessage(command=number):
             lengths = COMMAND_OF_NUMBER[number].lengths

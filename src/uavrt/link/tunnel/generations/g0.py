@@ -1,7 +1,7 @@
 """G0: the messages of the thesis (February 2023).
 
 A command without fields is its number, u32, alone: START_TAGS 2, END_TAGS 3, START_DETECTION 5,
-STOP_DETECTION 6. G1 kept that for others and gave START_DETECTION fields.
+STOP_DETECTION 6. In G1 the other commands are unchanged, and START_DETECTION has fields.
 
 ACK, size 12::
 
@@ -50,8 +50,8 @@ PULSE, size 128::
     96      f64   orientation_x, 104 _y, 112 _z, 120 _w: unit quaternion
 
 The thesis's header comments call x longitude and z height above launch; its code sends what
-stands above, and so does uavrt. Its ``frequency_hz`` was megahertz cut to an integer (148);
-uavrt sends hertz.
+stands above, and so does uavrt. The thesis's ``frequency_hz`` was megahertz cut to an integer
+(148); uavrt sends hertz.
 """
 
 import struct
@@ -76,17 +76,17 @@ FAILURE = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeaderMessage:
-    """A command without fields; as START_DETECTION it is of G0."""
+    """A command without fields; START_DETECTION has this form only in G0."""
 
     command: CommandId
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the command as payload bytes."""
         return pack(HEADER, self.command)
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` unless it is one of these commands."""
+        """Decode a payload; raises `TunnelError` unless it is one of these commands."""
         if len(payload) != HEADER.size:
             raise TunnelError(f"a bare command has 4 bytes, not {len(payload)}", payload)
         (number,) = HEADER.unpack(payload)
@@ -98,7 +98,7 @@ class HeaderMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AckG0(Fixed):
-    """The thesis's acknowledgement, which has no text."""
+    """Acknowledgement of generation G0, which has no text."""
 
     COMMAND: ClassVar = CommandId.ACK
     LAYOUT: ClassVar = struct.Struct("<III")
@@ -108,7 +108,7 @@ class AckG0(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagG0(Fixed):
-    """A tag in the message of the thesis's ground station."""
+    """A tag to search for, as the thesis's ground station sends it."""
 
     COMMAND: ClassVar = CommandId.TAG
     LAYOUT: ClassVar = struct.Struct("<9I4xd")
@@ -125,7 +125,7 @@ class TagG0(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG0(Fixed):
-    """A pulse in the message for the thesis's ground station."""
+    """A pulse, as the thesis's ground station receives it."""
 
     COMMAND: ClassVar = CommandId.PULSE
     LAYOUT: ClassVar = struct.Struct("<III4x4dH6xdBB6x7d")

@@ -40,8 +40,8 @@ RAW_CAPTURE, record a few seconds of samples to a file, sizes 8 and 12, the latt
     4       u32   gain
     8       u32   frequency_hz                                      (size 12)
 
-HEARTBEAT, state of the drone side once a second, size 12; the tunnel's own, it has nothing to
-do with MAVLink's HEARTBEAT; the thesis had none::
+HEARTBEAT, state of the drone once a second, size 12; a tunnel message, unrelated to MAVLink's
+HEARTBEAT; the thesis had none::
 
     0       u32   command = 9
     4       u16   system_id: 1 controller, 2 channelizer
@@ -69,7 +69,7 @@ PULSE, size 120::
     116     4     pad
 
 Older senders named 104 to 119 a quaternion and filled it with degrees all the same. A pulse
-with frequency 0 is a detector's sign of life.
+with frequency 0 is a detector's heartbeat.
 """
 
 import math
@@ -131,7 +131,7 @@ class AckG1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagG1(Fixed):
-    """A tag in the message of ground stations from G1 on."""
+    """A tag to search for, as ground stations from G1 on send it."""
 
     COMMAND: ClassVar = CommandId.TAG
     LAYOUT: ClassVar = struct.Struct("<9I4xdII4d")
@@ -154,7 +154,7 @@ class TagG1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartDetection(CommandMessage):
-    """Start of detection with frequency and gain; fields of newer senders may be None."""
+    """Start of detection with frequency and gain; fields that older senders lack are None."""
 
     COMMAND: ClassVar = CommandId.START_DETECTION
     radio_center_frequency_hz: int
@@ -165,7 +165,7 @@ class StartDetection(CommandMessage):
     debug_detector: int | None = 0
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return replace(
             command,
             center_frequency_hz=self.radio_center_frequency_hz or None,
@@ -173,7 +173,7 @@ class StartDetection(CommandMessage):
         )
 
     def encode(self) -> bytes:
-        """Bytes of the payload, up to its last field that is not None."""
+        """Encode the payload up to the last field that is not None."""
         fields: list[float | None] = [getattr(self, name) for name in self.__slots__]
         present = [field for field in fields if field is not None]
         if fields[: len(present)] != present:
@@ -185,7 +185,7 @@ class StartDetection(CommandMessage):
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         layout = START_LAYOUTS.get(len(payload))
         if layout is None:
             raise TunnelError(f"START_DETECTION never has {len(payload)} bytes", payload)
@@ -196,27 +196,27 @@ class StartDetection(CommandMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawCapture(CommandMessage):
-    """Raw capture with a gain; the frequency is None if an older sender left it out."""
+    """Raw capture with a gain; the frequency is None if an older sender omitted it."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
     gain: int
     frequency_hz: int | None = None
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return replace(
             command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
         )
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         if self.frequency_hz is None:
             return pack(CAPTURE_LAYOUTS[8], CommandId.RAW_CAPTURE, self.gain)
         return pack(CAPTURE_LAYOUTS[12], CommandId.RAW_CAPTURE, self.gain, self.frequency_hz)
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         layout = CAPTURE_LAYOUTS.get(len(payload))
         if layout is None:
             raise TunnelError(f"RAW_CAPTURE never has {len(payload)} bytes", payload)
@@ -226,7 +226,7 @@ class RawCapture(CommandMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heartbeat(Fixed):
-    """Heartbeat of the drone side: state and temperature."""
+    """Heartbeat of the drone: state and processor temperature."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<IHHf")
@@ -236,13 +236,13 @@ class Heartbeat(Fixed):
 
     @property
     def state(self) -> SystemState | None:
-        """System state; None for an unknown status number."""
+        """State of the drone; None for an unknown status number."""
         return STATES.get(self.status)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG1(Fixed):
-    """A pulse for ground stations from G1 on; by default undetected and without pose."""
+    """A pulse for ground stations from G1 on; undetected and without pose by default."""
 
     COMMAND: ClassVar = CommandId.PULSE
     LAYOUT: ClassVar = struct.Struct("<III4x4dHH4xddBB6x3d3f4x")

@@ -22,9 +22,8 @@ DETECTOR_HEARTBEAT 23*  16    tag_id 8, detection_mode 12
 SET_LOG_LEVEL 22 *      12    level 8
 ======================  ====  ==============================================================
 
-Those with a star were computed from the order of their fields and never seen, and so were the
-numbers of the operation's states: they are used only where
-``mavlink.tunnel_experimental`` says so.
+Layouts with a star, and the numbers of an operation's states, are inferred from the order of
+the fields and were never observed. They are used only with ``mavlink.tunnel_experimental``.
 """
 
 import struct
@@ -54,7 +53,7 @@ RUNNING, COMPLETE, FAILED = 0, 1, 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BareG2(Fixed):
-    """A command that has only its number and a request id."""
+    """A command with only its number and a request id."""
 
     LAYOUT: ClassVar = HEADER
     command: CommandId
@@ -74,7 +73,7 @@ class UploadG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagG2:
-    """A tag of an upload; its layout is inferred."""
+    """A tag of an upload, with an inferred layout."""
 
     request_id: int
     upload_id: int
@@ -82,14 +81,14 @@ class TagG2:
     tag: TagG1
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.tag.encode()
         head = pack(UPLOAD, CommandId.TAG, self.request_id, self.upload_id, self.tag_index)
         return head + old[4:36] + old[40:]
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.TAG, 96)
         _, request_id, upload_id, tag_index = UPLOAD.unpack(payload[:16])
         old = payload[:4] + payload[16:48] + bytes(4) + payload[48:]
@@ -99,7 +98,7 @@ class TagG2:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartDetectionG2(CommandMessage):
-    """Start of detection with a request id; its layout is inferred."""
+    """Start of detection with a request id, with an inferred layout."""
 
     COMMAND: ClassVar = CommandId.START_DETECTION
     request_id: int
@@ -107,11 +106,11 @@ class StartDetectionG2(CommandMessage):
     dump_spectrogram: int = 0
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return self.start.fill(command)
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.start.encode()
         if len(old) != 40:
             raise TunnelError("START_DETECTION of G2 has all its fields", b"")
@@ -121,7 +120,7 @@ class StartDetectionG2(CommandMessage):
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.START_DETECTION, 48)
         old = payload[:4] + payload[8:20] + payload[24:44] + bytes(4)
         return cls(
@@ -133,7 +132,7 @@ class StartDetectionG2(CommandMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawCaptureG2(Fixed, CommandMessage):
-    """Raw capture with a request id; its layout is inferred."""
+    """Raw capture with a request id, with an inferred layout."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
     LAYOUT: ClassVar = struct.Struct("<IIII")
@@ -142,7 +141,7 @@ class RawCaptureG2(Fixed, CommandMessage):
     frequency_hz: int
 
     def fill(self, command: Command) -> Command:
-        """Command with this message's frequency and gain."""
+        """Make the supervisor's command with this message's frequency and gain."""
         return replace(
             command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
         )
@@ -190,7 +189,7 @@ class OperationProgress(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatG2v1(Fixed):
-    """Heartbeat of the drone side with the protocol version (version 1)."""
+    """Heartbeat of the drone with the protocol version (version 1)."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<IIHHf")
@@ -202,7 +201,7 @@ class HeartbeatG2v1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatG2(Fixed):
-    """Heartbeat of the drone side with the protocol version (from version 4 on)."""
+    """Heartbeat of the drone with the protocol version (from version 4 on)."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<I4xIHHf")
@@ -231,14 +230,14 @@ class PulseG2v1:
     slice_id: int = 0
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.pulse.encode()
         ids = struct.pack("<II", self.collection_id, self.slice_id)
         return old[:4] + ids + old[4:]
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.PULSE, 128)
         collection_id, slice_id = struct.unpack("<II", payload[4:12])
         pulse = PulseG1.decode(payload[:4] + payload[12:])
@@ -247,18 +246,18 @@ class PulseG2v1:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG2:
-    """A pulse from version 4 on; its layout is inferred."""
+    """A pulse from version 4 on, with an inferred layout."""
 
     pulse: PulseG1
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         old = self.pulse.encode()
         return old[:4] + bytes(4) + old[4:12] + old[16:]
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         check(payload, CommandId.PULSE, 120)
         return cls(pulse=PulseG1.decode(payload[:4] + payload[8:16] + bytes(4) + payload[16:]))
 
@@ -295,4 +294,4 @@ SAME_LENGTH: dict[Generation, Decoders] = {
     "G2v1": {(CommandId.PULSE, 128): PulseG2v1.decode},
     "G2": {(CommandId.PULSE, 120): PulseG2.decode, **decoders_of(AckG2)},
 }
-"""Drone messages with the length of an older one; only the generation distinguishes them."""
+"""Drone messages as long as an older one; only the protocol generation distinguishes them."""

@@ -17,10 +17,10 @@ from uavrt.core.errors import TunnelError
 from uavrt.core.messages import Command
 
 MAX_PAYLOAD = 128
-"""Payload bytes of one MAVLink TUNNEL message."""
+"""Largest payload of one MAVLink TUNNEL message [bytes]."""
 
 PAYLOAD_TYPE = 0
-"""MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN, as every version of the original sends it."""
+"""Payload type of every version of the original: MAV_TUNNEL_PAYLOAD_TYPE_UNKNOWN."""
 
 Ids = tuple[int, int]
 """System and component id of a MAVLink component, such as a ground station."""
@@ -37,10 +37,10 @@ class Fixed:
     COMMAND: ClassVar[CommandId | None] = None
     LAYOUT: ClassVar[struct.Struct]
     TEXT_SIZE: ClassVar[int] = 0
-    """Bytes of the text field with its NUL; 0: no text."""
+    """Size of the text field with its NUL [bytes]; 0: no text."""
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
         values: list[Any] = [getattr(self, name) for name in self.__slots__]
         if self.TEXT_SIZE:
             values[-1] = bytes_from_text(values[-1], self.TEXT_SIZE)
@@ -49,7 +49,7 @@ class Fixed:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
+        """Decode a payload; raises `TunnelError` if length or command do not match."""
         if cls.COMMAND is None:
             number = command_of(int.from_bytes(payload[:4], "little"), payload)
             values = (number, *unpack(cls.LAYOUT, payload, number))
@@ -67,7 +67,7 @@ class CommandMessage:
     COMMAND: ClassVar[CommandId]
 
     def fill(self, command: Command) -> Command:
-        """Command with the values of this message."""
+        """Make the supervisor's command with the values of this message."""
         raise NotImplementedError
 
 
@@ -75,7 +75,7 @@ class Message(Protocol):
     """Protocol of every tunnel message."""
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the message as payload bytes."""
 
 
 Decoder = Callable[[bytes], Message]
@@ -89,7 +89,7 @@ def decoders_of(*kinds: type[Fixed]) -> Decoders:
 
 
 def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:
-    """Make one decoder for all commands without fields of a generation."""
+    """Make one decoder for all commands without fields of a protocol generation."""
     return {
         (row.number, length): decode
         for row in COMMANDS.values()
@@ -98,7 +98,7 @@ def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> 
 
 
 def command_name(number: int) -> str:
-    """Name of a command for people: ``"stop detection"``; an unknown number stays a number."""
+    """Name of a command for the operator: ``"stop detection"``; else its number as text."""
     try:
         return CommandId(number).name.lower().replace("_", " ")
     except ValueError:
@@ -106,7 +106,7 @@ def command_name(number: int) -> str:
 
 
 def command_of(number: int, payload: bytes) -> CommandId:
-    """Command with a number on the wire; raises `TunnelError` if it is unknown."""
+    """Command with a number on the wire; raises `TunnelError` for an unknown number."""
     try:
         return CommandId(number)
     except ValueError:
@@ -122,7 +122,7 @@ def pack(layout: struct.Struct, *values: object) -> bytes:
 
 
 def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[Any, ...]:
-    """Unpack a payload; raises `TunnelError` for another length or another command."""
+    """Unpack a payload; raises `TunnelError` if length or command do not match."""
     if len(payload) != layout.size:
         check(payload, command, layout.size)
     number, *values = layout.unpack(payload)

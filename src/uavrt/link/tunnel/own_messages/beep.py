@@ -1,7 +1,7 @@
 """Report beeping senders that are not in the tag list to a ground station of uavrt.
 
-Sent with the lowest priority, repeated in turn. Layout: payload type 60012 of the manual's
-tunnel reference.
+Reports are sent with the lowest priority, and repeated in turn. Layout: payload type 60012 of
+the manual's tunnel reference.
 """
 
 from math import inf
@@ -32,7 +32,7 @@ _LAYOUT = Layout(
 
 
 def encode_beep(beep: Beep) -> bytes:
-    """Write a report of a beeping sender; a long reason is cut."""
+    """Encode a report of a beeping sender; a long reason is cut."""
     return _LAYOUT.pack(
         beep,
         kind=_KINDS.index(beep.kind),
@@ -44,7 +44,7 @@ def encode_beep(beep: Beep) -> bytes:
 
 
 def decode_beep(payload: bytes) -> Beep:
-    """Read a report of a beeping sender; raises `TunnelError` if it is invalid."""
+    """Decode a report of a beeping sender; raises `TunnelError` if invalid."""
     got = _LAYOUT.unpack(payload)
     reason = got.pop("text").decode("utf-8", "ignore")
     try:

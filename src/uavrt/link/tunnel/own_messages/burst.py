@@ -16,7 +16,7 @@ BURST_TYPE = 60_007
 MOST_PULSES, MOST_OTHERS = 8, 7
 _STEP_NS = 100
 _LONGEST_S = 60.0
-"""Longest time of a pulse from its burst's start [s]; a message with more is damaged."""
+"""Longest time from a burst's start to a pulse [s]; a message with more counts as damaged."""
 _LATEST_S = 9.2e9
 _SNR_STEPS = 100.0
 _I16 = 32_767
@@ -29,7 +29,7 @@ _LAYOUT = Layout(
 
 
 def encode_burst(pulse: Pulse) -> bytes | None:
-    """Write the content of a burst; None for a pulse of a beeping tag."""
+    """Encode the content of a burst; None for a pulse of a beeping tag."""
     starts_ns = pulse.burst_starts_ns[:MOST_PULSES]
     if not starts_ns:
         return None
@@ -44,7 +44,7 @@ def encode_burst(pulse: Pulse) -> bytes | None:
 
 
 def decode_burst(payload: bytes) -> BurstInside:
-    """Read the content of a burst; raises `TunnelError` if it is invalid."""
+    """Decode the content of a burst; raises `TunnelError` if invalid."""
     got = _LAYOUT.unpack(payload)
     steps = got["pulses"]
     rising = all(one < two for one, two in pairwise(steps))

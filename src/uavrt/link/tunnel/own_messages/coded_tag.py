@@ -1,6 +1,6 @@
 """Send a coded tag from a ground station of uavrt to the drone.
 
-The message for a beeping tag has no room for gaps; this one replaces it in an upload and is
+The message for a beeping tag has no room for gaps; this message replaces it in an upload and is
 acknowledged in the same way. A drone of an older version does not answer. Layout: payload type
 60008 of the manual's tunnel reference.
 """
@@ -29,7 +29,7 @@ _LAYOUT = Layout(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodedTag:
-    """Message with a coded tag; request, upload and index as for a tag of G2, or 0."""
+    """A coded tag to search for; request, upload and index as for a tag of G2, or 0."""
 
     tag: Tag
     request_id: int = 0
@@ -37,7 +37,7 @@ class CodedTag:
     tag_index: int = 0
 
     def encode(self) -> bytes:
-        """Bytes of the payload; raises `TunnelError` for values that do not fit."""
+        """Encode the message; raises `TunnelError` for values that do not fit."""
         tag = self.tag
         times_s = (
             tag.pulse_width_s,
@@ -57,7 +57,7 @@ class CodedTag:
 
     @classmethod
     def decode(cls, payload: bytes) -> "CodedTag":
-        """Read the payload; raises `TunnelError` for a wrong length or an impossible burst."""
+        """Decode a payload; raises `TunnelError` for a wrong length or an impossible burst."""
         got = _LAYOUT.unpack(payload)
         width_us, interval_us, uncertainty_us, jitter_us = got["times_us"]
         gaps_us, tag_id = got["gaps"], got["tag_id"]

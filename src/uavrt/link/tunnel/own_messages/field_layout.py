@@ -55,10 +55,10 @@ class Layout:
                     self._head.append((name, _values(kind)))
         self._struct = struct.Struct(head)
         self.size = self._struct.size
-        """Number of bytes before the first list."""
+        """Size of the part before the first list [bytes]."""
 
     def pack(self, record: object = None, **changed: Any) -> bytes:
-        """Write a record's fields, or values given by name; `TunnelError` if too large."""
+        """Encode a record's fields, or values given by name; `TunnelError` if too large."""
 
         def value(name: str) -> Any:
             return changed[name] if name in changed else getattr(record, name)
@@ -88,7 +88,7 @@ class Layout:
             raise TunnelError(f"{self._what} does not fit: {error}", b"") from error
 
     def unpack(self, payload: bytes) -> MutableMapping[str, Any]:
-        """Read the fields of a payload by name, without the fixed ones.
+        """Decode a payload to fields by name, without the fixed ones.
 
         Raises `TunnelError`: wrong length, or a value that is not finite or outside its limits.
         """

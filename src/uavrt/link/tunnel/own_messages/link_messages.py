@@ -47,11 +47,11 @@ class ToDrone:
     """A kind of message from a ground station to a drone."""
 
     inside: int
-    """Number of this kind inside a seal."""
+    """Number of this kind of message inside a seal."""
     payload_type: int | None = None
-    """Payload type without a seal; None: accepted only sealed."""
+    """Payload type without a seal; None if accepted only sealed."""
     answers: int = 0
-    """Number of messages that answer this kind, to limit unsealed requests."""
+    """Number of messages that answer this kind, used to limit unsealed requests."""
 
 
 TO_DRONE = (

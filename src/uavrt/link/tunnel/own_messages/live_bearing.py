@@ -1,8 +1,8 @@
 """Send a bearing estimated on the drone to a ground station of uavrt.
 
 64 bytes hold the sum of all pulses of a turn. The message is sent again with each new pulse and
-a few times after the last, so that one that arrives is enough. Layout: payload type 60003 of
-the manual's tunnel reference.
+a few times after the last, so that a single received message is enough. Layout: payload type
+60003 of the manual's tunnel reference.
 """
 
 from dataclasses import replace
@@ -26,12 +26,12 @@ _LAYOUT = Layout(
 
 
 def encode_bearing(bearing: LiveBearing) -> bytes:
-    """Write a live bearing's payload."""
+    """Encode a live bearing."""
     return _LAYOUT.pack(bearing, pulses=min(bearing.pulses, _MOST_PULSES))
 
 
 def decode_bearing(payload: bytes) -> LiveBearing:
-    """Read a live bearing; raises `TunnelError` if it is invalid."""
+    """Decode a live bearing; raises `TunnelError` if invalid."""
     bearing = LiveBearing(**_LAYOUT.unpack(payload))
     if bearing.end_time_ns < bearing.start_time_ns:
         raise TunnelError("a bearing has end_time_ns before start_time_ns", payload)

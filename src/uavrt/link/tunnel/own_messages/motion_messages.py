@@ -17,7 +17,7 @@ from uavrt.link.tunnel.own_messages.field_layout import Layout
 from uavrt.link.tunnel.own_messages.seal import MAX_INSIDE
 
 _VERSION, _VERSION_KEEP_OUT = 1, 2
-"""Versions of an order without and with keep-out areas; older drones refuse the latter."""
+"""Versions of motion orders without and with keep-out areas; older drones refuse the latter."""
 _ASKS, _CONFIRMS, _STOPS = 1, 2, 3
 _HEAD = "version:B kind:B :2x request_id:I"
 _ASK = Layout(
@@ -46,7 +46,7 @@ _FURTHER = struct.Struct("<hh")
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
-"""Most positions in a motion order; limited by a seal's 108 bytes."""
+"""Largest number of positions in a motion order; limited by a seal's 108 bytes."""
 MAX_TEXT = 108
 MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "rotate",
@@ -94,7 +94,7 @@ class MotionState:
 
 
 def encode_request(request: MotionRequest) -> bytes:
-    """Write a motion order; raises `UsageError` for too many or too distant positions."""
+    """Encode a motion order; raises `UsageError` for too many or too distant positions."""
     kept = request.keep_out
     places = (*request.places, *(place for one in kept for place in one.places))
     if len(places) > MAX_PLACES:
@@ -147,7 +147,7 @@ def encode_request(request: MotionRequest) -> bytes:
 
 
 def _sought(request: MotionRequest) -> bytes:
-    """Write the fields of a search order."""
+    """Encode the fields of a search order."""
     try:
         return _SEARCH.pack(request, radius_m=round(request.radius_m or 0.0), body=b"")
     except (TunnelError, ValueError, OverflowError) as error:
@@ -158,7 +158,7 @@ def _sought(request: MotionRequest) -> bytes:
 
 
 def _kept(one: KeepOut) -> bytes:
-    """Write a keep-out area's number of corners and radius, without the corners."""
+    """Encode a keep-out area's number of corners and radius, without the corners."""
     try:
         radius = 0 if one.radius_m is None else max(1, ceil(one.radius_m))
         return _KEPT.pack(len(one.places), radius)
@@ -174,7 +174,7 @@ def _size(places: int) -> int:
 
 
 def encode_confirmation(confirmation: MotionConfirmation) -> bytes:
-    """Write the operator's confirmation of a proposed order."""
+    """Encode the operator's confirmation of a proposed order."""
     return _CONFIRM.pack(confirmation)
 
 
@@ -194,14 +194,14 @@ def is_confirmation(payload: bytes) -> bool:
 
 
 def encode_stop(stop: MotionStop) -> bytes:
-    """Write a request to end the drone's automatic flight."""
+    """Encode a request to end the drone's automatic flight."""
     return _STOP.pack(stop)
 
 
 def decode_motion(
     payload: bytes, asker: tuple[int, int]
 ) -> MotionRequest | MotionConfirmation | MotionStop:
-    """Read a motion order, a confirmation or a stop; raises `TunnelError`."""
+    """Decode a motion order, a confirmation or a stop; raises `TunnelError`."""
     if is_confirmation(payload):
         got = _CONFIRM.unpack(payload)
         return MotionConfirmation(**{**got, "sticks_unseen": bool(got["sticks_unseen"] & 1)})
@@ -236,7 +236,7 @@ def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
 
 
 def _with_places(request: MotionRequest, body: bytes, kept: int) -> MotionRequest:
-    """Add the corners of the area and of the keep-out areas to a motion order."""
+    """Add the corners of the search area and of the keep-out areas to a motion order."""
     shapes = [_KEPT.unpack_from(body, _KEPT.size * number) for number in range(kept)]
     places = _places(body[_KEPT.size * kept :])
     first = len(places) - sum(count for count, _ in shapes)
@@ -260,7 +260,7 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
 
 
 def cut_text(text: str, tail: str = "") -> str:
-    """Shorten a text at a whole word, so that the text and its unshortened tail fit."""
+    """Cut a text at a whole word, so that it fits together with the uncut `tail`."""
     most = MAX_TEXT - len(tail.encode())
     if len(text.encode()) <= most:
         return text + tail
@@ -271,12 +271,12 @@ def cut_text(text: str, tail: str = "") -> str:
 
 
 def _printable(text: str) -> str:
-    """Replace control characters in a text, which terminals may show and no seal protects."""
+    """Replace control characters in a text, which may affect terminals and is not sealed."""
     return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 
 def encode_state(state: MotionState) -> bytes:
-    """Write a motion state; a text that is too long is cut."""
+    """Encode a motion state; a text that is too long is cut."""
     return _STATE.pack(
         state,
         kind=_KINDS.index(state.kind) + 1,
@@ -286,7 +286,7 @@ def encode_state(state: MotionState) -> bytes:
 
 
 def decode_state(payload: bytes) -> MotionState:
-    """Read a motion state; raises `TunnelError` for anything else."""
+    """Decode a motion state; raises `TunnelError` for anything else."""
     got = _STATE.unpack(payload)
     return MotionState(
         **{

@@ -1,9 +1,9 @@
 """Exchange positions and courses of drones that search together.
 
 A drone sends its course once a second while a ground station reports other drones; the station
-reports each of them as a neighbour. Neither requests a motion: a neighbour can block a leg,
-never assign one. Tags that do not fit are left out; the sender changes their order each time.
-Layouts: payload types 60009 and 60010 of the manual's tunnel reference.
+reports each of them as a neighbour. Neither message requests a motion: a neighbour can block a
+path, never assign one. Tags that do not fit are left out; the sender changes the order of tags
+each time. Layouts: payload types 60009 and 60010 of the manual's tunnel reference.
 """
 
 from dataclasses import replace
@@ -38,7 +38,7 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Write a drone's course, with as many tags as fit; raises `TunnelError`."""
+    """Encode a drone's course, with as many tags as fit; raises `TunnelError`."""
     here = course.place
     latitude, longitude = here
     asked = course.asked_way or (here, here)
@@ -64,7 +64,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
 
 
 def _offset(here: Place, place: Place) -> tuple[int, int]:
-    """Offset of a position north and east of another [units of the message]."""
+    """Offset of a position north and east of another [units of the course message]."""
     north, east = (
         round((there - own) / _COARSE) for own, there in zip(here, place, strict=True)
     )
@@ -72,7 +72,7 @@ def _offset(here: Place, place: Place) -> tuple[int, int]:
 
 
 def decode_course(payload: bytes) -> Course:
-    """Read a drone's course; raises `TunnelError` for anything else."""
+    """Decode a drone's course; raises `TunnelError` for anything else."""
     got = _COURSE.unpack(payload)
     here = (got.pop("latitude") * _FINE, got.pop("longitude") * _FINE)
     offsets, asks, found = got.pop("offsets"), got.pop("asks"), got.pop("found")
@@ -94,7 +94,7 @@ def _at(here: Place, north: int, east: int) -> Place:
 
 
 def encode_neighbour(report: Neighbour) -> bytes:
-    """Write a ground station's report of another drone; raises as `encode_course`."""
+    """Encode a ground station's report of another drone; raises `TunnelError`."""
     course = b""
     if report.course is not None:
         room = MAX_INSIDE - _NEIGHBOUR.size
@@ -103,7 +103,7 @@ def encode_neighbour(report: Neighbour) -> bytes:
 
 
 def decode_neighbour(payload: bytes) -> Neighbour:
-    """Read a ground station's report of another drone; raises `TunnelError`."""
+    """Decode a ground station's report of another drone; raises `TunnelError`."""
     got = _NEIGHBOUR.unpack(payload)
     body = got.pop("course")
     if bool(got["vehicle"]) != bool(body):

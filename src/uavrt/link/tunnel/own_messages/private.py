@@ -1,13 +1,13 @@
 """Tunnel messages of uavrt alone, between its drones and ground stations.
 
-They use payload types of the private range (above 32767), so that no other program confuses
-them with the UAV-RT messages of payload type 0.
+These messages use payload types of the private range (above 32767), so that no other program
+confuses them with the UAV-RT messages of payload type 0.
 
 A receipt without hashes only announces a station that acknowledges. A ground station with an
-empty store has a new number, so that the drone sends the whole flight again.
+empty store uses a new store number, so that the drone sends the whole flight again.
 
-A pulse is identified by the 64-bit BLAKE2b hash of its payload. So nothing is added to the
-message that every ground station reads.
+A pulse is identified by the 64-bit BLAKE2b hash of its payload. So the message that every
+ground station reads stays unchanged.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
 `uavrt.link.tunnel.own_messages.neighbour_messages`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""Most hashes in a sealed receipt; limited by a seal's 108 bytes."""
+"""Largest number of hashes in a sealed receipt; limited by a seal's 108 bytes."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",
@@ -55,10 +55,10 @@ class Receipt:
     hashes: tuple[int, ...] = ()
 
     def encode(self) -> bytes:
-        """Bytes of the payload."""
+        """Encode the receipt as payload bytes."""
         return _LAYOUT.pack(self)
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for anything else."""
+        """Decode a receipt; raises `TunnelError` for anything else."""
         return cls(**_LAYOUT.unpack(payload))

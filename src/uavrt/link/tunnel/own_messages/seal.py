@@ -6,8 +6,8 @@ manual's tunnel reference.
 
 The drone draws a session at random whenever its connection starts. A seal holds for one drone,
 one session and one use: no message can be replayed, after a restart or to another drone,
-whatever the clocks show, and nothing is stored. A sender's counter begins above the newest that
-the drone announces and above its own clock's microseconds.
+whatever the clocks show, and nothing is stored. A sender's counter begins above the newest
+counter that the drone announces and above the sender's clock in microseconds.
 
 Anyone can replay an announcement of the session. So the ground station seals a nonce for each
 announced session, and uses the session whose drone returns it.
@@ -37,7 +37,7 @@ _SESSION = struct.Struct("<B3xQQ")
 _NONCE, _ALIVE = struct.Struct("<Q"), struct.Struct("<QB")
 _VERSION, _VERSION_ECHO = 2, 3
 _PROOF_SIZE = 7
-"""Size of a proof [bytes]; 2000 guesses a second for a day hit with probability 2e-9."""
+"""Size of a proof [bytes]; 2000 guesses a second for a day succeed with probability 2e-9."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,27 +53,27 @@ class Key:
 def read_key(path: str | Path) -> Key:
     """Read a key of at least 32 hexadecimal digits from a file that only its owner may read.
 
-    Raises `ConfigError` if there is none, or if others may read the file.
+    Raises `ConfigError` if the file has no key, or if others may read the file.
     """
     return Key(read_key_file(path, "key file", least=LEAST_KEY, most=MOST_KEY))
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Range in which a seal is valid: one run of one drone's connection process."""
+    """Range in which a seal is valid: one run of the connection process of one drone."""
 
     number: int
     drone: Ids
 
     def mixed_in(self) -> bytes:
-        """Bytes of the session that the seal protects together with the message."""
+        """Bytes that identify the session; the seal protects them together with the message."""
         return struct.pack("<QBB", self.number, *self.drone)
 
 
 def seal(
     inside: bytes, kind: int, key: Key, sender: Ids, counter: int, session: Session
 ) -> bytes:
-    """Write a sealed payload; raises `TunnelError` if `inside` is too long."""
+    """Make a sealed payload; raises `TunnelError` if `inside` is too long."""
     if len(inside) > MAX_INSIDE:
         raise TunnelError(f"{len(inside)} bytes cannot be sealed, only {MAX_INSIDE}", inside)
     head = _HEAD.pack(_VERSION, kind, 0, counter)
@@ -81,7 +81,7 @@ def seal(
 
 
 def session_of(payload: bytes, key: Key, drone: Ids) -> tuple[Session, int, int]:
-    """Read an announcement: session, newest counter, nonce or 0; raises `TunnelError`."""
+    """Decode an announcement: session, newest counter, nonce or 0; raises `TunnelError`."""
     head, mac = payload[:-8], payload[-8:]
     sizes = {_VERSION: _SESSION.size, _VERSION_ECHO: _SESSION.size + _NONCE.size}
     if not payload or len(head) != sizes.get(payload[0]):
@@ -104,7 +104,7 @@ def prove_answer(state: bytes, key: Key, session: Session, station: Ids) -> byte
 def proven_answer(
     payload: bytes, key: Key, session: Session, station: Ids, request_ids: Iterable[int]
 ) -> bytes:
-    """Check an answer's proof and remove it; raises `TunnelError` if it is forged."""
+    """Check an answer's proof and remove the proof; raises `TunnelError` if it is forged."""
     first = payload[0] if payload else 0
     for request_id in request_ids:
         number = request_id.to_bytes(4, "little")
@@ -119,7 +119,7 @@ def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
 
 
 def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
-    """Content of a keepalive before sealing.
+    """Make the content of a keepalive before sealing.
 
     The drone returns a nonce other than 0. With `files` it answers the station's file requests
     quickly, also while it detects.
@@ -128,7 +128,7 @@ def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
 
 
 def read_keepalive(inside: bytes) -> tuple[int, bool]:
-    """Read a keepalive: nonce, and whether files are requested; raises `TunnelError`."""
+    """Decode a keepalive: nonce, and whether files are requested; raises `TunnelError`."""
     if len(inside) != _ALIVE.size:
         raise TunnelError(f"a sign of life has 9 bytes, not {len(inside)}", inside)
     nonce, flags = _ALIVE.unpack(inside)
@@ -136,12 +136,12 @@ def read_keepalive(inside: bytes) -> tuple[int, bool]:
 
 
 def parameter_content(name: str, value: float) -> bytes:
-    """Content of a parameter change before sealing."""
+    """Make the content of a parameter change before sealing."""
     return _PARAMETER.pack(name.encode("ascii"), value)
 
 
 def read_parameter(inside: bytes) -> tuple[str, float]:
-    """Read the name and requested value of a parameter change; raises `TunnelError`."""
+    """Decode a parameter change: name and requested value; raises `TunnelError`."""
     if len(inside) != _PARAMETER.size:
         raise TunnelError(f"a parameter has 20 bytes, not {len(inside)}", inside)
     name, value = _PARAMETER.unpack(inside)
@@ -169,7 +169,7 @@ class SealKeeper:
         return prove_answer(state, self._key, Session(self._session, drone), station)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes]:
-        """Return kind and content of a sealed payload; raises `TunnelError` if refused."""
+        """Open a sealed payload: its kind and content; raises `TunnelError` if refused."""
         if len(payload) < SEALED_SIZE:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]

@@ -1,5 +1,5 @@
 """Delivery of pulses over a link that loses messages: receipts, repeats (`reliable`).
 
-`reliable` handles a receipt: `pulse_memory` forgets a pulse that no confirmed station lacks.
+`reliable` handles receipts; `pulse_memory` drops a pulse once all confirmed stations have it.
 `underway` finds lost messages; the ground acknowledges in `ground/link/delivery_receipts`.
 """

@@ -1,7 +1,7 @@
 """Track which pulses were sent, so that each is sent once, before it is recorded.
 
-The report that a pulse is recorded comes later. After a restart of the connection process, the
-flight's database shows which pulses have a pose and were received on the ground.
+The recorder confirms a pulse later. After a restart of the connection process, the flight's
+database shows which pulses have a pose and were received on the ground.
 """
 
 from collections import OrderedDict, deque
@@ -9,13 +9,13 @@ from collections import OrderedDict, deque
 from uavrt.core.messages import PulseKey
 
 REMEMBERED = 500
-"""Recorded pulses kept to ignore repeated reports; 20 s at 25 per second, 50 kB."""
+"""Number of recorded pulses kept to ignore repeated reports; 20 s at 25 per second, 50 kB."""
 MOST_UNRECORDED = 20_000
-"""Most sent pulses kept until the recorder confirms them, while it is not running."""
+"""Largest number of sent pulses kept until the recorder, perhaps restarting, confirms them."""
 
 
 class PulseDelivery:
-    """Decides whether a pulse is sent, so that each is sent once."""
+    """Decides whether a pulse is sent, so that each pulse is sent once."""
 
     def __init__(self) -> None:
         self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()
@@ -23,15 +23,15 @@ class PulseDelivery:
         self._recorded = set[PulseKey]()
         """Keys of the pulses in `_recent`, for quick look-up."""
         self._news = set[PulseKey]()
-        """Pulses that were not recorded yet when a new ground station appeared."""
+        """Pulses that were not yet recorded when a new ground station appeared."""
 
     @property
     def unrecorded(self) -> int:
-        """Number of pulses sent that the recorder has not confirmed yet."""
+        """Number of sent pulses that the recorder has not confirmed yet."""
         return len(self._unrecorded)
 
     def may_send(self, key: PulseKey) -> bool:
-        """True if a pulse was not sent before; it then counts as sent."""
+        """True if a pulse was not sent before; the pulse then counts as sent."""
         if key in self._unrecorded or key in self._recorded:
             return False
         self._unrecorded[key] = None

@@ -1,9 +1,9 @@
-"""Keep pulses to be sent in memory, and decide their order.
+"""Keep pulses to be sent in memory, and decide the order of sending.
 
 Pulses that do not fit stay in the flight's database, and are read again when there is room. The
-oldest goes first if all can leave within `LIVE_S`. With more to send the newest goes first, for
-the display, and the backlog follows. Pulses only for stores that never acknowledged go last, as
-probes.
+oldest pulse goes first if all can be sent within `LIVE_S`. With more to send, the newest goes
+first, for the display, and the backlog follows. Pulses only for stores that never acknowledged
+go last, as probes.
 """
 
 import math
@@ -17,12 +17,12 @@ from uavrt.link.tunnel.pulses.receiving_stations import PLAIN, Stores
 from uavrt.link.tunnel.pulses.underway import Entry, EntryKey, ItemKey, T, Underway
 
 PROBES, PROBE_NS = 4, ns_from_s(1.0)
-"""Most probes at once, and time until one more [ns]. A probe repeats a pulse for stores that
-never acknowledged. At 40 % loss each way, one of four is answered in five cases of six."""
+"""Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stores
+that never acknowledged. At 40 % loss each way, one of four is answered in five cases of six."""
 MOST_PROBES = 64
-"""Most pulses in memory that only unconfirmed stores lack; others wait on disk."""
+"""Largest number of pulses in memory that only unconfirmed stores lack; others stay on disk."""
 CAPACITY = 2048
-"""Most pulses in memory, about 4 MB; others wait on disk."""
+"""Largest number of pulses in memory, about 4 MB; others stay on disk."""
 REFILL_AT = 256
 """Number of pulses in memory below which pulses are read from disk."""
 LIVE_S = 2.0
@@ -38,12 +38,12 @@ class PulseMemory(Generic[T]):
         self._entries: dict[EntryKey, Entry[T]] = {}
         self._waiting: list[tuple[int, EntryKey]] = []
         self._probes: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
-        """Pulses that only stores without any acknowledgement lack."""
+        """Pulses lacking only at stores that have never acknowledged one."""
         self._probed_ns = -PROBES * PROBE_NS
         self._sent_plain: list[ItemKey] = []
         self.underway: Underway[T] = Underway()
         self.put_back = 0
-        """Number of pulses left to the disk because the memory was full."""
+        """Number of pulses removed from a full memory; they are read from disk later."""
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -66,18 +66,18 @@ class PulseMemory(Generic[T]):
         }
 
     def room(self, store: int) -> int:
-        """Number of pulses that may be read from disk for a store."""
+        """Number of pulses that may now be read from disk for a store."""
         unconfirmed = store in self._stores and not self._stores[store].acknowledges
         return min(MOST_PROBES if unconfirmed else CAPACITY, CAPACITY - len(self._entries))
 
     def wanted(self) -> int | None:
-        """Store for which pulses should be read from disk; None without need or room."""
+        """Store for which pulses should be read from disk; None if unneeded or without room."""
         if len(self._entries) >= REFILL_AT:
             return None
         return self._stores.on_disk(unconfirmed=not self._probes)
 
     def add(self, key: ItemKey, item: T) -> None:
-        """Add a new pulse that is safe on disk; one already in memory is ignored."""
+        """Add a new pulse that is recorded on disk; one already in memory is ignored."""
         if key not in self._entries:
             self._enter(Entry(key, key[1], item, missing_at=set(self._stores.present)))
             self._bound()
@@ -100,7 +100,7 @@ class PulseMemory(Generic[T]):
         self._bound()
 
     def add_inside(self, entry: Entry[T], store: int) -> bool:
-        """Queue a burst's content for a store that has the pulse; False without content."""
+        """Queue a burst's content for a store that has the pulse; False if there is none."""
         payload = self.inside(entry.item)
         if payload is None:
             return False
@@ -124,7 +124,7 @@ class PulseMemory(Generic[T]):
                 entry.missing_at.add(store)
 
     def send_none(self, store: int, *, made_up: bool) -> None:
-        """Send no more pulses to a removed store; `made_up`: it never acknowledged."""
+        """Send no more pulses to a removed store; `made_up`: True if it never acknowledged."""
         for entry in list(self._entries.values()):
             entry.missing_at.discard(store)
             if entry.missing_at:
@@ -138,7 +138,7 @@ class PulseMemory(Generic[T]):
                 self.wait(entry)
 
     def wait(self, entry: Entry[T]) -> None:
-        """Queue a pulse; as a probe if only stores without any acknowledgement lack it."""
+        """Queue a pulse; as a probe if only unconfirmed stores lack it."""
         self.underway.remove(entry)
         entry.state = "waiting"
         new = entry.live and not entry.sends
@@ -175,7 +175,7 @@ class PulseMemory(Generic[T]):
         return max(self._probed_ns, now_ns - PROBES * PROBE_NS) + PROBE_NS
 
     def forget(self, entry: Entry[T]) -> None:
-        """Drop a pulse from memory."""
+        """Remove a pulse from memory."""
         if entry.state == "waiting" and self._probes.pop(entry.key, None) is None:
             place = bisect_left(self._waiting, (entry.time_ns, entry.key))
             if place < len(self._waiting) and self._waiting[place][1] == entry.key:
@@ -184,17 +184,17 @@ class PulseMemory(Generic[T]):
         del self._entries[entry.key]
 
     def sent_to_plain(self, entry: Entry[T]) -> None:
-        """Drop a pulse that was sent to stations without acknowledgements only."""
+        """Remove a pulse that was sent only to stations without acknowledgements."""
         self.forget(entry)
         self._sent_plain.append(entry.pulse)
 
     def sent_plain(self) -> list[ItemKey]:
-        """Pulses sent since the last call to stations without acknowledgements only."""
+        """Pulses sent since the last call only to stations without acknowledgements."""
         done, self._sent_plain = self._sent_plain, []
         return done
 
     def _give_up(self, entry: Entry[T]) -> None:
-        """Drop a pulse from memory; stores that lack it get it from disk."""
+        """Remove a pulse from memory; stores that lack the pulse get it from disk."""
         for number in entry.missing_at:
             self._stores.note_on_disk(number)
         if entry.live and entry.sends and not entry.stored_at:
@@ -202,7 +202,7 @@ class PulseMemory(Generic[T]):
         self.forget(entry)
 
     def _bound(self) -> None:
-        """Drop the oldest pulses beyond `CAPACITY`; they are read from disk later."""
+        """Remove the oldest pulses beyond `CAPACITY`; they are read from disk later."""
         while len(self._entries) > CAPACITY and self._waiting:
             entry = self._entries[self._waiting[0][1]]
             for number in entry.missing_at or {PLAIN}:

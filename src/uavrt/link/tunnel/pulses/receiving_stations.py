@@ -1,7 +1,7 @@
 """Ground stations that acknowledge pulses, each with a store number.
 
-Anyone can make up such a number. A store that has acknowledged a pulse is confirmed. Others are
-limited in number, and ignored for a while when they acknowledge none of many messages.
+Anyone can make up a number. A store that has acknowledged a pulse is confirmed. Unconfirmed
+stores are limited, and ignored for a while when they acknowledge none of many messages.
 """
 
 import math
@@ -15,20 +15,20 @@ from uavrt.link.tunnel.generations.wire import Ids
 PLAIN = 0
 """Store number that stands for all ground stations without acknowledgements."""
 MOST_STORES = 8
-"""Most ground stations that are sent all pulses; anyone can make up store numbers."""
+"""Largest number of ground stations that get all pulses, as store numbers can be made up."""
 NEW_STORES, NEW_STORES_PER_S = 4, 0.1
-"""New stores accepted: most at once, and per second."""
+"""Number of new stores accepted at once, and per second."""
 STORE_SILENCE_NS = ns_from_s(10.0)
 """Silence after which a ground station is removed [ns]; its pulses are on disk."""
 UNRESPONSIVE_SENDS = 64
 UNRESPONSIVE_NS = ns_from_s(10.0)
-"""Messages, and time [ns], without any acknowledgement after which a store is ignored: it is
-made up, or does not receive."""
+"""Time, with at least `UNRESPONSIVE_SENDS` messages, without an acknowledgement after which a
+store is ignored as made up or not receiving [ns]."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""Sendings of a burst's content to a store that has acknowledged none; one only, after this
-many in all. At 40 % loss each way, none of 32 is answered in one case of a million."""
+"""Sendings of each burst content to a store that has acknowledged none, and total above which
+it is 1. At 40 % loss each way, none of 32 is answered in one case of a million."""
 
 
 @dataclass(slots=True)
@@ -42,7 +42,7 @@ class Store:
     on_disk: bool = True
     """True if pulses that the store lacks may be on disk and not in memory."""
     acknowledges: bool = False
-    """True once the store has acknowledged a pulse, and so exists."""
+    """True once the store has acknowledged a pulse, which proves that it exists."""
     sends: int = 0
     """Number of messages sent to the store."""
     reads_contents: bool = False
@@ -52,13 +52,13 @@ class Store:
 
     @property
     def patience(self) -> float:
-        """Most sendings of one burst's content to this store."""
+        """Largest number of sendings of one burst's content to this store."""
         if self.reads_contents:
             return math.inf
         return PATIENCE if self.insides < SENDS_OF_PATIENCE else 1
 
     def unresponsive(self, now_ns: int) -> bool:
-        """True if many messages over a long time brought no acknowledgement."""
+        """True if many messages over a long time have brought no acknowledgement."""
         tried = self.sends >= UNRESPONSIVE_SENDS and now_ns - self.since_ns >= UNRESPONSIVE_NS
         return tried and not self.acknowledges
 
@@ -73,7 +73,7 @@ class Stores:
         """Time since which a store that acknowledged nothing is ignored [ns], by number."""
         self._plain_on_disk = False
         self.refused = 0
-        """Number of receipts refused from new stores."""
+        """Number of receipts from new stores that were refused."""
 
     def __len__(self) -> int:
         return len(self._stores)
@@ -91,7 +91,7 @@ class Stores:
 
     @property
     def confirmed(self) -> frozenset[int]:
-        """Numbers of the stores that have acknowledged a pulse, and so exist."""
+        """Numbers of the stores that have acknowledged a pulse, proving that they exist."""
         return frozenset(n for n, store in self._stores.items() if store.acknowledges)
 
     def any_confirmed(self, numbers: Collection[int]) -> bool:
@@ -99,7 +99,7 @@ class Stores:
         return any(self._stores[number].acknowledges for number in numbers)
 
     def must_repeat(self, numbers: Collection[int]) -> bool:
-        """True if a pulse must be sent again for the stores that lack it.
+        """True if a pulse must be sent again, because a confirmed given store lacks it.
 
         Stores without any acknowledgement may be made up and must not fill the window; if they
         exist, they get the pulse from disk.
@@ -111,7 +111,7 @@ class Stores:
         return False
 
     def admits(self, number: int, now_ns: int) -> bool:
-        """True if a new store is accepted; otherwise its receipt counts as refused."""
+        """True if a new store is accepted; otherwise its receipt is counted as refused."""
         since_ns = self._ignored.get(number)
         ignored = since_ns is not None and now_ns - since_ns < IGNORED_NS
         if not ignored and self._new.take(now_ns) and len(self.confirmed) < MOST_STORES:
@@ -120,7 +120,7 @@ class Stores:
         return False
 
     def to_replace(self) -> int | None:
-        """Store that must be removed before another is added; None if there is room."""
+        """Store to remove before another is added; None if there is room."""
         if len(self._stores) < MOST_STORES:
             return None
         unconfirmed = [n for n, store in self._stores.items() if not store.acknowledges]
@@ -131,7 +131,7 @@ class Stores:
         self._stores[number] = Store(place, now_ns, since_ns=now_ns)
 
     def silent(self, now_ns: int) -> list[int]:
-        """Stores to remove: silent, or without any acknowledgement."""
+        """Stores to remove because they are silent or have never acknowledged."""
         return [
             number
             for number, store in self._stores.items()
@@ -147,7 +147,7 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """A store, or None, for which pulses may be on disk; an unconfirmed one if allowed."""
+        """Store, or None, for which pulses may be on disk; an unconfirmed store if allowed."""
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number
@@ -161,6 +161,6 @@ class Stores:
             self._stores[number].on_disk = on_disk
 
     def disk_has_news(self) -> None:
-        """Record that every store may lack pulses on disk, as a flight was opened."""
+        """Record that every store may lack pulses on disk, because a flight was opened."""
         for number in (PLAIN, *self._stores):
             self.note_on_disk(number)

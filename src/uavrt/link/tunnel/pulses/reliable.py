@@ -1,4 +1,4 @@
-"""Deliver every pulse over a link that loses messages, without I/O.
+"""Deliver every pulse over a link that loses messages. No I/O.
 
 A ground station that acknowledges (`uavrt.link.tunnel.own_messages.private`) gets every pulse:
 unacknowledged ones are sent again. A station that does not acknowledge gets each pulse once.
@@ -7,9 +7,9 @@ A message is lost when three later ones were acknowledged and the round trip has
 it is not acknowledged within the retransmission time-out of RFC 6298 with a floor of 0.4 s.
 
 The content of a burst does not fit into its pulse message
-(`uavrt.link.tunnel.own_messages.burst`). It goes to a store that has acknowledged the pulse,
-and only with both is the pulse delivered. A ground station of an older version never
-acknowledges the content; then the pulse alone counts, after some tries.
+(`uavrt.link.tunnel.own_messages.burst`). The content goes to a store that has acknowledged the
+pulse; the pulse is delivered once both are acknowledged. A ground station of an older version
+never acknowledges the content; then the pulse alone counts, after some tries.
 
 A store is a ground station's memory of pulses, with a number that anyone can make up. Before
 its first acknowledgement it gets messages for all, and a few repetitions when nothing else
@@ -29,16 +29,16 @@ from uavrt.link.tunnel.pulses.receiving_stations import Stores
 from uavrt.link.tunnel.pulses.underway import Entry, ItemKey, T
 
 WINDOW = 64
-"""Most pulses sent and not yet acknowledged."""
+"""Largest number of pulses sent and not yet acknowledged."""
 PLAIN_AFTER_NS = ns_from_s(3.0)
-"""Time in which a ground station must acknowledge, else it gets each pulse once [ns]. Stations
-acknowledge once a second: at 40 % loss 3 % are late, and get some pulses twice."""
+"""Time without an acknowledgement after which a ground station gets each pulse once [ns].
+Stations acknowledge once a second: at 40 % loss 3 % are late, and get some pulses twice."""
 
 
 class ReliableSender(Generic[T]):
     """Decides which pulse is sent next, and which are lost.
 
-    `encode`: payload of a pulse; called at each sending, since the generation may change.
+    `encode`: makes a pulse's payload; called at each sending, since the generation may change.
     `inside`: payload of a burst's content, None for other pulses. `inside_type`: payload type
     of that content.
     """
@@ -62,14 +62,14 @@ class ReliableSender(Generic[T]):
         self._settled: list[tuple[int, ItemKey]] = []
 
     def station_present(self, present: bool, now_ns: int) -> None:
-        """Handle whether any ground station's heartbeats arrive."""
+        """Record whether any ground station's heartbeats arrive."""
         if not present:
             self._station_since_ns = None
         elif self._station_since_ns is None:
             self._station_since_ns = now_ns
 
     def link_changed(self) -> None:
-        """Send all unacknowledged pulses again, over the new link."""
+        """Send all unacknowledged pulses again, because another link is used."""
         for entry in self.underway.restart():
             entry.tries = 0
             self.pulses.wait(entry)
@@ -77,7 +77,7 @@ class ReliableSender(Generic[T]):
     def receipt(
         self, store: int, hashes: Iterable[int], place: Ids, now_ns: int
     ) -> list[ItemKey]:
-        """Handle a receipt; return the pulses that the store acknowledges newly."""
+        """Handle a receipt; return the pulses acknowledged by the store for the first time."""
         if store in self.stores:
             known = self.stores[store]
             known.place, known.received_ns = place, now_ns
@@ -111,7 +111,7 @@ class ReliableSender(Generic[T]):
         return new
 
     def _add_store(self, store: int, place: Ids, now_ns: int) -> None:
-        """Add a new store; it replaces another if there are too many."""
+        """Add a new store; if there are too many, the new store replaces another."""
         replaced = self.stores.to_replace()
         if replaced is not None:
             self._drop_store(replaced)
@@ -133,7 +133,7 @@ class ReliableSender(Generic[T]):
         return [done.pulse]
 
     def _confirm(self, store: int) -> None:
-        """Record that a store has acknowledged a pulse, and so exists."""
+        """Record that a store has acknowledged a pulse, which proves that it exists."""
         if not self.stores[store].acknowledges:
             self.stores[store].acknowledges = True
             self.pulses.promote_probes(store)
@@ -155,7 +155,7 @@ class ReliableSender(Generic[T]):
         return None if due_ns == math.inf else max(0, int(due_ns) - now_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
-        """Return the payload to send now, by the link's rate; None if there is none."""
+        """Return the payload to send now, at the link's present rate; None without any."""
         self._expire(now_ns)
         may_go = self.wait_ns(now_ns) == 0
         entry = self.pulses.next(now_ns, rate_bytes_s) if may_go else None
@@ -193,8 +193,8 @@ class ReliableSender(Generic[T]):
     def _add_twin(self, entry: Entry[T]) -> None:
         """Send a repetition twice while nothing else waits.
 
-        With few pulses under way each loss costs a time-out. At 20 % loss 4 % of the pulses
-        would need a second one, with twins 0.8 %; the link is idle anyhow.
+        With few unacknowledged pulses, each loss costs a time-out. At 20 % loss 4 % of the
+        pulses would need a second one, with twins 0.8 %; the link is idle anyhow.
         """
         again = entry.sends > 1 and not entry.twin and not self.pulses.waiting
         entry.twin = again and self.stores.any_confirmed(entry.missing_at)
@@ -210,7 +210,7 @@ class ReliableSender(Generic[T]):
                 self._again(entry)
 
     def _again(self, entry: Entry[T]) -> None:
-        """Queue a lost message again, unless it is content that no store reads."""
+        """Queue a lost message again, unless it is burst content that no store reads."""
         if entry.inside is not None:
             for number in list(entry.missing_at):
                 if entry.tries >= self.stores[number].patience:

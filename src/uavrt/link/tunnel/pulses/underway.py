@@ -18,12 +18,12 @@ REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 DONE = 256
-"""Most acknowledged pulses kept, since another store may acknowledge them a little later."""
+"""Number of acknowledged pulses kept, since another store may acknowledge them a bit later."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
-"""Key of a pulse in memory; a third number marks a burst's content."""
+"""Key of an entry in memory: a pulse, or with a third number a burst's content."""
 
 
 @dataclass(slots=True, eq=False)
@@ -34,9 +34,9 @@ class Entry(Generic[T]):
     time_ns: int
     item: T
     inside: bytes | None = None
-    """Payload of a burst's content; None for a pulse."""
+    """Payload of a burst's content; None for a pulse message."""
     live: bool = True
-    """True for a new pulse, which goes to all; False for one read from disk for one store."""
+    """True for a new pulse, sent to all; False for a pulse read from disk for one store."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0
@@ -45,9 +45,9 @@ class Entry(Generic[T]):
     tries: int = 0
     """Number of sendings; two copies sent together count once."""
     twin: bool = False
-    """True while the second of two copies waits."""
+    """True while the second of two copies waits to be sent."""
     missing_at: set[int] = field(default_factory=set)
-    """Present stores that have not acknowledged this entry."""
+    """Present stores that have not yet acknowledged this entry."""
     stored_at: set[int] = field(default_factory=set)
     """Stores that have acknowledged this entry."""
     hashes: list[int] = field(default_factory=list)
@@ -70,7 +70,7 @@ class Underway(Generic[T]):
         self._trips = RoundTrips()
         self._unanswered_since_ns: int | None = None
         self.fresh_trip_s: float | None = None
-        """Round trip that the last receipt showed [s]; None if it showed none."""
+        """Round trip measured by the last receipt [s]; None if it measured none."""
 
     def __len__(self) -> int:
         return len(self._sent)
@@ -112,7 +112,7 @@ class Underway(Generic[T]):
             self._done.popitem(last=False)
 
     def restart(self) -> list[Entry[T]]:
-        """Remove and return all messages, since the link changed."""
+        """Remove and return all messages, because another link is used."""
         self._unanswered_since_ns = None
         self._trips = RoundTrips()
         sent = list(self._sent.values())
@@ -153,10 +153,10 @@ class Underway(Generic[T]):
         return lost
 
     def unanswered(self, now_ns: int) -> bool:
-        """True if sent messages have brought no answer for too long."""
+        """True if the sent messages have brought no acknowledgement for too long."""
         since_ns = self._unanswered_since_ns
         return since_ns is not None and now_ns - since_ns > UNANSWERED_NS
 
     def expect_no_answer(self) -> None:
-        """Stop waiting for answers to sent messages, since a station is gone."""
+        """Stop waiting for acknowledgements of sent messages, because a station is gone."""
         self._unanswered_since_ns = None

@@ -1,1 +1,1 @@
-"""Space and files: free space, copies to a drive, removal of flights."""
+"""Storage of flights: free space, copies to a drive, removal."""

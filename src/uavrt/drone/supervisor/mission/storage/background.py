@@ -1,4 +1,4 @@
-"""Runs work that may block on a disk or device outside the supervisor's event loop."""
+"""Run work that may block on a disk or device outside the supervisor's event loop."""
 
 import asyncio
 import threading

@@ -1,4 +1,4 @@
-"""Copies flights to a drive and removes flights; both can be stopped at any time."""
+"""Copy flights to a drive, and remove flights; both can be stopped at any time."""
 
 import os
 import shutil
@@ -41,7 +41,7 @@ def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) 
 
 
 def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
-    """Remove whole flights. Raises `OSError`, or `RecordingError` if stopped."""
+    """Remove whole flights; raises `OSError`, or `RecordingError` if stopped."""
     for done, flight in enumerate(flights):
         _check(wanted)
         step(done, len(flights), flight.name)

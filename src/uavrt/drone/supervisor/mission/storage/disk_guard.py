@@ -1,4 +1,4 @@
-"""Warns when the disk is nearly full, frees space if configured, and reports card faults.
+"""Warn when the disk is nearly full, free space if configured, and report card faults.
 
 A full disk never stops detection. The recorder retries what it could not write; printed output
 of processes is dropped and counted.
@@ -28,18 +28,18 @@ class DiskGuard:
         self._kept = settings.keep_newest_flights
         self._to_note: Path | None = None
         self._note_failed = False
-        """True if the log already has a failure to list this flight in the order of flights."""
+        """True if the failure to list this flight in the order of flights is already logged."""
         self._flight: Path | None = None
         self._warned = False
         self._card_faults = 0
         """Number of kinds of memory-card faults reported in this flight."""
         self.free_mb: float | None = None
-        """Free disk space [MB]; None before the first measurement or if it failed."""
+        """Free disk space [MB]; None before the first measurement, or after a failed one."""
         self.faults: tuple[StatusText, ...] = ()
-        """Faults found by the last check, whether reported before or not."""
+        """Faults found by the last check, reported or not."""
 
     def flying(self, flight: Path | None) -> None:
-        """Set the flight being written, which is never removed; None if there is none."""
+        """Set the flight being written, which is never removed; None without one."""
         self._flight = flight
         self._to_note = flight or self._to_note
         if flight is not None:
@@ -117,7 +117,7 @@ class DiskGuard:
     def _removable_flights(self) -> list[Path]:
         """Removable flights, oldest first: neither newest, starred nor in progress.
 
-        A flight counts together with its copies, which are removed first because they hold
+        A flight counts together with its copies, which are removed first because they contain
         less.
         """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]

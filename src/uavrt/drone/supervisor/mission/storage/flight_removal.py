@@ -1,4 +1,4 @@
-"""Removal of flights on a station's request, in two steps; it only reads the disk.
+"""Decide in two steps which flights a station may remove; this module only reads the disk.
 
 The first request lists the flights. A second one, later than any retry of the first, removes
 them. The newest flight and starred flights stay.
@@ -13,7 +13,7 @@ from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import with_copies
 
 RETRY_WITHIN_S = 10.0
-"""Time within which an equal request is a retry [s]; stations retry four times in 8 s."""
+"""Time within which an equal request counts as a retry [s]; stations retry 4 times in 8 s."""
 CONFIRM_WITHIN_S = 120.0
 """Time after which a second request counts as a first one [s]."""
 

@@ -1,7 +1,7 @@
 """Jobs that take longer than a command: copying flights to a drive, and removing flights.
 
-One job runs at a time, in a thread. It reports progress as `Operation` records and texts; the
-original ground station reads texts that begin with ``#`` aloud.
+One job runs at a time, in a thread. The job reports progress as `Operation` records and texts;
+the original ground station reads texts that begin with ``#`` aloud.
 """
 
 import asyncio
@@ -59,7 +59,7 @@ class Operations:
         return not self._ending.is_set()
 
     async def end(self) -> None:
-        """Stop the job because the system ends; do not wait for a drive that hangs."""
+        """Stop the job because the system ends; do not wait for a hanging drive."""
         self._ending.set()
         if self._task is not None:
             await asyncio.wait([self._task], timeout=END_S)
@@ -136,7 +136,7 @@ class Operations:
 
 
 def words(name: CommandName) -> str:
-    """Text for a job's name."""
+    """Text that names a job for the operator."""
     return name.replace("_", " ")
 
 
