@@ -1,4 +1,4 @@
-"""Frequencies where a receiver shows ghosts of a strong signal, such as its mirror image.
+"""Compute frequencies where a receiver shows ghosts of a strong signal, such as mirror images.
 
 If a ghost of one tag may appear at another tag's frequency, both tags go to the same detector
 process as long as the load stays even. One process then compares both trains at once. Through
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Largest harmonic of a signal's distance from the centre frequency that is considered."""
+"""Highest harmonic considered of a signal's distance from the centre frequency."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
@@ -30,7 +30,7 @@ amplifiers; the second from a converter's separate treatment of the two parts of
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """Tuning of a receiver, from which its ghost frequencies follow."""
+    """Tuning of a receiver, which determines its ghost frequencies."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -65,7 +65,7 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Lowest harmonic of a signal that may be a ghost in a search; -1 is the mirror."""
+        """Lowest harmonic of a signal that may lie in a search band; -1 is the mirror image."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -76,7 +76,7 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Unaliased distances of possible ghosts from the centre, and tolerances [Hz]."""
+        """Distances of possible ghosts from the centre, not aliased, and tolerances [Hz]."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

@@ -1,4 +1,4 @@
-"""Checks of ``[guidance]`` that need several settings: known planners, consistent limits."""
+"""Check ``[guidance]`` where several settings depend on each other: planner, limits."""
 
 import json
 from collections.abc import Iterator

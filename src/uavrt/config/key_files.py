@@ -18,7 +18,7 @@ def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> byte
     """
     with os_errors_as(ConfigError, f"cannot read the {what} {path}", REMEDY):
         text = read_file(path, KEYS).decode("ascii", "replace")
-        # Windows keeps its permissions elsewhere.
+        # Windows stores permissions elsewhere.
         mode = os.stat(path).st_mode if os.name == "posix" else 0
     try:
         secret = bytes.fromhex(text.strip())

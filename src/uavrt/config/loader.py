@@ -63,8 +63,8 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
         for key, text in found
     ]
     try:
-        # By way of JSON, where a list may be a tuple and strict still means strict: "3" is no
-        # number and 3.5 no count. Dates, which no setting has, become text and are refused.
+        # Through JSON, where a list may be a tuple and strict types are still checked: "3" is
+        # no number and 3.5 no count. Dates, which no setting has, become text and are refused.
         settings = _settings_adapter().validate_json(json.dumps(document, default=str))
     except ValidationError as error:
         schema = settings_schema()
@@ -194,7 +194,7 @@ def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
 
 
 def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
-    """Lines of one setting: comment, then default; commented out if there is none."""
+    """Lines of one setting: comment, then default, commented out if there is none."""
     comment = [f"# {line}" for line in _plain(str(entry.get("description", ""))).split("\n")]
     default = entry.get("default")
     if default is None:
@@ -212,7 +212,7 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Text of a custom rule, of which pydantic only gives the function's name."""
+    """Text of a custom rule; pydantic reports only the name of the rule's function."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

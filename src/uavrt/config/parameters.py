@@ -46,10 +46,10 @@ class Parameter:
     live: bool = False
     """True if a change applies at once; False: from the next start of detection."""
     volatile: bool = False
-    """True for a state that changes by itself, so that it is not stored as a setting."""
+    """True for a state that changes by itself and is therefore not stored as a setting."""
 
     def allows(self, value: float) -> bool:
-        """True if a value is within range."""
+        """True if a value is within the parameter's range."""
         if value == self.absent:
             return True
         whole = self.kind == "real" or value == int(value)
@@ -203,11 +203,11 @@ RUN = Parameter(
 """Parameter that starts and stops detection, for ground stations without uavrt's commands."""
 
 OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
-"""All parameters shown to a ground station: those of settings, and `RUN`."""
+"""All parameters offered to a ground station: those of settings, and `RUN`."""
 
 
 def run_wanted(value: float) -> bool:
-    """True if a value of `DET_RUN` means to detect; raises `ConfigError` if not 0 or 1."""
+    """True if a value of `DET_RUN` starts detection; raises `ConfigError` if not 0 or 1."""
     if not (math.isfinite(value) and RUN.allows(value)):
         raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
     return bool(value)

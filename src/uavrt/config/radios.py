@@ -1,4 +1,4 @@
-"""The table of radios, one row each.
+"""Table of supported radios, one row each.
 
 Gain ranges, kinds in ``uavrt.toml``, programs, names in logs and the service's device
 permissions derive from it. A new radio needs a row here, and its program's arguments
@@ -21,9 +21,9 @@ class RadioRow:
     kind: str
     title: str
     gains: tuple[int, int]
-    """Lowest and highest gain in the radio's own steps."""
+    """Lowest and highest gain [steps of the radio]."""
     default_gain: int | None = None
-    """Usual gain in the radio's own steps; None: the driver's default."""
+    """Usual gain [steps of the radio]; None: the driver's default."""
     package: str
     """Debian package with the radio's programs."""
     receive: str = ""
@@ -48,7 +48,7 @@ class RadioRow:
     """Program that lists the devices with index and serial number. Needed if `receive` takes a
     serial number of digits for an index."""
     serial_prefix: str = ""
-    """Prefix that its program requires before the hexadecimal serial number reported by USB."""
+    """Prefix that the program needs before the hexadecimal serial number from USB."""
     usb: tuple[tuple[str, str, str], ...] = ()
     """USB vendor id, product id and name of each model."""
 
@@ -57,7 +57,7 @@ class RadioRow:
         return any(low <= rate_hz <= high for low, high in self.rates_hz)
 
     def rates_text(self, unit_hz: float = 1.0) -> str:
-        """Supported sample rates as text, in a given unit."""
+        """Text that lists the supported sample rates, in a given unit."""
         note = f" ({self.rates_note})" if self.rates_note else ""
         return _spans([(a / unit_hz, b / unit_hz) for a, b in self.rates_hz]) + note
 
@@ -66,7 +66,7 @@ class RadioRow:
         return any(low <= frequency_hz * 1e-6 <= high for low, high in self.receives_mhz)
 
     def receives_text(self) -> str:
-        """Supported radio frequencies as text."""
+        """Text that lists the supported radio frequencies."""
         return f"{_spans(self.receives_mhz)} MHz"
 
     def tuned_hz(self, frequency_hz: float, correction_ppm: float = 0.0) -> float:
@@ -101,7 +101,7 @@ RADIOS: dict[str, RadioRow] = {
             inform=("airspy_info",),
             gains=(0, 21),  # "sensitivity" gain
             default_gain=21,
-            # airspy_rx takes a number that is not a rate as a place in its list of rates.
+            # airspy_rx reads a number that is not a rate as an index in its list of rates.
             rates_hz=_single(2.5e6, 3e6, 6e6, 10e6),
             rates_note="Mini: 3 and 6 MS/s, R2: 2.5 and 10",
             receives_mhz=((24.0, 1900.0),),
@@ -136,7 +136,7 @@ RADIOS: dict[str, RadioRow] = {
             rates_hz=((225_001, 300e3), (900_001, 3.2e6)),
             receives_mhz=((24.0, 1766.0),),
             usual_rate_hz=250e3,
-            # It lists all devices and exits, because no device has this serial number.
+            # airspy_rx lists all devices and exits, because no device has this serial number.
             lists=("rtl_sdr", "-d", "none", "/dev/null"),
             usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
         ),

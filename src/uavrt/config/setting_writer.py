@@ -21,7 +21,7 @@ Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
 """New values by table and key; None resets a setting to its default."""
 _MOST_LINES = 200
-"""Most lines that one value may span."""
+"""Maximum number of lines of one value."""
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
@@ -43,7 +43,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Settings after the changes, and the file's new text; raises as `change_settings`."""
+    """Apply changes; returns settings and new text. Raises as `change_settings`."""
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)
@@ -81,7 +81,7 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 
 def _end_of_value(lines: list[str], first: int) -> int:
-    """Number of the last line of a value, given its first; counted from 1."""
+    """Number of the last line of a value, given the first line; counted from 1."""
     for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))

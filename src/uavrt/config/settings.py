@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Interval, Predicate
 
 
 class _Table:
-    """Base class of all tables."""
+    """Base class of the settings' tables."""
 
     __slots__ = ()
     __pydantic_config__: ClassVar[dict[str, Any]] = {
@@ -42,12 +42,12 @@ OperatingModeName = Literal[
 ``detectorConfig.txt``."""
 NamedValuesName = Literal["all", "snr", "off"]
 RADIO_GROUP = "uavrt.radios"
-"""Entry point group by which installed packages add kinds of radio (docs/how-to/extend.md)."""
+"""Entry point group of radios in other installed packages (docs/how-to/extend.md)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioSettings(_Table):
-    """``[radio]``: which receiver, and how it is set."""
+    """``[radio]``: the receiver and its settings."""
 
     kind: str = "airspy"
     """``airspy`` (Mini, R2), ``airspyhf``, ``rtlsdr``, ``hackrf``, ``soapy`` for others, or one
@@ -55,19 +55,19 @@ class RadioSettings(_Table):
     program: tuple[str, ...] = ()
     """Program and first arguments, instead of the usual one (``airspy_rx`` …); empty: usual."""
     sample_rate_hz: Annotated[float, Interval(ge=3_000.0, le=100e6)] = 3_000_000.0
-    """Samples a second from the radio."""
+    """Sample rate of the radio [Hz]."""
     gain: Annotated[int, Ge(0)] | None = None
-    """Gain in the radio's own steps (Airspy: 0 to 21); left out: the radio's usual gain."""
+    """Gain [steps of the radio] (Airspy: 0 to 21); left out: the radio's usual gain."""
     bias_tee: bool = False
     """Power an amplifier at the antenna through the cable."""
     frequency_correction_ppm: Annotated[float, Interval(ge=-200.0, le=200.0)] = 0.0
-    """Known error of the radio's crystal, positive when it runs fast."""
+    """Known error of the radio's crystal [ppm], positive when it runs fast."""
     serial: str | None = None
-    """Serial number of the device, when there are several."""
+    """Serial number of the device; needed if several are connected."""
     center_frequency_hz: Annotated[float, Interval(ge=20e6, le=1e9)] | None = None
-    """Radio frequency; left out: the tuner chooses it from the tags."""
+    """Radio frequency [Hz]; left out: the tuner chooses it from the tags."""
     retry_s: Annotated[float, Interval(ge=0.1, le=60.0)] = 3.0
-    """Time between attempts to open a radio that has failed twice within ten seconds."""
+    """Time between attempts to open a radio that has failed twice within ten seconds [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,19 +79,18 @@ class MavlinkSettings(_Table):
     ``tcp://HOST:PORT``; empty for none (cart, bench and field-monitor use)."""
     direct_links: tuple[str, ...] = ()
     """Further links, direct to ground stations, such as ["udpin://0.0.0.0:14560"] over Wi-Fi:
-    pulses, answers and files use the first link on which a ground station is received, and else
-    the autopilot's."""
+    pulses, answers and files use the first link with a ground station, else the autopilot's."""
     system_id: Annotated[int, Interval(ge=1, le=253)] = 1
-    """System id where there is no autopilot, whose id is used otherwise; each station and
+    """MAVLink system id if there is no autopilot, whose id is used otherwise; each station and
     vehicle needs its own."""
     component_id: Annotated[int, Interval(ge=1, le=255)] = 191
-    """Our component id in the vehicle's MAVLink system; 191 is the first onboard computer."""
+    """Component id in the vehicle's MAVLink system; 191 is the first onboard computer."""
     tunnel_gap_s: Annotated[float, Interval(ge=0.012, le=1.0)] = 0.020
-    """Time between two tunnel messages; never below 0.012."""
+    """Time between two tunnel messages [s]; at least 0.012."""
     attitude_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 50.0
-    """Attitudes requested from the autopilot each second."""
+    """Rate of attitude messages requested from the autopilot [Hz]."""
     position_rate_hz: Annotated[float, Interval(gt=0.0, le=250.0)] = 10.0
-    """Positions requested from the autopilot each second."""
+    """Rate of position messages requested from the autopilot [Hz]."""
     parameter_encoding: Literal["auto", "bytewise", "c_cast", "float"] = "auto"
     """Encoding of whole numbers in parameters; auto: as the autopilot does it (PX4 bytewise,
     ArduPilot cast), which is what most ground stations expect; float: all parameters are of
@@ -102,28 +101,28 @@ class MavlinkSettings(_Table):
     commanders: tuple[Annotated[int, Interval(ge=1, le=255)], ...] = ()
     """System ids of the ground stations that may command; empty: all."""
     first_commands: bool = True
-    """The station that commands a flight first, by MAVLink or ROS 2, commands it alone, until
-    it has been silent for 60 s, or another uses a sealed command; false: every station
-    commands."""
+    """Only the first station that commands a flight, by MAVLink or ROS 2, may command it, until
+    it has been silent for 60 s or another uses a sealed command; false: all stations may
+    command."""
     key_file: str | None = None
-    """File with a key of 32 or more hexadecimal digits that the ground station has too; then
-    only commands sealed with it are accepted, and other ground stations can only listen."""
+    """File with a key of 32 or more hexadecimal digits, as on the ground station; then only
+    commands sealed with it are accepted, and other ground stations can only listen."""
     key_required: bool = True
-    """With a key: false also accepts unsealed commands, from the first station that commands; a
-    station with the key commands at any time."""
+    """If a key is set: true accepts only sealed commands; false also unsealed ones, from the
+    first station that commands. A station with the key may command at any time."""
     signing_key_file: str | None = None
     """File with a key of 64 hexadecimal digits: MAVLink 2 signing, for direct links and through
     ArduPilot. PX4 1.17 breaks the signatures of frames that it forwards; use key_file there."""
     accept_unsigned: Literal["none", "autopilot", "all"] = "autopilot"
-    """With a signing key: sources whose unsigned frames are accepted; the autopilot's are its
-    telemetry only."""
+    """Sources whose unsigned frames are accepted if a signing key is set; of the autopilot,
+    only telemetry."""
     tunnel_generation: Literal["auto", "G0", "G1", "G2v1", "G2"] = "auto"
-    """Wire format towards the ground; auto answers in the ground station's format. The numbered
-    versions of the original must be named: G2v1 is version 1, G2 that of tunnel_version."""
+    """Wire format towards the ground; auto: the format of the ground station. Numbered versions
+    of the original must be set: G2v1 is version 1, G2 that of tunnel_version."""
     tunnel_version: Annotated[int, Interval(ge=4, le=7)] = 7
-    """Version number sent with G2; the ground station must expect exactly this one."""
+    """Protocol version number sent with G2; the ground station must expect exactly this one."""
     tunnel_experimental: bool = False
-    """Allow G2, some of whose layouts were inferred and not verified on a wire."""
+    """Allow G2, whose layouts were partly inferred and not verified with an original system."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,61 +137,61 @@ class PoseSettings(_Table):
     """Address of the receiver: NMEA by serial:///dev/ttyACM0:9600, udpin://0.0.0.0:10110 or
     tcp://HOST:PORT; gpsd by HOST:PORT, empty for the one on this computer."""
     latitude_deg: Annotated[float, Interval(ge=-90.0, le=90.0)] | None = None
-    """Latitude of a fixed station."""
+    """Latitude of a fixed station [°]."""
     longitude_deg: Annotated[float, Interval(ge=-180.0, le=180.0)] | None = None
-    """Longitude of a fixed station."""
+    """Longitude of a fixed station [°]."""
     altitude_amsl_m: Annotated[float, Interval(ge=-500.0, le=9000.0)] = 0.0
-    """Altitude of the ground above the sea, if no receiver reports it."""
+    """Altitude of the ground above mean sea level [m], if no receiver reports it."""
     height_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 2.0
-    """Height of the antenna above ground."""
+    """Height of the antenna above ground [m]."""
     heading_deg: Annotated[float, Interval(ge=-360.0, le=360.0)] | None = None
-    """Direction of the station, clockwise from true north; left out: from the receiver's
+    """Direction of the station [°], clockwise from true north; left out: from the receiver's
     compass (NMEA's HDT and THS, gpsd's ATT). The parameter POSE_HEADING sets it at any time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaSettings(_Table):
-    """``[antenna]``: how the antenna sits on the vehicle."""
+    """``[antenna]``: mounting of the antenna on the vehicle."""
 
     yaw_offset_deg: Annotated[float, Interval(ge=-360.0, le=360.0)] = 0.0
-    """Antenna boresight clockwise from the vehicle's nose."""
+    """Yaw of the antenna's boresight from the vehicle's nose [°], clockwise seen from above."""
     pitch_offset_deg: Annotated[float, Interval(ge=-180.0, le=180.0)] = 0.0
-    """Boresight up from the vehicle's level, applied after the yaw offset."""
+    """Pitch of the boresight from the vehicle's level [°], positive up; applied after yaw."""
     roll_offset_deg: Annotated[float, Interval(ge=-180.0, le=180.0)] = 0.0
-    """Antenna turned right side down around its boresight, applied last."""
+    """Roll of the antenna around its boresight [°], positive right side down; applied last."""
     offset_forward_m: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
-    """Antenna ahead of the autopilot."""
+    """Distance of the antenna from the autopilot [m], positive forward."""
     offset_right_m: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
-    """Antenna to the right of the autopilot."""
+    """Distance of the antenna from the autopilot [m], positive to the right."""
     offset_down_m: Annotated[float, Interval(ge=-100.0, le=100.0)] = 0.0
-    """Antenna below the autopilot."""
+    """Distance of the antenna from the autopilot [m], positive down."""
     pose_wait_s: Annotated[float, Interval(ge=0.0, le=60.0)] = 1.0
-    """Longest wait of a pulse for a pose later than itself before it is extrapolated."""
+    """Longest time that a pulse waits for a later pose [s]; its pose is then extrapolated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionSettings(_Table):
-    """``[detection]``: the search."""
+    """``[detection]``: the search for pulses of the tags."""
 
     frequency_window_hz: Annotated[float, Gt(0.0)] = 500.0
-    """Half-width of the search around each tag's nominal frequency."""
+    """Half-width of the search around each tag's nominal frequency [Hz]."""
     operating_mode: OperatingModeName = "freqSearchSoftLock"
     """Frequency search after a detection: ``freqSearchSoftLock`` (search the window always),
     ``freqSearchHardLock`` (once confirmed, ± 100 Hz around it for the rest of the flight),
     ``freqKnownHardLock`` (± 100 Hz around the nominal frequency), ``freqAllNeverLock`` (the
     whole channel, no track)."""
     workers: Annotated[int, Interval(ge=0, le=64)] = 0
-    """Detector processes; 0: one for each spare core."""
+    """Number of detector processes; 0: one for each spare core."""
     shape: Shape = "workers"
     """Processes: ``workers`` (a receiver and several detectors), ``one`` (all in one process,
     for a single core)."""
     maximum_tags: Annotated[int, Interval(ge=0, le=1000)] = 0
-    """Most tags accepted; 0: as many as this computer's cores can search, which is measured at
-    the start of a flight with more than 100 tags."""
+    """Maximum number of tags accepted; 0: as many as this computer's cores can search, which is
+    measured at the start of a flight with more than 100 tags."""
     k: Annotated[int, Interval(ge=0, le=100)] = 0
-    """Pulses summed for one decision, for all tags; 0: as each tag says."""
+    """Number of pulses summed for one decision, for all tags; 0: as in each tag's entry."""
     false_alarm_probability: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0
-    """Expected false groups for each decision interval, for all tags; 0: as each tag says."""
+    """False groups in each decision interval, for all tags; 0: as in each tag's entry."""
 
     @property
     def worker_count(self) -> int:
@@ -207,7 +206,7 @@ class BearingSettings(_Table):
     on_drone: bool = False
     """Also estimate bearings on the drone and send them: for a link that loses most pulses."""
     antenna: str = "RA-23K"
-    """The antenna's pattern for bearings on the drone."""
+    """Antenna pattern used for bearings on the drone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +214,7 @@ class IntegrationSettings(_Table):
     """``[integration]``: search for tags below the noise during the flight."""
 
     on_drone: bool = False
-    """Judge each tag by the whole flight so far, twice a minute or as often as a tenth of a
+    """Search each tag in the whole flight so far, twice a minute or as often as a tenth of a
     core allows, and report finds. Needs ``recording.channels``, and 400 MB of memory."""
 
 
@@ -224,20 +223,20 @@ class RecordingSettings(_Table):
     """``[recording]``: files that a flight keeps."""
 
     directory: str = "flights"
-    """Parent of the flight directories."""
+    """Folder that contains the flight directories."""
     iq: bool = False
     """Also record the decimated band while detecting (cs16 SigMF, about 5.4 GB an hour)."""
     channels: bool = True
-    """Keep the samples of each tag's channel (SigMF, 54 MB an hour for each channel), for
-    ``uavrt integrate``; false spares the card."""
+    """Record the samples of each tag's channel (SigMF, 54 MB an hour for each channel), for
+    ``uavrt integrate``; false saves space on the card."""
     channels_mb: Annotated[float, Interval(ge=1.0, le=10e6)] = 2000.0
-    """Most space for the kept channels of all flights: beyond it the oldest are removed.
-    Starred flights keep theirs, and do not count."""
+    """Maximum space for recorded channels of all flights [MB]; the oldest are removed beyond
+    it. Channels of starred flights are not removed and do not count."""
     minimum_free_mb: Annotated[float, Ge(0.0)] = 500.0
-    """Free space below which IQ recording stops; channels are no longer kept below 1.2 times as
-    much, and pulses and poses are still recorded."""
+    """Free space below which IQ recording stops [MB]; channel recording stops below 1.2 times
+    as much, and pulses and poses are still recorded."""
     capture_s: Annotated[float, Interval(gt=0.0, le=3600.0)] = 8.0
-    """Duration of a raw capture unless it is stopped."""
+    """Duration of a raw capture unless it is stopped earlier [s]."""
     save_directory: str | None = None
     """Folder to which "save logs" copies the flights; left out: the only drive under /media."""
     remove_oldest_flights: bool = False
@@ -257,58 +256,58 @@ class GuidanceSettings(_Table):
     """Take off when an operator orders and confirms it, once a pilot has armed; uavrt never
     arms."""
     lowest_m: Annotated[float, Interval(ge=5.0, le=500.0)] = 20.0
-    """Least height above ground, assumed level with home unless terrain is set."""
+    """Minimum height above ground [m]; without terrain, ground is level with home."""
     highest_m: Annotated[float, Interval(ge=10.0, le=500.0)] = 120.0
-    """Greatest height above ground."""
+    """Maximum height above ground [m]."""
     fence_m: Annotated[float, Interval(ge=10.0, le=10_000.0)] = 500.0
-    """Greatest distance from home."""
+    """Maximum distance from home [m]."""
     speed_m_s: Annotated[float, Interval(ge=0.5, le=25.0)] = 5.0
-    """Flight speed set in the autopilot, used for planned times and energies."""
+    """Flight speed set in the autopilot [m/s]; also used for planned times and energies."""
     airspeed_m_s: Annotated[float, Interval(ge=1.0, le=60.0)] = 12.0
-    """Greatest speed through the air. Headwind reduces ground speed; in wind close to this
-    speed the drone only flies home."""
+    """Maximum airspeed [m/s]. Headwind reduces ground speed; in wind close to this speed the
+    drone only flies home."""
     wind_m_s: Annotated[float, Interval(ge=0.0, le=30.0)] = 8.0
-    """Worst expected wind, as headwind on the way home; used where the autopilot reports no
-    wind."""
+    """Worst expected wind [m/s], as headwind on the way home; used where the autopilot reports
+    no wind."""
     return_height_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 60.0
-    """Height to which the autopilot climbs before it returns: RTL_RETURN_ALT of PX4, RTL_ALT of
-    ArduPilot."""
+    """Height to which the autopilot climbs before it returns [m]: RTL_RETURN_ALT of PX4,
+    RTL_ALT of ArduPilot."""
     hover_w: Annotated[float, Interval(ge=5.0, le=20_000.0)] | None = None
-    """Hover power: volts times amperes from a flight's log. Left out, 400 W is assumed, and
+    """Hover power [W]: volts times amperes from a flight's log. Left out: 400 W is assumed, and
     three times as much for the way home, until it is measured in flight."""
     battery_wh: Annotated[float, Gt(0.0)] | None = None
-    """Energy of the full battery; without it only turns, hold and return are flown."""
+    """Energy of the full battery [Wh]; without it only turns, hold and return are flown."""
     reserve_percent: Annotated[float, Interval(ge=5.0, le=90.0)] = 25.0
-    """Charge that must remain at home."""
+    """Battery charge that must remain on arrival at home [%]."""
     keep_away_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 30.0
-    """Least horizontal distance of a search from possible places of animals; 0: no limit."""
+    """Minimum distance of a search from possible animal positions [m]; 0: no limit."""
     keep_out_file: str | None = None
     """File on the drone with areas that must not be overflown, such as people and buildings:
     GeoJSON, KML or .plan (exclusion fences). Areas in an order are added to it."""
     terrain: str | None = None
-    """File or folder on the drone with ground heights (SRTM tiles, GeoTIFF): paths and ways
+    """File or folder on the drone with ground heights (SRTM tiles, GeoTIFF): paths and flights
     home keep lowest_m above it, and a search takes hills into account. Without it level ground
     is assumed."""
     planner: str = "mi_rate"
     """Planner that chooses the next leg of a search."""
     headings: Annotated[int, Interval(ge=8, le=16)] = 12
-    """Steps of a turn on PX4; ArduPilot turns by one command."""
+    """Number of headings in a turn on PX4; ArduPilot turns by one command."""
     link_lost: Literal["hold", "return", "go on"] = "hold"
-    """Action when the station that confirmed was not received for 5 s; ``hold``: and return
-    after return_after_s."""
+    """Action after 5 s without the station that confirmed the order; ``hold``: and return after
+    return_after_s."""
     return_after_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 60.0
-    """Time of holding before the return."""
+    """Time of holding before the return [s]."""
     unwatched_channels: tuple[Annotated[int, Interval(ge=5, le=18)], ...] = ()
-    """RC channels whose changes do not end an order, like [16] for one that carries the RSSI; a
+    """RC channels whose changes do not end an order, like [16] for a channel with the RSSI; a
     change on any other channel is a pilot's takeover."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UdpChannelSettings(_Table):
-    """``[udp_channels]``: the tags' channels for the original's detectors as well."""
+    """``[udp_channels]``: the tags' channels, sent to the original's detectors as well."""
 
     enabled: bool = False
-    """Send each tag's channel as UDP datagrams: 1024 samples at 3750 a second."""
+    """Send each tag's channel as UDP datagrams of 1024 samples, at a rate of 3750 Hz."""
     host: str = "127.0.0.1"
     """Destination host."""
     ports: Literal["current", "thesis"] = "current"
@@ -325,8 +324,8 @@ class Ros2Settings(_Table):
     enabled: bool = False
     """Publish the drone side as ROS 2 nodes and topics."""
     interfaces: tuple[str, ...] = ()
-    """Network interfaces besides the loopback, like ["eth0"]; every computer on them may
-    listen, and command unless accept_commands is false."""
+    """Network interfaces besides the loopback, like ["eth0"]. Every computer on them may
+    listen, and also command unless accept_commands is false."""
     namespace: Annotated[str, Predicate(is_ros_namespace)] = ""
     """Prefix of all nodes and topics, like "drone1": one for each vehicle of a ROS domain."""
     domain_id: Annotated[int, Interval(ge=0, le=232)] | None = None
@@ -342,7 +341,7 @@ class Ros2Settings(_Table):
     """Provide ROS 2's parameter services, for `ros2 param list`, get and set with
     RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; set obeys accept_commands and the commander."""
     accept_pulses: bool = False
-    """Accept pulses that detectors on other computers publish; they get a pose and are sent to
+    """Accept pulses published by detectors on other computers; they get a pose and are sent to
     the ground like our own."""
 
 

@@ -1,4 +1,4 @@
-"""Replaces a file as a whole; a kill or power cut leaves either the old or the new one.
+"""Replace a file as a whole: after a kill or power cut it is either the old or the new one.
 
 The new file and then its directory are synced to the disk (fsync); otherwise ext4 may keep the
 new name and lose the content.
@@ -50,7 +50,7 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file by text (UTF-8) or bytes, as `replacing` does; a device is just written.
+    """Replace a file by text (UTF-8) or bytes, as `replacing` does; write to a device directly.
 
     `mode`: permissions; a secret file is never readable for others, not even briefly.
     """
@@ -59,7 +59,7 @@ def write_atomically(
         path.write_bytes(data)
         return
     with replacing(path, sync=sync) as part:
-        # Never through a link created by another user.
+        # Never write through a link created by another user.
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
         with open(os.open(part, flags, 0o600), "wb") as file:
             file.write(data)

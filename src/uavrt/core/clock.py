@@ -1,8 +1,8 @@
 """The only module that reads clocks.
 
-Time in uavrt is an ``int``: nanoseconds UTC. It is the monotonic clock plus an offset that is
-fixed at the start of a flight and passed to every process. A step of the wall clock in flight
-(GNSS fix, NTP, a user) therefore changes nothing.
+Time in uavrt is an ``int``: nanoseconds UTC. The value is the monotonic clock plus an offset
+that is fixed at the start of a flight and passed to every process. A step of the wall clock in
+flight (GNSS fix, NTP, a user) therefore changes nothing.
 """
 
 import time
@@ -36,7 +36,7 @@ class Clock:
         return cls(wall - (before + after) // 2)
 
     def now_ns(self) -> int:
-        """Time now [ns, UTC]."""
+        """Present time [ns, UTC]."""
         return time.monotonic_ns() + self.offset_ns
 
     def wall_correction_ns(self) -> int:
@@ -80,7 +80,7 @@ def told_utc(time_ns: int) -> str:
 
 
 def parse_iso_utc(text: str) -> int:
-    """Read an ISO 8601 time; without a zone it is taken as UTC.
+    """Parse an ISO 8601 time to [ns, UTC]; a time without a zone is UTC.
 
     Raises `ValueError`: `text` is not an ISO 8601 time, or not one from 1970 to 2261:
     nanoseconds are kept in 64 bits.
@@ -114,7 +114,7 @@ def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
 
 
 def flight_stamp(time_ns: int) -> str:
-    """Name part of a flight directory: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
+    """Start of a flight directory's name: UTC as ``YYYY-mm-dd_HH-MM-SS`` (thesis §4.5)."""
     return (
         f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%Y-%m-%d_%H-%M-%S}"
     )

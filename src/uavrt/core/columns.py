@@ -1,4 +1,4 @@
-"""Dataclasses of arrays with one row per item: selecting and joining rows."""
+"""Select and join rows of dataclasses whose fields are arrays with one row per item."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace

@@ -2,13 +2,11 @@
 
 The supervisor's rules, the numbers and lengths in the radio protocol, the ground station's
 buttons and the page's answers derive from it. A new command is a row here with name and number,
-and an action in `uavrt.drone.supervisor.mission.operator_commands`. Unless it is only its
-number, it also needs a layout in the protocol versions (`uavrt.link.tunnel.generations.g1`,
-`g2`).
+and an action in `uavrt.drone.supervisor.mission.operator_commands`. A command with parameters
+also needs a layout in the protocol versions (`uavrt.link.tunnel.generations.g1`, `g2`).
 
 A command that a state does not allow is refused with a reason that the operator can act on. A
-repeated command is accepted and changes nothing, so a ground station may retry over a lossy
-link.
+repeated command is accepted without effect, so a ground station may retry over a lossy link.
 """
 
 from collections.abc import Mapping
@@ -18,7 +16,7 @@ from typing import Literal
 
 
 class SystemState(StrEnum):
-    """State of the supervisor; the protocol has other numbers for it."""
+    """State of the supervisor; the radio protocol numbers the states differently."""
 
     IDLE = "idle"
     RECEIVING_TAGS = "receiving_tags"
@@ -73,7 +71,7 @@ class CommandId(IntEnum):
     DETECTOR_HEARTBEAT = 23
 
 
-# ------------------------------------------------------------------- what it does in a state
+# ------------------------------------------------------------------- effects in a state
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,11 +138,11 @@ class Button:
     action: str
     label: str
     asking: str = ""
-    """Text while a command that is only its number waits for its answer."""
+    """Text shown while a command without parameters waits for its acknowledgement."""
     done: str = ""
-    """Text for an acknowledgement without a text of its own."""
+    """Text shown when the acknowledgement of the command contains no text."""
     any_page: bool = False
-    """True if any open page may press it, not only the one in command."""
+    """True if any open page may send the command, not only the page in command."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,17 +155,16 @@ class CommandRow:
     """Effect of the command in each state."""
     who: Who
     while_ending: bool = True
-    """True if it is allowed while a flight's last pulses are being recorded."""
+    """True if the command is allowed while the last pulses of a flight are being recorded."""
     number: CommandId | None = None
-    """Number in the radio protocol; None: it is sent in another form."""
+    """Number in the radio protocol; None: the command is sent in another form."""
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
-    """Lengths of its payloads in each protocol version that has it, the newest last [bytes]."""
+    """Lengths of the command's payloads in each protocol version, the newest last [bytes]."""
     button: Button | None = None
 
 
 BARE, BARE_G2 = (4,), (8,)
-"""Length of a payload that is only the command's number [bytes]; from G2 on with a request id.
-"""
+"""Lengths of a payload without parameters [bytes]; from G2 on, a request id is included."""
 
 _ROWS = (
     CommandRow(
@@ -328,7 +325,7 @@ COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
 COMMAND_OF_NUMBER: dict[int, CommandRow] = {
     row.number: row for row in _ROWS if row.number is not None
 }
-"""All commands that have one by their protocol number."""
+"""All commands that have a protocol number, by that number."""
 
 
 def outcome(state: SystemState, command: CommandName) -> Outcome:

@@ -28,11 +28,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 LONGEST_LINE = 400
-"""Most characters of a message's line, which may quote foreign text."""
+"""Maximum length of a line in an error message [characters]; it may quote foreign text."""
 
 
 def _shown(text: str) -> str:
-    """Text with shortened lines and without control characters."""
+    """Shorten the lines of a text and remove control characters."""
     if not text.isprintable():
         text = "".join(one if one.isprintable() or one == "\n" else "\ufffd" for one in text)
     if len(text) <= LONGEST_LINE:

@@ -1,4 +1,4 @@
-"""Size limits for files and texts from outside, and functions that read them.
+"""Read files and texts from outside, with limits on their size.
 
 Every parser of a foreign format uses these functions. They limit bytes, unpacked bytes, nesting
 and number of values; a file beyond its limit is refused with one line. Limits are about ten
@@ -45,9 +45,9 @@ class Limit:
     what: str
     """Kind of file, for the error text: ``"a tag file"``."""
     bytes: int
-    """Largest size on the disk, and after unpacking [bytes]."""
+    """Maximum size on the disk, and after unpacking [bytes]."""
     values: int = 100_000
-    """Largest number of elements, objects, lists and members in total."""
+    """Maximum number of elements, objects, lists and members in total."""
     depth: int = 32
 
     def check_size(self, size: int, name: object) -> None:
@@ -62,23 +62,23 @@ class Limit:
 SETTINGS = Limit(what="a settings file", bytes=200_000, values=5_000, depth=8)
 TAGS = Limit(what="a tag file", bytes=1_000_000, values=100_000, depth=8)
 YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, depth=8)
-"""Lists of tags in YAML: PyYAML reads some 200 kB a second; 500 codes have 60 kB."""
+"""Limits for YAML lists of tags: PyYAML reads about 200 kB a second; 500 codes have 60 kB."""
 SHAPES = Limit(what="an area or a way", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
-"""JSON descriptions: SigMF metadata of a recording with gaps, results of a flight."""
+"""Limits for JSON: SigMF metadata of a recording with gaps, results of a flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
-"""Description of an archive of a million recordings."""
+"""Limits for the JSON description of an archive of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
-"""Text logs; lines are counted instead of values, because line ends compress well."""
+"""Limits for text logs; lines are counted, not values, because line ends compress well."""
 OWN = Limit(what="a file of uavrt's own", bytes=20_000_000)
-"""Files that a program keeps across restarts; the list of 10 000 flights has 8 MB."""
+"""Limits for files that uavrt keeps across restarts; the list of 10 000 flights has 8 MB."""
 KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
-"""Requests to the ground station, decoded in its event loop in 20 ms at most."""
+"""Limits for requests to the ground station, which decodes them in at most 20 ms."""
 UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
-"""Uploaded files; commas in their text count as values."""
+"""Limits for uploaded files; commas in their text count as values."""
 MAP_PART = Limit(what="a part of a map", bytes=1_500_000, values=50_000)
-"""A directory or the description of a PMTiles map, compressed and unpacked."""
+"""Limits for a directory or the description of a PMTiles map, compressed and unpacked."""
 ZIPPED_TILE = Limit(what="a packed tile of heights", bytes=30_000_000, values=1_000)
 GPX = Limit(what="a track in GPX", bytes=100_000_000, values=2_000_000)
 TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
@@ -141,7 +141,7 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
     with path.open("rb") as file:
         file.seek(max(0, size - _ZIP_END_BYTES))
         end = file.read()
-    # zipfile reads the whole directory, whose size stands 12 bytes after these marks.
+    # zipfile reads the whole directory; its size is 12 bytes after these marks.
     directories = [
         int.from_bytes(end[found.start() + 12 : found.start() + 16], "little")
         for found in re.finditer(rb"PK\x05\x06", end)
@@ -161,7 +161,7 @@ _GZIP_BITS = 31
 
 
 def unpack(pieces: Iterable[bytes], most: int) -> bytes:
-    """Unpack gzip data, up to a little more than `most` bytes.
+    """Unpack gzip data; returns at most a little more than `most` bytes.
 
     Raises `zlib.error` or `EOFError` if they are damaged or incomplete.
     """
@@ -184,14 +184,14 @@ def unpack(pieces: Iterable[bytes], most: int) -> bytes:
 
 
 def pieces_of(content: bytes) -> Iterable[bytes]:
-    """Split bytes into pieces, so that unpacking copies little."""
+    """Split bytes into pieces; unpacking piece by piece copies less."""
     view = memoryview(content)
     for start in range(0, len(content), _PIECE_BYTES):
         yield bytes(view[start : start + _PIECE_BYTES])
 
 
 def read_json(content: bytes | str, limit: Limit) -> Any:
-    """Decode JSON from outside; raises `ValueError` with a text for the end of a sentence."""
+    """Decode JSON from outside; raises `ValueError` whose text can end a sentence."""
     if len(content) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
     # Commas in texts count, too: they are few compared with the limit.
@@ -226,7 +226,7 @@ def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN)
 
 
 def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
-    """Decode a record from JSON; raises `FormatError` with only the reason."""
+    """Decode a record from JSON; the text of its `FormatError` is the reason alone."""
     try:
         return msgspec.json.decode(content, type=kind)
     except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
@@ -264,10 +264,10 @@ _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
-    """Raise `ValueError` for TOML on which `tomllib` would take minutes.
+    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
 
-    Its time increases with the square of the parts of a dotted key, its stack with each level
-    of brackets.
+    The parser's time increases with the square of the parts of a dotted key, its stack with
+    each level of brackets.
     """
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
@@ -290,14 +290,14 @@ def check_toml(text: str, limit: Limit) -> None:
 
 
 def shortened(faults: list[str]) -> list[str]:
-    """The first faults of a file; a last line counts the others."""
+    """List the first faults of a file; a last line counts the remaining ones."""
     if len(faults) <= MOST_FAULTS:
         return faults
     return [*faults[:MOST_FAULTS], f"and {len(faults) - MOST_FAULTS} more"]
 
 
 def size_of(path: Path) -> int:
-    """Size of a plain file [bytes]; raises `OSError`, or `FormatError` for any other."""
+    """Size of a plain file [bytes]; raises `OSError`, or `FormatError` for a device."""
     about = path.stat()
     require_plain_file(path, about.st_mode)
     _check_holes(about, path)
@@ -305,5 +305,5 @@ def size_of(path: Path) -> int:
 
 
 def most_unpacked(packed: int) -> int:
-    """Limit of a text's unpacked size [bytes]; logs compress to a tenth, bombs far more."""
+    """Limit of a text's unpacked size [bytes]; logs compress to a tenth, zip bombs far more."""
     return max(4_000_000, 40 * packed)

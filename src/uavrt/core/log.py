@@ -38,7 +38,7 @@ class _Sink:
     stream: TextIO | None = None
     """Stream for the lines; None: the present stderr."""
     broken: int = field(default=0)
-    """Number of lines lost since the last written one: stderr closed or blocked."""
+    """Number of log lines lost since the last one written; stderr was closed or blocked."""
 
 
 _sink = _Sink()
@@ -60,7 +60,7 @@ class Logger:
         self.log(logging.WARNING, event, **facts)
 
     def seldom(self, count: int, event: str, **facts: Any) -> None:
-        """Log the first, second, fourth, eighth … of equal events that may come in floods.
+        """Log the first, second, fourth, eighth … of equal events that may be frequent.
 
         `count`: number of these events including this one; it is logged, too. `event`: text of
         the event. `**facts`: values of this event.
@@ -146,7 +146,7 @@ _logger = Logger()
 def configure_logging(
     process: str, *, level: int = logging.INFO, stream: TextIO | None = None
 ) -> None:
-    """Write this process's log events to stderr, with the process's name in each."""
+    """Write this process's log events to stderr, each with the process's name."""
     _sink.process, _sink.level, _sink.stream, _sink.broken = process, level, stream, 0
 
 

@@ -25,18 +25,18 @@ DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 track. *integrated*: found after the flight in all its data; never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
-"""Largest frequency difference of two measurements of one sender [Hz]."""
+"""Maximum frequency difference of two measurements of one sender [Hz]."""
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
-"""False-alarm probability of a tag without its own."""
+"""False-alarm probability of a tag whose entry in the tag list has none."""
 WHOLE_FLIGHT_FALSE_ALARM = 0.01
-"""Probability that a whole flight without the tag is judged to contain it."""
+"""Probability that a search of a whole flight without the tag reports the tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tag:
-    """A radio tag as the operator describes it."""
+    """A radio tag as described in the tag list."""
 
     tag_id: int
     frequency_hz: float
@@ -51,7 +51,7 @@ class Tag:
     k: int = 3
     """Number of pulses summed for one decision."""
     false_alarm_probability: float = DEFAULT_FALSE_ALARM_PROBABILITY
-    """Expected number of false groups in each decision interval, over the whole search."""
+    """False-alarm setting: expected number of false groups in each decision interval."""
     name: str | None = None
     gaps_s: tuple[float, ...] = ()
     """Times from pulse start to pulse start within a coded tag's burst [s]; empty for a beeping
@@ -60,7 +60,7 @@ class Tag:
 
     @property
     def coded(self) -> bool:
-        """True if it sends bursts whose gaps identify it."""
+        """True for a coded tag, which sends bursts whose gaps identify the tag."""
         return bool(self.gaps_s)
 
     @property
@@ -94,15 +94,15 @@ class Pulse:
     detection_status: DetectionStatus
     confirmed: bool
     rate: int
-    """Which of the tag's intervals applies, from 1."""
+    """Number of the tag's interval in use, from 1."""
     predicted_next_start_ns: int | None
     predicted_next_end_ns: int | None
     also_possible_tag_ids: tuple[int, ...] = ()
     """Other listed tags that may have sent the pulse; `tag_id` is the likeliest. The pulse is
     reported only once."""
     ghost_of_tag_id: int | None = None
-    """Stronger tag of which this pulse is a receiver ghost (image or saturation); None: a real
-    pulse."""
+    """Id of the stronger tag if this pulse is a receiver artefact (image or saturation); None:
+    a real pulse."""
     clipped: bool = False
     """True if the receiver's converter was at its limits; `snr_db` is then a lower bound."""
     burst_starts_ns: tuple[int, ...] = ()
@@ -157,7 +157,7 @@ class SearchReport:
     frequency_hz: float
     noise_psd: float
     best_score: float
-    """Largest ratio of the statistic to its threshold in the time span; below 1."""
+    """Maximum ratio of the statistic to its threshold in the time span; below 1."""
     usable_share: float | None = None
     """Fraction of the time without another signal on the tag's frequency; None if unknown."""
     weakest_enr_db: float | None = None
@@ -176,8 +176,7 @@ class Pose:
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
-    """True if no later pose was known in time, or the autopilot's clock was unknown for 10 s.
-    """
+    """True if the pose is extrapolated, or the autopilot's clock was unknown for 10 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,21 +234,22 @@ class Beep:
 
     kind: BeepKind
     time_ns: int
-    """Time of its last pulse so far [ns, UTC]."""
+    """Time of the sender's last pulse so far [ns, UTC]."""
     frequency_hz: float
     interval_s: float
     jitter_s: float
-    """Standard deviation of its pulses from the interval [s]."""
+    """Standard deviation of the pulse times about the interval [s]."""
     pulses: int
     level_db: float
-    """Median level above the noise in 94 Hz [dB]."""
+    """Median level of the pulses above the noise in 94 Hz [dB]."""
     tag_ids: tuple[int, ...] = ()
-    """Tags that it may be, the likeliest first; for an image, those of its original."""
+    """Ids of tags that the sender may be, likeliest first; for an image, those of its
+    original."""
     offsets_hz: tuple[float, ...] = ()
     """Difference from the listed frequency of each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
-    """Text on why it may be no animal, or what a different rate may mean."""
+    """Reason why the sender may be no animal, or meaning of a different rate."""
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for impossible values; they may come from radio or files."""
@@ -275,14 +275,14 @@ class Beep:
 
     @property
     def odd(self) -> bool:
-        """True if it differs from its entry in the list, so that the operator should know."""
+        """True if the sender differs from its entry in the tag list."""
         if self.kind is BeepKind.DOUBTFUL:
             return bool(self.tag_ids)
         return self.kind is not BeepKind.LISTED
 
     @property
     def meaning(self) -> str:
-        """Text on what it may be."""
+        """Sentence for the operator on what the sender may be."""
         reason = f", {self.reason}" if self.reason else ""
         match self.kind:
             case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
@@ -301,11 +301,11 @@ class Beep:
 
     @property
     def advice(self) -> str:
-        """Text on what to do about it; empty without advice."""
+        """Sentence for the operator on what to do about the sender; empty if nothing."""
         return _ADVICE.get(self.kind, "")
 
     def __str__(self) -> str:
-        """Write it as a line for the operator."""
+        """Write the sender as a line for the operator."""
         rate = 60.0 / self.interval_s
         return (
             f"{self.level_db:.0f} dB at {self.frequency_hz / 1e6:.6f} MHz, "
@@ -344,11 +344,11 @@ def keep_beep(known: list[Beep], new: Beep) -> bool:
 
 
 MOST_BEEPS = 32
-"""Largest number of senders that a drone reports and a page shows."""
+"""Maximum number of senders that a drone reports and a page shows."""
 
 
 def drop_beeps(known: list[Beep]) -> int:
-    """Remove senders above `MOST_BEEPS`, first unlisted ones with few pulses; count them."""
+    """Drop excess senders, unlisted ones with few pulses first; return their number."""
     excess = max(0, len(known) - MOST_BEEPS)
     for one in sorted(known, key=lambda one: (bool(one.tag_ids), one.pulses))[:excess]:
         known.remove(one)
@@ -357,7 +357,7 @@ def drop_beeps(known: list[Beep]) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveBearing:
-    """A bearing from a turn that may still be in progress, estimated on the drone."""
+    """A bearing estimated on the drone, from a turn that may still be in progress."""
 
     tag_id: int
     start_time_ns: int
@@ -369,7 +369,7 @@ class LiveBearing:
     """Bearing clockwise from true north [°]."""
     sigma_deg: float
     interval90_deg: tuple[float, float]
-    """Interval with a probability of 90 % [°], clockwise from first to second."""
+    """Arc that holds the bearing with 90 % probability [°], clockwise from first to second."""
     level_db: float | None
     """SNR with the antenna pointed at the tag [dB]."""
     pulses: int
@@ -392,18 +392,18 @@ class Delivered:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """Pulses that are stored on the disk, with a pose or finally without."""
+    """Report that pulses are stored on the disk, with a pose or finally without."""
 
     pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """Progress of a process; records it has not taken are sent again to its next run."""
+    """Progress report of a process; later records are sent again after its restart."""
 
     records: int
-    """Number of records since its start that are on the disk, or need not be. The assignment
-    does not count."""
+    """Number of records since the start of the process that are on the disk, or need not be.
+    The assignment does not count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -430,7 +430,7 @@ class Health:
     counters: dict[str, float] = field(default_factory=dict)
     """Counts since the start, by name: samples lost, pulses refused, retries …"""
     reason: str = ""
-    """Why it is not `ok`, with a remedy; or its result at the end."""
+    """Reason why the process is not `ok`, with a remedy; or its result at the end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -444,13 +444,13 @@ class ProcessStatus:
     ok: bool
     restarts: int
     cpu_s: float
-    """CPU time of all its runs since the supervisor started, including child processes [s]."""
+    """CPU time of all runs since the supervisor started, with child processes [s]."""
     memory_mb: float
     counters: dict[str, float] = field(default_factory=dict)
     reason: str = ""
-    """Why it is not `ok`, with a remedy; empty otherwise."""
+    """Reason why the process is not `ok`, with a remedy; empty otherwise."""
     tag_ids: tuple[int, ...] = ()
-    """Numbers of the tags it searches, if it is a detector."""
+    """Ids of the tags that the process searches for, if it is a detector."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -493,11 +493,11 @@ class Command:
     gain: int | None = None
     parameter: str | None = None
     value: float | None = None
-    """New value of the parameter; None for commands that set none."""
+    """New value of the parameter; None for commands that set no parameter."""
     source: str = ""
     """Sender: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
     sealed: bool = False
-    """True if it was authenticated with the drone's key."""
+    """True if the command was authenticated with the drone's key."""
     tag_count: int | None = None
     """Number of tags sent, at the end of an upload or at a start; None: unknown. A start with
     fewer tags is refused."""
@@ -528,7 +528,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightInfo:
-    """A started flight; the recorder opens it, also after a restart."""
+    """Record of a started flight, from which the recorder opens the flight directory."""
 
     directory: str
     start_time_ns: int
@@ -554,7 +554,7 @@ class KeepOut:
     """An area that must not be flown over, such as a person or a building."""
 
     places: tuple[tuple[float, float], ...]
-    """Latitude and longitude [°] of its corners, or of the centre of a circle."""
+    """Latitude and longitude [°] of a polygon's corners, or of a circle's centre."""
     radius_m: float | None = None
     """Radius of a circle [m]; None for a polygon."""
     name: str = ""
@@ -569,7 +569,7 @@ class VehicleFence:
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that the vehicle must not enter."""
     fault: str | None = None
-    """Why the fence cannot be used, with a remedy; then nothing is flown. None if it can."""
+    """Reason why the fence cannot be used, with a remedy; then no motion is allowed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -592,7 +592,7 @@ class Motion:
     radius_m: float | None = None
     """Radius of a search around the drone, if there is no outline [m]."""
     wish_m: float = 25.0
-    """Target accuracy: radius around a found tag that contains it with 95 % [m]."""
+    """Target accuracy [m]: radius around a found tag that contains it with 95 %."""
     keep_out: tuple[KeepOut, ...] = ()
     """Areas that must not be flown over, in addition to those of the settings."""
 
@@ -608,7 +608,7 @@ class MotionRequest(Motion):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundTag:
-    """A tag that a drone has found, as sent to the others."""
+    """A tag found by one drone, as reported to the other drones."""
 
     tag_id: int
     place: tuple[float, float]
@@ -630,31 +630,31 @@ class Course:
     """Latitude and longitude [°] of the drone."""
     altitude_amsl_m: float
     goal: tuple[float, float]
-    """End of its present leg; its position if it stays."""
+    """End of the drone's present leg; its position if it stays."""
     searching: bool = False
     """True if a search order is confirmed."""
     returning: bool = False
     flown: int = 0
-    """Number of the assigned leg that it flies; 0: none."""
+    """Number of the assigned leg that the drone is flying; 0: none."""
     asked: int = 0
-    """Number of the requested leg; 0: none."""
+    """Number of the leg that the drone requests; 0: none."""
     asked_way: tuple[tuple[float, float], ...] = ()
     """Start and end of the requested leg."""
     given: tuple[tuple[int, int], ...] = ()
-    """Vehicles, and versions of their legs, known when the leg was chosen."""
+    """Ids of other vehicles, and the versions of their legs when this leg was chosen."""
     held: tuple[int, ...] = ()
-    """Tags that it is searching for at present."""
+    """Tags that the drone is searching for at present."""
     found: tuple[FoundTag, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Neighbour:
-    """A ground station's report of another drone; it requests nothing."""
+    """A ground station's report of another drone; information only, not a command."""
 
     vehicle: int
     """MAVLink system id of the other drone; 0: others exist, but none has reported yet."""
     version: int = 0
-    """Version of its leg, which changes with each new leg."""
+    """Version of the other drone's leg, which changes with each new leg."""
     granted: int = 0
     """Number of the receiver's requested leg that is now assigned to it; 0: none."""
     denied: int = 0
@@ -662,26 +662,26 @@ class Neighbour:
     age_s: float = 0.0
     """Time since the other drone's last report [s]."""
     course: Course | None = None
-    """Its last report; `asked_way` is a leg assigned to it that it has not begun."""
+    """Last report of the other drone; `asked_way` is a leg assigned and not yet begun."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtTag:
-    """A search's estimate of a tag."""
+    """Estimate of one tag in a search."""
 
     tag_id: int
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
     existence: float
-    """Probability that it is in the area and transmits."""
+    """Probability that the tag is in the area and transmits."""
     found_s: float | None
     """Time from the start of the search to the find [s]; None: not found yet."""
     pulses: int
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """Most likely squares of a tag that was not found: latitude, longitude and probability."""
+    """Most likely squares of a tag not found yet: latitude, longitude and probability."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -746,26 +746,25 @@ class VehicleSeen:
     turned_deg: float
     ground_silent_s: float
     settling: bool = False
-    """True if it is near its target and still moving; then only a return or a stop is allowed.
-    """
+    """True if the vehicle is still moving near its target; only return and stop are allowed."""
     heading_rests: bool = True
-    """True if the heading is steady, so that a turn in place may begin."""
+    """True if the heading is steady; a turn in place may begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleReport:
-    """State of the vehicle and of our control over it, ten times a second."""
+    """State of the vehicle and of our control over it, reported ten times a second."""
 
     autopilot: str | None
-    """``"px4"`` or ``"ardupilot"``; None: not received, or of another kind."""
+    """Kind of autopilot: ``"px4"``, ``"ardupilot"``; None: not received, or another kind."""
     fault: str | None
-    """Why no motion can be confirmed now, with a remedy; None if possible."""
+    """Reason why no motion can be confirmed now, with a remedy; None if possible."""
     takeoff_fault: str | None = field(kw_only=True, default=None)
-    """Why no take-off can be confirmed now, with a remedy; None if possible."""
+    """Reason why no take-off can be confirmed now, with a remedy; None if possible."""
     standing: str = "out"
-    """State of control: ``"out"``, ``"confirmed"`` or ``"in command"``."""
+    """State of our control: ``"out"``, ``"confirmed"`` or ``"in command"``."""
     reason: str = ""
-    """Why control is ``"out"``."""
+    """Reason why control is ``"out"``."""
     order_id: int | None = None
     mode: str = ""
     seen: VehicleSeen | None = None
@@ -775,7 +774,7 @@ class VehicleReport:
 
 
 class FlyThere(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Fly straight to a position and stay; also turn, if the autopilot accepts the yaw."""
+    """Fly straight to a position and stay, with a heading if the autopilot accepts it."""
 
     latitude_deg: float
     longitude_deg: float
@@ -785,7 +784,7 @@ class FlyThere(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class TurnInPlace(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Turn by one command, if the autopilot supports that."""
+    """Turn in place by one command, if the autopilot supports it."""
 
     turn_deg: float
     """Angle of at most one turn, clockwise [°]; negative: counterclockwise."""
@@ -812,17 +811,15 @@ Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleWish:
-    """The guide's requested motion; `uavrt.guidance.control.authority` permits or refuses
-    it.
-    """
+    """The guide's requested motion; permitted or refused by `uavrt.guidance.control`."""
 
     order_id: int | None
     wish: Wish | None = None
-    """Requested motion; None: no new request, only a sign that the guide works."""
+    """Requested motion; None: no new request, only a sign that the guide is running."""
     ends: bool = False
     """True if the order has ended."""
     said: str = ""
-    """Text on the progress of the order, or on why it has ended."""
+    """Text on the progress of the order, or on why the order has ended."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -833,7 +830,7 @@ class IQBlock:
     """
 
     samples: "NDArray[np.complex64]"
-    """(n,) complex64; valid until the source is read again, so copy it to keep it."""
+    """(n,) complex64 samples; valid until the source is read again, so copy to keep them."""
     sample_index: int
     """Index of the first sample since the source started, including lost samples."""
     time_ns: int
@@ -843,7 +840,7 @@ class IQBlock:
     lost_before: int = 0
     """Number of samples missing between the previous block and this one."""
     unsure_before: int = 0
-    """Part of `lost_before` that may be a wrong clock rate instead of a loss."""
+    """Number of samples in `lost_before` that may be a wrong clock rate instead of a loss."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -855,8 +852,8 @@ class ChannelBlock:
     negative ones."""
     center_frequency_hz: float
     samples: "NDArray[np.complex64]"
-    """(n,) complex64, never overwritten; a tone of amplitude A in the radio has amplitude A
-    here."""
+    """(n,) complex64 samples, never overwritten; a tone keeps the amplitude it has in the
+    radio."""
     sample_index: int
     """Index of the first sample of this channel since the start, including lost samples."""
     time_ns: int

@@ -1,11 +1,11 @@
-"""Additions by other packages: estimators, antennas and radios, as entry points.
+"""Estimators, antennas and radios from other packages, found by their entry points.
 
-A package names its additions in its own ``pyproject.toml``::
+A package lists its objects in its own ``pyproject.toml``::
 
     [project.entry-points."uavrt.antennas"]
     "my-yagi" = "my_package:YAGI"
 
-Nothing is imported before a name that is not ours, or all names, are requested.
+Nothing is imported until a name from another package, or the list of names, is requested.
 """
 
 from collections.abc import Iterator, Mapping
@@ -39,7 +39,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return self._loaded[name]
 
     def add(self, name: str, thing: T) -> None:
-        """Make something known while this program runs.
+        """Register an object under a name, for the lifetime of this process.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Tables in a terminal, with a common style."""
+"""Create tables for a terminal, with a common style."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Unit conversions.
+"""Convert units.
 
 Inside uavrt: hertz, seconds, metres, degrees, nanoseconds UTC. Other units exist only in files,
 in protocols and on the screen, and are converted here.
@@ -19,22 +19,22 @@ SPEED_OF_LIGHT_M_S = 299_792_458.0
 
 
 def db_from_power(ratio: float) -> float:
-    """Power ratio to decibel; a ratio of zero gives minus infinity."""
+    """Convert a power ratio to decibel; a ratio of zero gives minus infinity."""
     return 10.0 * math.log10(ratio) if ratio > 0.0 else -math.inf
 
 
 def power_from_db(level_db: float) -> float:
-    """Decibel to power ratio."""
+    """Convert decibel to a power ratio."""
     return float(10.0 ** (level_db / 10.0))
 
 
 def ns_from_s(seconds: float) -> int:
-    """Seconds to whole nanoseconds, rounded."""
+    """Convert seconds to whole nanoseconds, rounded."""
     return round(seconds * NANOSECONDS_PER_SECOND)
 
 
 def s_from_ns(nanoseconds: int) -> float:
-    """Nanoseconds to seconds; for differences, as absolute times would lose precision."""
+    """Convert nanoseconds to seconds; for differences, since absolute times lose precision."""
     return nanoseconds / NANOSECONDS_PER_SECOND
 
 
@@ -52,7 +52,7 @@ def number_in(text: str) -> float:
 
 
 def rough_duration(seconds: float) -> str:
-    """A rounded duration for people, without its sign: "40 s", "12 min", "3 days"."""
+    """Format a duration [s] for people, without its sign: "40 s", "12 min", "3 days"."""
     length_s = abs(seconds)
     for unit, unit_s, most in (("s", 1.0, 120.0), ("min", 60.0, 120.0), ("h", 3600.0, 48.0)):
         if length_s < most * unit_s:
@@ -61,17 +61,17 @@ def rough_duration(seconds: float) -> str:
 
 
 def s_from_ms(milliseconds: float) -> float:
-    """Milliseconds to seconds."""
+    """Convert milliseconds to seconds."""
     return milliseconds / 1000.0
 
 
 def hz_from_mhz(megahertz: float) -> float:
-    """Megahertz to hertz, exact to 1 mHz (148.71 gives 148710000.0)."""
+    """Convert megahertz to hertz, exact to 1 mHz (148.71 gives 148710000.0)."""
     return round(megahertz * 1e9) / 1e3
 
 
 def mhz_from_hz(hertz: float) -> float:
-    """Hertz to megahertz."""
+    """Convert hertz to megahertz."""
     return hertz / 1e6
 
 
@@ -80,7 +80,7 @@ def wrap_degrees_360(angle_deg: float) -> float: ...
 @overload
 def wrap_degrees_360(angle_deg: "NDArray[np.float64]") -> "NDArray[np.float64]": ...
 def wrap_degrees_360(angle_deg: Any) -> Any:
-    """Wrap an angle, or each of an array, to [0, 360)."""
+    """Wrap an angle [°], or each of an array, to [0, 360)."""
     wrapped = angle_deg % 360.0
     return wrapped * (wrapped < 360.0)  # a hair below 0 is rounded to 360
 
@@ -90,5 +90,5 @@ def wrap_degrees_180(angle_deg: float) -> float: ...
 @overload
 def wrap_degrees_180(angle_deg: "NDArray[np.float64]") -> "NDArray[np.float64]": ...
 def wrap_degrees_180(angle_deg: Any) -> Any:
-    """Wrap an angle, or each of an array, to [-180, 180)."""
+    """Wrap an angle [°], or each of an array, to [-180, 180)."""
     return wrap_degrees_360(angle_deg + 180.0) - 180.0

@@ -1,8 +1,8 @@
-"""The pulse detector of one tag: samples of a channel in, pulses out.
+"""Detect the pulses of one tag: samples of a channel in, pulses out.
 
 Samples are gathered for up to 0.44 s, cleaned of carriers and impulses, turned into a
 spectrogram, and searched for groups of K pulses. A group begins a track, which predicts the
-pulses that follow. Every pulse is reported once (docs/explanation/detection.md).
+following pulses. Every pulse is reported once (docs/explanation/detection.md).
 """
 
 import math
@@ -27,10 +27,10 @@ from uavrt.detection.track.tracking import SearchWindow, Tracking
 from uavrt.detection.track.tracks import Track
 
 BATCH_S = 0.44
-"""Longest time for which samples are gathered before the search continues [s]. Five blocks of
+"""Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms are 0.437 s; a pulse is reported at least 0.04 s after its end."""
 _FIRST_STEP = 0.7639
-"""Share of a step after which the first one is searched: three blocks suffice for noise."""
+"""Share of a step after which the first step is searched: three blocks suffice for noise."""
 
 
 class PulseDetector:
@@ -86,7 +86,7 @@ class PulseDetector:
         )
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
-        """Absolute frequency of a hard lock [Hz], until `reset`; None before it."""
+        """Absolute frequency of a hard lock [Hz], until `reset`; None if not locked."""
         self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
@@ -126,8 +126,8 @@ class PulseDetector:
         )
         self._advances = 0
         self._clean = 0
-        # All tags of a flight at the same block: what they share is done once, and caches are
-        # warm. 100 cost 40 % less than spread over five blocks, and take 20 ms of one's 87.
+        # All tags of a flight at the same block: shared work is done once, with warm caches.
+        # 100 tags cost 40 % less than spread over five blocks, and take 20 ms of 87 ms.
         self._patience = round(self._batch * _FIRST_STEP)
         self.tracking.restart(self._window, tracks)
         self._window.follower.epoch_ns = epoch_ns
@@ -196,7 +196,7 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which to search after a block of a length; None: wait for more.
+        """Index up to which to search after a block of `length`; None: wait for more samples.
 
         It does not wait if another block, as long as any of the last, would make it late.
         """
@@ -230,7 +230,7 @@ class PulseDetector:
     def search_rest(self) -> None:
         """Search the remaining samples; first part of `flush`, for a `DetectorGroup`."""
         if not self._buffer.empty:
-            # A track looks a little past where it expects its pulse: nothing lies there.
+            # A track searches slightly beyond its expected pulse, where there are no samples.
             beyond_s = 3.0 * self.tag.interval_uncertainty_s + self.tag.interval_jitter_s
             beyond = math.ceil(beyond_s * self.sample_rate_hz) + 2 * self._window.grid.window
             self._buffer.append_hole(beyond)
@@ -266,7 +266,7 @@ class PulseDetector:
 
     @property
     def now_s(self) -> float:
-        """Time up to which samples were searched, in the seconds of the tracks."""
+        """Time up to which samples were searched [s], on the time scale of the tracks."""
         return self._window.follower.seconds(self._clean)
 
     @property
@@ -285,15 +285,15 @@ class PulseDetector:
         return self._window.bounds.off_frequency(offset_hz) is None
 
     def time_ns(self, time_s: float) -> float:
-        """Absolute time [ns] of a time in the seconds of the tracks."""
+        """Convert a time on the scale of the tracks to absolute time [ns]."""
         return self._window.follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
-        """Report the pulses of a track, unless it is held."""
+        """Report the pulses of a track, unless the track is held back."""
         self._reporter.report(track)
 
     def other_signals(self) -> list[Track]:
-        """Confirmed tracks with the tag's interval, farther from its frequency than its own."""
+        """Confirmed tracks with the tag's interval, farther off frequency than its own."""
         return [t for t in self.tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
@@ -315,7 +315,7 @@ class PulseDetector:
         self._patience = self._batch
 
     def conclude(self, results: list[tuple[RateSearch, list[Candidate]]] | None) -> None:
-        """Judge the candidates of a search, follow tracks, and report pulses."""
+        """Test the candidates of a search, follow tracks, and report pulses."""
         if results is None:
             return
         upto = self._clean

@@ -1,9 +1,9 @@
 """Run many detectors in one process, at a lower cost than separately.
 
-A detector searches every 0.44 s. In between, blocks wait here, once for all tags of a channel.
-Tags that are due at the same position of their streams share their computation. The pulses are
-those of separate detectors, except where bands overlap: there each train belongs to one tag.
-The latency is 0.25 s on average and 0.47 s at most.
+A detector searches every 0.44 s. In between, blocks are stored here, once for all tags of a
+channel. Tags that are due at the same position of their streams share their computation. The
+pulses are those of separate detectors, except where bands overlap: there each train belongs to
+one tag. The latency is 0.25 s on average and 0.47 s at most.
 """
 
 from collections.abc import Hashable, Iterable, Iterator
@@ -25,7 +25,7 @@ from uavrt.detection.track.transmitters.ghosts import mark_ghosts
 from uavrt.detection.track.transmitters.train_senders import Senders
 
 _TOGETHER = 8
-"""Number of detectors searched at once: their cells, 0.5 MB, fit the cache of a core."""
+"""Number of detectors searched at once; their cells, 0.5 MB, fit the cache of a core."""
 
 
 @dataclass(slots=True, eq=False)
@@ -35,25 +35,25 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Samples of the channel, with the longest block twice, at the next step; 0: none."""
+    """Number of samples at the next step, with the longest block counted twice; 0: none."""
 
 
 @dataclass(slots=True, eq=False)
 class _Channel:
-    """The detectors of a channel, and the blocks that some of them have not taken yet."""
+    """Detectors of a channel, and the blocks that some of them have not taken yet."""
 
     members: list[_Member]
     ns_per_sample: float
     tolerance_ns: float
     blocks: list[tuple[NDArray[np.complex64], int]] = field(default_factory=list)
     before: int = 0
-    """Number of blocks that all detectors have taken, and that are dropped."""
+    """Number of blocks that all detectors have taken and that were dropped."""
     samples: int = 0
     longest: LongestBlock = field(default_factory=LongestBlock)
     next_ns: float = 0.0
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """Least `due` of the members; 0: some member must be checked with each block."""
+    """Smallest `due` of the members; 0: a member must be checked with each block."""
 
     def catch_up(self, member: _Member) -> None:
         member.detector.take_all(self.blocks[member.taken - self.before :])
@@ -66,12 +66,12 @@ class _Channel:
 
 
 class _RingMemory:
-    """One array for the ring buffers of all detectors, so that NumPy searches them together."""
+    """One array with the ring buffers of all detectors, which NumPy searches together."""
 
     def __init__(self) -> None:
         self._memory = np.zeros(0, np.float32)
         self._places: dict[_Member, list[tuple[int, int]]] = {}
-        """Position in the array and size of each of a member's ring buffers."""
+        """Position in the array and size of each member's ring buffers."""
 
     def rebuild(self) -> None:
         self._places.clear()
@@ -104,7 +104,7 @@ class _RingMemory:
 
 
 class DetectorGroup:
-    """Detectors fed channel by channel; their pulses are collected when all channels are in.
+    """Detectors of several channels; their pulses are collected when all channels are in.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class DetectorGroup:
         self._workspace = Workspace()
         self._rings = _RingMemory()
         self.alone: frozenset[int] = frozenset()
-        """Ids of tags that are searched separately, since one of them may cause a failure."""
+        """Ids of tags that are searched separately, because one of them may cause a failure."""
         self.last_searched: tuple[PulseDetector, ...] = ()
         """Detectors of the last step; if a search fails, one of them is the cause."""
 
@@ -134,7 +134,7 @@ class DetectorGroup:
         self._channels[channel] = _Channel(
             members=members,
             ns_per_sample=NANOSECONDS_PER_SECOND / rate_hz,
-            # A little less than a detector's own.
+            # Slightly less than a detector's own.
             tolerance_ns=0.99 * width_s / 8.0 * NANOSECONDS_PER_SECOND,
         )
         self._rings.rebuild()
@@ -170,7 +170,7 @@ class DetectorGroup:
         regular = count > 0 and abs(time_ns - line.next_ns) < line.tolerance_ns
         line.next_ns = time_ns + count * line.ns_per_sample
         if regular and line.soonest:
-            # Nearly all blocks only wait: a thousand a second of a hundred tags.
+            # Nearly all blocks are only stored: a thousand a second for a hundred tags.
             line.blocks.append((samples, time_ns))
             line.samples += count
             line.longest.note(count)
@@ -276,7 +276,7 @@ class DetectorGroup:
         """Find ghosts of stronger tags; mark their pulses that are not collected yet."""
         if self._receiver is None:
             return
-        self.last_searched = ()  # no one tag's search
+        self.last_searched = ()  # not the search of a single tag
         for detector, track in mark_ghosts(self.detectors, self._receiver, self.carriers_hz):
             self._pulses += detector.drain()
             times_ns = {slot.time_ns for slot in track.slots}

@@ -1,4 +1,4 @@
-"""How a detector uses a tag's frequency once found.
+"""Modes that define how a detector uses a tag's frequency once found.
 
 Names as in the original's configuration file, where they had no effect.
 """
@@ -10,16 +10,16 @@ LOCK_HALF_WIDTH_HZ = 100.0
 
 
 class OperatingMode(StrEnum):
-    """How far the search follows a found frequency."""
+    """Mode that defines how the search follows a found frequency."""
 
     SEARCH_HARD_LOCK = "freqSearchHardLock"
     """Search the window; once two groups are received, search only ± 100 Hz around their
     frequency, with the lower threshold that this allows, until `reset`. A drift is followed."""
     SEARCH_SOFT_LOCK = "freqSearchSoftLock"
-    """Search the window always. A tag is followed at its frequency while it is received; after
+    """Always search the window. A tag is followed at its frequency while it is received; after
     that, anything in the window may be the tag."""
     KNOWN_HARD_LOCK = "freqKnownHardLock"
-    """Search only ± 100 Hz around the tag's nominal frequency, from the start and always."""
+    """Always search only ± 100 Hz around the tag's nominal frequency, from the start on."""
     ALL_NEVER_LOCK = "freqAllNeverLock"
-    """Search the whole channel always, without tracks: each group must reach the threshold by
+    """Always search the whole channel, without tracks: each group must reach the threshold by
     itself. Groups of all frequencies are reported under the tag's id."""

@@ -1,7 +1,7 @@
-"""Interval of a detector's reports about what it has searched without success."""
+"""Interval between a detector's reports about what was searched without a detection."""
 
 CODES_PER_REPORT_S = 20
-"""Reports per second for all codes of a channel together [1/s]."""
+"""Number of reports per second for all codes of a channel together [1/s]."""
 
 
 def report_every_s(codes: int) -> float:

@@ -24,27 +24,27 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Cost up to which a list is not measured [typical tags]: a fifth of a core here."""
+    """Estimated cost up to which a list is not measured [typical tags]: a fifth of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
     """Weight of a typical tag: K² = 9, times ± 60 ms in seconds, times ± 500 Hz in hertz."""
     least_uncertainty_s: float = 0.003
-    """Least uncertainty of an interval that counts [s]."""
+    """Minimum uncertainty of an interval used in the estimate [s]."""
     rate_hz: float = 7500.0
     """Sample rate of the measured channels [Hz]."""
     block: int = 655
     """Length of a block of the measured signal [samples]."""
     measured_s: float = 3.0
-    """Length of the measured signal [s], for some searches by each detector."""
+    """Length of the measured signal [s]; each detector searches it several times."""
     together: int = 4
     """Number of equal detectors measured together."""
     dear_weight: float = 10.0
-    """Least cost of a tag that is measured alone [typical tags]."""
+    """Minimum cost of a tag that is measured separately [typical tags]."""
     received_enr: float = 40.0
-    """ENR of the pulses of a tag in reception, not in decibels."""
+    """Energy of a received tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
     """Share of a core for each code; 500 take less than a tenth."""
     most_cpu_s: float = 2.0
-    """Longest measurement [s of CPU]; further kinds of tags count as the dearest measured."""
+    """Maximum duration of the measurement [s of CPU]; then the highest cost counts."""
 
 
 COSTS = CostTuning()
@@ -81,7 +81,7 @@ def search_cost(
 
 
 def _weight(tag: Tag, settings: DetectionSettings) -> float:
-    """Estimate a tag's cost in typical tags, from the intervals and frequencies tried."""
+    """Estimate a tag's cost [typical tags] from the intervals and frequencies tried."""
     whole = settings.operating_mode == OperatingMode.ALL_NEVER_LOCK.value
     width_hz = (
         COSTS.rate_hz if whole else min(2.0 * settings.frequency_window_hz, COSTS.rate_hz)
@@ -94,7 +94,7 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
 def _measure(
     tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
 ) -> float:
-    """Run detectors of a kind on noise, or one on its tag; return the cores for each."""
+    """Run detectors on noise, or one on a tag; return the number of cores for each detector."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > COSTS.dear_weight else COSTS.together
     group = DetectorGroup()

@@ -17,7 +17,7 @@ from uavrt.dsp.plan import UNDECIMATED_FRACTION, BandPlan, plan_band
 from uavrt.dsp.tuner import tune
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
-"""Modes that search the whole channel, or ± 100 Hz, whatever the window."""
+"""Modes that search the whole channel or ± 100 Hz, independent of the window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

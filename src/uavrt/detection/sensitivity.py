@@ -1,4 +1,4 @@
-"""Pulse strength needed for the search to find a group.
+"""Compute the pulse strength needed for the search to find a group.
 
 Noncoherent square law (Marcum 1960, IRE Trans. IT-6): the power of a pulse's cell over the
 noise is half a noncentral chi-square of two degrees of freedom. A group is the sum of one such
@@ -30,14 +30,14 @@ from uavrt.detection.search.tuning import GROUPS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensitivityTuning:
-    """Measured differences between the computed sensitivity and that in experiments."""
+    """Measured differences between the computed and the experimental sensitivity."""
 
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
-    """Numbers of pulses K of `gains_db`."""
+    """Numbers of pulses K for which `gains_db` are given."""
     gains_db: tuple[float, ...] = (0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05)
     """Gain per pulse in experiments from choosing the best of overlapping cells, by K [dB]."""
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
-    """Numbers of bursts of `losses_db`."""
+    """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
     """Loss of a coded tag's sums in experiment E23, by number of bursts [dB]."""
     step: float = 0.02
@@ -48,7 +48,7 @@ SENSITIVITY = SensitivityTuning()
 
 
 def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: float) -> float:
-    """Sum of K cells required of a group of the tag's first rate [noise powers].
+    """Minimum sum of K cells of a group at the tag's first rate [noise powers].
 
     `frequency_window_hz`: half-width of the search, limited by the sample rate.
     """
@@ -76,7 +76,7 @@ def detection_probability(
     frequency_window_hz: float = 500.0,
     sample_rate_hz: float = 3750.0,
 ) -> float:
-    """Chance that one group of K pulses, all of one strength, is found; or K coded bursts.
+    """Probability that one group of K equally strong pulses, or of K coded bursts, is found.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def enr_needed_db(
     frequency_window_hz: float = 500.0,
     sample_rate_hz: float = 3750.0,
 ) -> float:
-    """ENR [dB] at which a group is found with a probability between 0 and 1."""
+    """ENR at which a group is found with a given probability, between 0 and 1 [dB]."""
     low, high = -30.0, 60.0
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -157,7 +157,7 @@ def enr_needed_db(
 
 
 def gain_in_words(before: Tag, after: Tag) -> str:
-    """Sentence about how much weaker pulses may be with a corrected interval; else empty."""
+    """Sentence on the gain in sensitivity by a corrected interval; empty if negligible."""
     if replace(before, frequency_hz=after.frequency_hz) == after:
         return ""
     gained_db = enr_needed_db(before, 0.5) - enr_needed_db(after, 0.5)

@@ -1,4 +1,4 @@
-"""Signal processing: arrays in, arrays out.
+"""Process signals: arrays in, arrays out.
 
 `FrontEnd` turns the radio's blocks into tag channels; `tune` chooses the radio's frequency.
 """

@@ -1,4 +1,4 @@
-"""Times of a stream's samples, from the times of its blocks.
+"""Compute the times of a stream's samples from the times of its blocks.
 
 The nominal rate counts only within a block: over an hour a crystal errs by 180 ms at 50 ppm,
 and gaps and corrections of the clock add to it.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
-"""Smallest deviation of a block's time that is kept [ns]; live clocks are corrected often."""
+"""Minimum deviation of a block's time that is stored [ns]; live clocks are corrected often."""
 
 
 class BlockTimes:
@@ -47,20 +47,20 @@ class BlockTimes:
         return self._times_ns[at] + ahead_ns
 
     def seconds(self, indices: NDArray[np.float64], since_ns: int) -> NDArray[np.float64]:
-        """Times of many samples, counted from `since_ns` [s]."""
+        """Times of many samples [s], relative to `since_ns`."""
         at = np.maximum(np.searchsorted(self._indices, indices, side="right") - 1, 0)
         begin_s = (np.array(self._times_ns, np.int64) - since_ns) / NANOSECONDS_PER_SECOND
         ahead = indices - np.array(self._indices, np.int64)[at]
         return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
 
     def index(self, time_ns: int) -> float:
-        """Index of the sample at a time; the first of two after the clock was set back.
+        """Index of the sample at a time; the first of two if the clock was set back.
 
         Raises `ValueError` before the first block.
         """
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:
-                # A time that the clock skipped when it was set forward.
+                # A time that was skipped when the clock was set forward.
                 return max(index, float(first)) if at else index
         raise ValueError("no block was added yet")

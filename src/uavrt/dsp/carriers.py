@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from uavrt.core.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
-"""Times between checks, in turn [ns]: no train of pulses is synchronous with all of them."""
+"""Times between checks, used in turn [ns]; no train of pulses is synchronous with them all."""
 _LENGTH_S = 0.011
-"""Longest stretch of samples in a check [s]; it has a power of two samples."""
+"""Maximum length of a check [s]; the number of samples is a power of two."""
 _LEAST_SAMPLES = 256
 _CONSECUTIVE_CHECKS = 3
-"""Number of consecutive checks that show a carrier, and not a pulse."""
+"""Number of consecutive checks with a signal for it to be a carrier and not a pulse."""
 _STRONG_RATIO = 10.0**3.0
-"""Least power of a carrier's bin over the median of all; weaker ones make no products."""
+"""Minimum power of a carrier's bin over the median bin; weaker carriers cause no ghosts."""
 MOST_CARRIERS = 8
-"""Most carriers kept: the strongest."""
+"""Maximum number of carriers returned: the strongest."""
 _CENTRE_BINS = 4
-"""Distance from the centre within which bins are left out [bins]: the receiver's DC offset."""
+"""Distance from the centre within which bins are ignored [bins]: the receiver's DC offset."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
-"""Least power relative to the strongest carrier; weaker peaks are side lobes of the window."""
+"""Minimum power relative to the strongest carrier; weaker peaks are the window's side lobes."""
 
 
 class Carriers:

@@ -1,4 +1,4 @@
-"""Uniform DFT filter bank: a band into channels, only those in use.
+"""Split a band into channels by a uniform DFT filter bank; unused channels are not computed.
 
 ``y_c[n] = sum_m h[m] x[H n - m] exp(-j 2 pi c (H n - m) / M)``: a tone at c times the channel
 spacing lands on 0 Hz of channel c. With H = M (critically sampled) this is the original's bank;
@@ -22,13 +22,13 @@ from uavrt.dsp.filters import bank_taps, compatible_bank_taps
 from uavrt.dsp.fourier import transform_columns
 
 MATRIX_CHANNELS = 32
-"""Most channels for which a small DFT matrix is cheaper than an FFT (measured)."""
+"""Maximum number of channels for which a DFT matrix is faster than an FFT (measured)."""
 
 WINDOWS_PER_PASS = 8
-"""Number of windows weighted in one pass: a longer inner loop saves a fifth of the time."""
+"""Number of windows weighted in one pass; the longer inner loop saves a fifth of the time."""
 
 OUTPUTS_PER_PASS = 1024
-"""Most outputs per pass; longer blocks are cut. A receiver's block makes 655 or 327."""
+"""Maximum outputs per pass; longer blocks are split. A receiver's block makes 655 or 327."""
 
 
 class Channelizer:
@@ -139,7 +139,7 @@ class Channelizer:
             return np.concatenate([self.process(part) for part in parts], axis=1)
         tail, hop = self._tail, self.hop
         rows = max(0, (tail.size + block.size - self._window) // hop)
-        # Outputs that need the tail of the block before; the rest reads the block in place.
+        # Outputs that need the tail of the previous block; the others read the block in place.
         head = min(rows, -(-tail.size // hop))
         pieces = []
         if head:
@@ -218,6 +218,6 @@ class Channelizer:
         if self._matrix is not None:
             product: NDArray[np.complex64] = self._matrix @ folded.T
             return product
-        # Transformed along columns, the result comes out as channels by outputs at no cost.
+        # Transformed along columns, the result is (channels, outputs) without a transposition.
         spectrum = transform_columns(folded.T)
         return spectrum if self._all else spectrum[self._selection]

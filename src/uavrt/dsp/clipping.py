@@ -1,4 +1,4 @@
-"""Find where the receiver's converter clipped, so that signals are stronger than measured."""
+"""Detect when the receiver's converter clipped; signals are then stronger than measured."""
 
 import math
 from collections import deque
@@ -10,19 +10,19 @@ from uavrt.core.messages import IQBlock
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 CLIPPED_AMPLITUDE = 0.99
-"""Least amplitude that counts as clipped [full scales]; the last code of 8 bits is 0.992."""
+"""Minimum amplitude of a clipped sample [full scales]; the last code of 8 bits is 0.992."""
 _COMPUTED_AMPLITUDE = 2.0
-"""Amplitude that only computed samples exceed [full scales]; a radio's filters reach less."""
+"""Amplitude exceeded only by computed samples [full scales]; a radio's filters reach less."""
 _STRETCH_S = 0.5e-3
-"""Length of one examined stretch [s]; a pulse of 15 ms has thirty."""
+"""Duration of one examined piece of samples [s]; a pulse of 15 ms has thirty."""
 _LEAST_SAMPLES = 64
-"""Number of samples examined in each stretch; a clipped tone has one in four there or more."""
+"""Number of samples examined in each piece; if a tone clips, a quarter or more are clipped."""
 _PULSE_SHARE = 0.2
-"""Least share of clipped stretches in a clipped pulse; an impulse makes no pulse stronger."""
+"""Minimum share of clipped pieces in a clipped pulse; a single impulse does not count."""
 MOST_UNREAD = 1000
-"""Most stretches kept until they are read: half a second at the least."""
+"""Maximum number of clipped pieces stored until they are read: half a second or more."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
-"""Time for which stretches are kept [ns], longer than a pulse's report takes."""
+"""Time for which clipped pieces are stored [ns]; longer than a pulse's report takes."""
 
 
 class ClippedTimes:
@@ -33,7 +33,7 @@ class ClippedTimes:
         """Begin and end of the clipped stretches [ns], in order."""
 
     def add(self, stretches_ns: Sequence[tuple[int, int]]) -> None:
-        """Add begin and end of later stretches, in order [ns]."""
+        """Add begin and end of later clipped pieces, in order [ns]."""
         self._stretches.extend(stretches_ns)
         while self._stretches and self._stretches[0][1] < self._stretches[-1][1] - _KEEP_NS:
             self._stretches.popleft()
@@ -67,7 +67,7 @@ class Clipping:
         return self.clipped_s / self.examined_s if self.examined_s else 0.0
 
     def check(self, block: IQBlock) -> None:
-        """Search a block of the radio's samples for clipped ones."""
+        """Search a block of the radio's samples for clipped samples."""
         rate_hz = block.sample_rate_hz
         length = max(1, math.ceil(_STRETCH_S * rate_hz))
         count = len(block.samples) // length
@@ -100,6 +100,6 @@ class Clipping:
         self._new = (self._new + new)[-MOST_UNREAD:]
 
     def take_new(self) -> tuple[tuple[int, int], ...]:
-        """Return begin and end [ns] of the stretches found since the last call, in order."""
+        """Return begin and end of clipped pieces found since the last call, in order [ns]."""
         new, self._new = tuple(self._new), []
         return new

@@ -20,10 +20,10 @@ from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Most samples per matrix product: a block of 262 144 at once; smaller ones take longer."""
+"""Maximum samples per matrix product: a block of 262 144 at once; smaller ones are slower."""
 
 DIRECT_OUTPUTS = 1024
-"""Most outputs per pass of the direct sum, which bounds its memory."""
+"""Maximum outputs per pass of the direct sum, which bounds its memory."""
 
 
 class Decimator:
@@ -66,13 +66,13 @@ class Decimator:
         self.sample_rate_hz = sample_rate_hz
         self.delay_samples = (taps.size - 1) / 2
         """Group delay [input samples]."""
-        # Oldest sample first, hence the taps backwards.
+        # Oldest sample first, hence the reversed taps.
         self._weights = np.ascontiguousarray(taps[::-1], dtype=np.complex64)
-        # Outputs that start in a block: more of them make more idle taps, fewer make more
-        # additions. At least 5 and 40 samples were best.
+        # Number of outputs that start in a block: more of them give more idle taps, fewer give
+        # more additions. At least 5 outputs and 40 samples were fastest.
         self._starts = max(5, -(-40 // factor))
         self._matrix = _shifted_taps(self._weights, factor, self._starts)
-        # Number of blocks into which an output reaches after the one that it starts in.
+        # Number of later blocks that an output depends on.
         self._reach = -(-((taps.size - 1) // factor) // self._starts)
         self._pass = max(128, PASS_SAMPLES // (self._starts * factor))
         self._parts = np.empty((0, self._matrix.shape[1]), dtype=np.complex64)
@@ -105,7 +105,7 @@ class Decimator:
         length, factor, tail = self.taps.size, self.factor, self._tail
         count = max(0, (tail.size + block.size - length) // factor + 1)
         out = np.empty(count, dtype=np.complex64)
-        # Outputs that need the tail of the block before; the rest reads the block in place.
+        # Outputs that need the tail of the previous block; the others read the block in place.
         head = min(count, -(-tail.size // factor))
         if head:
             need = (head - 1) * factor + length - tail.size
@@ -139,7 +139,7 @@ class Decimator:
             np.matmul(rows[first : first + count + reach], self._matrix, out=parts)
             np.copyto(sums, parts[:count, width - starts :])
             for later in range(1, reach + 1):
-                # What a block adds to the outputs that started `later` blocks before.
+                # Contribution of a block to the outputs that started `later` blocks before.
                 begin = width - starts * (later + 1)
                 part = parts[later : later + count, max(begin, 0) : begin + starts]
                 target = sums[:, max(-begin, 0) :]
@@ -155,13 +155,13 @@ class Decimator:
             some = out[first : first + DIRECT_OUTPUTS]
             stretch = samples[first * self.factor :]
             shape, strides = (some.size, length), (8 * self.factor, 8)
-            # The constructor takes a sixth of `as_strided`'s time, and leaves nothing behind:
-            # the names in the dictionary by which that works go through Python's table of
-            # interned strings, 40 times a second, until it is rebuilt, with 0.5 MB more.
+            # The constructor takes a sixth of `as_strided`'s time and leaves no garbage: the
+            # dictionary names of `as_strided` pass through Python's table of interned strings,
+            # 40 times a second, until it is rebuilt, with 0.5 MB more.
             windows: NDArray[np.complex64] = np.ndarray(
                 shape, np.complex64, stretch, strides=strides
             )
-            # NumPy hands no overlapping view to the BLAS, hence the copy.
+            # NumPy passes no overlapping view to the BLAS, hence the copy.
             np.matmul(np.ascontiguousarray(windows), self._weights, out=some)
 
 

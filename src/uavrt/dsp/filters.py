@@ -1,4 +1,4 @@
-"""Prototype filters, designed with NumPy alone.
+"""Design prototype filters with NumPy alone.
 
 All are linear-phase, odd in length and unity at 0 Hz, so a delay is a whole number of input
 samples. ``scipy.signal`` is not used: it costs 0.7 s and 100 MB per process.
@@ -15,7 +15,7 @@ PASSBAND_FRACTION = 0.675
 
 
 def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
-    """Taps that csdr derives for ``fir_decimate_cc FACTOR 0.05 HAMMING``, shape (81,).
+    """Taps that csdr computes for ``fir_decimate_cc FACTOR 0.05 HAMMING``, shape (81,).
 
     A sinc with a Hamming window, -6 dB *at* the output's Nyquist frequency, unity gain at 0 Hz.
     """
@@ -25,7 +25,7 @@ def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
 
 
 def decimator_taps(factor: int) -> NDArray[np.float64]:
-    """Taps whose aliases stay 60 dB down in the clean span of the output, shape (n,).
+    """Taps that keep aliases 60 dB down in the clean span of the output, shape (n,).
 
     A Kaiser-windowed sinc of about 11 taps per unit of the factor: 91 for 8. Its transition
     lies between `CLEAN_FRACTION` and ``1 - CLEAN_FRACTION`` of the output rate, since what

@@ -1,4 +1,4 @@
-"""Many short Fourier transforms at once, without the rest of SciPy's imports.
+"""Compute many short Fourier transforms at once, without the rest of SciPy's imports.
 
 SciPy's pocketfft takes a tenth of the time of NumPy's, but ``import scipy.fft`` takes 28 MB and
 0.1 s, for one function of an extension module of 1 MB. That module is loaded by itself. It is
@@ -76,8 +76,8 @@ def _load(spec: ModuleSpec) -> Any:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    # One transform now, with rows as columns and a place for the result, as it is used: should
-    # its arguments have changed, this is the time to know.
+    # Test one transform now, with rows as columns and memory for the result: if SciPy has
+    # changed the arguments, the fallback is chosen here.
     out = np.empty((2, 4), np.complex64)
     probe = module.c2c(np.ones((2, 4), np.complex64).T, (0,), True, 0, out.T, 1)
     if probe.dtype != np.complex64 or not np.allclose(probe.T, [[4.0, 0.0, 0.0, 0.0]] * 2):

@@ -1,4 +1,4 @@
-"""From the radio's samples to the channels of the tags: decimator, channelizer, times, gaps.
+"""Convert the radio's samples to tag channels: decimator, channelizer, times, gaps.
 
 All outputs are on one grid of absolute sample indices: band sample n is at input ``D n``,
 channel sample n at band sample ``H n``. So neither a late start nor a gap shifts times or
@@ -29,7 +29,7 @@ from uavrt.dsp.plan import (
 )
 
 LONGEST_FILLED_GAP_S = 1.0
-"""Longest gap filled with zeros [s]; after longer ones the channelizer restarts."""
+"""Longest gap filled with zeros [s]; the channelizer restarts after longer ones."""
 
 
 class FrontEnd:
@@ -114,7 +114,7 @@ class FrontEnd:
                 fill = block.sample_index % factor
             else:
                 fill = gap
-            # Outputs within the gap say nothing and are dropped, not sent as zeros.
+            # Outputs within the gap contain no signal and are dropped, not sent as zeros.
             decimator.process(np.zeros(fill, dtype=np.complex64))
             if gap is not None:
                 lost = max(0, first - self._next_output)
@@ -194,7 +194,7 @@ class FrontEnd:
         ]
 
     def _as_one_channel(self, band: IQBlock) -> list[ChannelBlock]:
-        # What no filter has touched is still the source's, which writes over it.
+        # Unfiltered samples are still in the source's buffer, which the source overwrites.
         samples = band.samples.copy() if self._decimator is None else band.samples
         return [
             ChannelBlock(

@@ -1,4 +1,4 @@
-"""Detect poor input by its samples: wrong format, gain too low, a tag on the DC line."""
+"""Detect poor input from its samples: wrong format, gain too low, a tag on the DC line."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -16,14 +16,14 @@ _FEWEST_SAMPLES: Final = 1024
 _CONSECUTIVE_CHECKS: Final = 3
 """Number of consecutive checks that must show a fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
-"""Largest share of samples at one level of the converter; noise of 0.6 steps costs 1 dB."""
+"""Maximum share of samples at one level of the converter; noise of 0.6 steps costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
-"""Amplitude below which noise has some values [full scales]; a wrong format has none there."""
+"""Amplitude [full scales] below which noise has values, but a wrong format none."""
 _UNEQUAL_RATIO: Final = 4.0
-"""Ratio of the powers of I and Q that no radio produces."""
+"""Ratio of the powers of I and Q above which the input is wrong; no radio produces it."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
-"""Least power of a disturbing DC line over the noise in the same bandwidth."""
+"""Minimum power of a disturbing DC line over the noise in the same bandwidth."""
 
 WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
 UNEQUAL: Final = "I and Q differ in power: wrong format, or half is dead"
@@ -64,7 +64,7 @@ class InputCheck:
         about_mean = parts - parts.mean(axis=0)
         power = np.square(about_mean, dtype=np.float64).mean(axis=0)
         if not np.isfinite(power).all() or not power.any():
-            return  # other checks report values that are no numbers, and silence
+            return  # other checks report non-finite values and silence
         middle = (np.abs(about_mean) < _EMPTY_MIDDLE).any(axis=0)
         if not middle.all():
             yield WRONG_FORMAT

@@ -9,24 +9,24 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import CLEAN_FRACTION
 
 CHANNEL_SPACING_HZ = 3750.0
-"""Spacing of the thesis (375 kHz / 100) [Hz]; ours is as near as small prime factors allow."""
+"""Channel spacing of the thesis [Hz]; ours is the nearest with small prime factors."""
 
 NARROWEST_BAND_HZ = 375_000.0
-"""Least rate after decimation [Hz]."""
+"""Minimum sample rate after decimation [Hz]."""
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
-"""Highest rate of a recording that is one channel [Hz]: the bank would need at least four."""
+"""Maximum rate of a recording that is a single channel [Hz]; the bank needs at least four."""
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45
-"""Half of the usable span without decimation, as a share of the rate."""
+"""Half of the usable span without decimation, as a share of the sample rate."""
 
 
 DEFAULT_WINDOW_HZ = 500.0
-"""Half-width of the search for which every channel is wide enough [Hz]."""
+"""Half-width of the search for which all channels are wide enough [Hz]."""
 SEARCHED_FRACTION = 0.4
-"""Largest distance of searched frequencies from a channel's centre, as a share of its rate:
+"""Maximum distance of searched frequencies from a channel's centre, as a share of its rate:
 3000 of 7500 Hz. There the bank attenuates by 0.3 dB, and aliases by 30 dB."""
 
 
@@ -53,12 +53,12 @@ class BandPlan:
 
     @property
     def channel_rate_hz(self) -> float:
-        """Rate of a channel of the oversampled bank [Hz]; of the band if it is one channel."""
+        """Sample rate of a channel of the oversampled bank [Hz]; of the band if not split."""
         return self.channel_spacing_hz * (2.0 if self.channel_count > 1 else 1.0)
 
 
 def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default") -> BandPlan:
-    """Choose decimation and channels so that the usable span reaches `reach_hz` if it can.
+    """Choose decimation and channels; the usable span reaches `reach_hz` if possible.
 
     `reach_hz`: largest distance of a frequency from the radio's centre [Hz].
     """
@@ -101,7 +101,7 @@ class FrontEndPlan:
     channel_spacing_hz: float
     channel_rate_hz: float
     usable_half_span_hz: float
-    """Largest distance of a tag from the centre [Hz]."""
+    """Maximum distance of a tag from the centre [Hz]."""
     frequencies_hz: tuple[float, ...]
     frequency_channels: tuple[int, ...]
     """Channel of each frequency, in the order of `frequencies_hz`."""
@@ -148,7 +148,7 @@ def outside_span(
 
 
 def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> float:
-    """Largest distance of a tag from the radio's centre [Hz].
+    """Maximum distance of a tag from the radio's centre [Hz].
 
     It is the clean span of the decimator; without decimation, the radio's own filter limits it.
     The compatible mode takes the whole band with its aliases, as the original does.
@@ -159,7 +159,7 @@ def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> 
 
 
 def widest_half_span_hz(sample_rate_hz: float) -> float:
-    """Largest distance of a tag from the centre of a recording of this rate [Hz]."""
+    """Maximum distance of a tag from the centre of a recording of this rate [Hz]."""
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     return sample_rate_hz * (0.5 if one_channel else UNDECIMATED_FRACTION)
 

@@ -1,11 +1,11 @@
-"""Medians over time of each row of a spectrogram, several times faster than NumPy's own."""
+"""Compute medians over time of each row of a spectrogram, several times faster than NumPy."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 def medians(power: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Median of each column of an array, the same as `np.median(power, axis=0)`.
+    """Median of each column of an array, equal to `np.median(power, axis=0)`.
 
     `power` (times, rows): at least one time, no NaN. Contiguous lines are partitioned at one
     place; `np.median` partitions strided ones at two.

@@ -1,10 +1,10 @@
 """Choose the radio frequency that serves all tags.
 
-The default keeps every tag within the clean span of the decimator, which it widens as far as
-the tags need, and away from the radio's own centre, where a zero-IF receiver has its DC spur.
-Then it avoids mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags
-near channel centres. Among such frequencies, those come first that the original's own cost
-rates no worse than its choice, so that the plan also serves the original's detectors.
+The default keeps all tags within the clean span of the decimator, widened if needed, and away
+from the radio's own centre, where a zero-IF receiver has its DC spur. Then it avoids mirror
+images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near channel centres.
+Among such frequencies, those come first that the original's own cost rates no worse than its
+choice, so that the plan also serves the original's detectors.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from uavrt.core.errors import TunerError, UsageError
 from uavrt.dsp.plan import BandPlan, check_rate, plan_band
 
 DC_GUARD_HZ = 1000.0
-"""Least distance of a tag from the radio's centre [Hz]: twice the search window."""
+"""Minimum distance of a tag from the radio's centre [Hz]: twice the search window."""
 
 IMAGE_GUARD_HZ = 1000.0
 """Preferred distance of a tag from another's mirror image [Hz]: two search windows."""
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunerPlan:
-    """A radio frequency and its effect on each tag, in the order given."""
+    """A radio frequency and its effect on each tag, in the order of the tags."""
 
     center_frequency_hz: float
     channels: tuple[int, ...]
@@ -48,7 +48,7 @@ class TunerPlan:
     band_rate_hz: float
     channel_count: int
     warnings: tuple[str, ...]
-    """Guards that could not be kept, as texts for the operator."""
+    """Sentences for the operator on tags nearer to the centre or an image than allowed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +173,7 @@ def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> F
 def _candidates(
     tags: Floats, spacing: float, low: float, high: float, dc_guard: float, image_guard: float
 ) -> Floats:
-    """Whole hertz in [low, high] among which the best choice lies.
+    """Frequencies in [low, high] among which the best choice lies [whole Hz].
 
     A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
     is piecewise linear), at the edge of a guard, at the start of a shoulder.
@@ -203,7 +203,7 @@ def _candidates(
 
 
 def _middles(tags: Floats) -> Floats:
-    """Sorted mid-points of all pairs of tags, at which one is the mirror image of the other."""
+    """Mid-points of all pairs of tags, sorted; a centre there mirrors one tag to the other."""
     first, second = np.triu_indices(tags.size, 1)
     middles: Floats = np.sort((tags[first] + tags[second]) / 2)
     return middles
@@ -220,7 +220,7 @@ def _best_center(
     points = _candidates(tags, spacing, low, high, dc_guard, image_guard)
     points = np.union1d(points, original[(original >= low) & (original <= high)])
     tags = np.sort(tags)
-    # Distance from DC: only the two neighbours of a point in the sorted tags can be nearest.
+    # Distance from DC: only the two neighbours in the sorted tags can be nearest.
     after = np.searchsorted(tags, points)
     nearest = np.minimum(
         np.abs(points - tags[np.minimum(after, tags.size - 1)]),
@@ -249,7 +249,7 @@ def _best_center(
         images,
     ]
     if worse.all():
-        # The guards cost something: as near to the original's optimum as they allow.
+        # Guards have a cost: choose the allowed frequency nearest to the original's optimum.
         ranks += [edge, per_channel]
     ranks.append(worse)
     return float(points[np.lexsort(ranks)[0]])

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 
 def zero_runs(samples: NDArray[np.complex64], shortest: int) -> list[tuple[int, int]]:
-    """Find the runs of at least `shortest` samples that are exactly 0.
+    """Find runs of at least `shortest` samples that are exactly 0.
 
     Noise has no long ones: samples were lost, or the radio was dead. Returns the first sample
     of each run and the one after its last.

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, TextIO
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
-"""First characters that make a spreadsheet interpret a cell as a formula."""
+"""First characters of a cell that a spreadsheet interprets as a formula."""
 
 
 class TableWriter:
@@ -18,7 +18,7 @@ class TableWriter:
         self._writer = csv.writer(stream, lineterminator="\n")
 
     def writerow(self, row: Iterable[Any]) -> None:
-        """Write one row, with cells disarmed."""
+        """Write one row; cells that begin like a formula get an apostrophe."""
         self._writer.writerow([no_formula(cell) for cell in row])
 
     def writerows(self, rows: Iterable[Iterable[Any]]) -> None:

@@ -1,4 +1,4 @@
-"""Skip and report damaged lines of a pulse log, unless the file is no log at all."""
+"""Skip and report damaged lines of a pulse log, unless most of the file is unreadable."""
 
 from collections.abc import Callable
 
@@ -27,7 +27,7 @@ class DamagedLines:
         self._faults.append((number, reason))
 
     def report(self, good: int) -> None:
-        """Report the skipped lines; raises `FormatError` if they outnumber the good ones."""
+        """Report the skipped lines; raises `FormatError` if they outnumber the valid ones."""
         if not self._faults:
             return
         number, error = self._faults[0]
@@ -50,7 +50,7 @@ class DamagedLines:
 
 
 def passed_over(name: str, lines: int, first: int, error: object) -> str:
-    """Warning about skipped lines, with the reason for the first."""
+    """Warning about skipped lines, with the reason for the first of them."""
     reason, remedy = reason_of(error)
     count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
     which = f"line {first}" if lines == 1 else f"the first is line {first}"
@@ -60,7 +60,7 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
 
 
 def reason_of(error: object) -> tuple[str, str | None]:
-    """Reason why a line is wrong, with the error's own advice if it has one."""
+    """Reason why a line is wrong, followed by the remedy if the error has one."""
     if isinstance(error, OffEarthError):
         return str(error), error.remedy
     return str(error), None

@@ -1,4 +1,4 @@
-"""Parser of reports from gpsd, the daemon that shares a GPS receiver: one JSON object a line.
+"""Parse reports from gpsd, the daemon that shares a GPS receiver: one JSON object per line.
 
 Input is untrusted. A line is used only if it is complete and an object of a known class with
 all numbers in range; others are counted and skipped. Classes and fields:
@@ -19,7 +19,7 @@ _FIX_2D = 2
 
 
 class _Line(msgspec.Struct, kw_only=True):
-    """Fields that are read from a line; others are ignored."""
+    """Fields that are read from one line of gpsd; other fields are ignored."""
 
     kind: Annotated[str, Meta(max_length=20)] = msgspec.field(name="class")
     mode: int = 0
@@ -32,7 +32,7 @@ class _Line(msgspec.Struct, kw_only=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpsdReport:
-    """Position and heading in a line."""
+    """Position and heading reported in one line of gpsd."""
 
     raw: bytes
     place: tuple[float, float] | None
@@ -43,14 +43,14 @@ class GpsdReport:
 
 
 class GpsdParser:
-    """Extracts reports from bytes and counts what it skips."""
+    """Extracts reports from gpsd's bytes and counts invalid lines."""
 
     def __init__(self) -> None:
         self._buffer = b""
         self._decoder = msgspec.json.Decoder(_Line)
         self.received = 0
         self.bad_crc = 0
-        """Number of invalid lines, under the name common to all parsers."""
+        """Number of invalid lines; all parsers use this name."""
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[GpsdReport]:
@@ -63,7 +63,7 @@ class GpsdParser:
         return [one for line in lines if line and (one := self._report(line)) is not None]
 
     def reset(self) -> None:
-        """Drop an incomplete line."""
+        """Discard an incomplete line, as after a reconnection."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 

@@ -1,4 +1,4 @@
-"""NMEA 0183: parser of sentences, and of positions and times in them.
+"""Parse NMEA 0183 sentences, and positions and times in them.
 
 Input is untrusted. A sentence is used only if it is complete, with a correct checksum and all
 numbers in range; others are counted and skipped.
@@ -60,7 +60,7 @@ class Sentence:
 
 
 class SentenceParser:
-    """Extracts sentences from bytes and counts what it skips."""
+    """Extracts NMEA sentences from bytes and counts invalid ones."""
 
     def __init__(self) -> None:
         self._buffer = b""
@@ -79,7 +79,7 @@ class SentenceParser:
         return [one for line in lines if line and (one := self._sentence(line)) is not None]
 
     def reset(self) -> None:
-        """Drop an incomplete sentence."""
+        """Discard an incomplete sentence, as after a reconnection."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 
@@ -106,7 +106,7 @@ def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
 
 
 def fields_of(line: str) -> list[str]:
-    """Fields of a sentence; ``[""]`` if it is not one, or its checksum is wrong."""
+    """Fields of a sentence; ``[""]`` if the text is no sentence or its checksum is wrong."""
     start = line.find("$")
     body, star, checksum = line[start + 1 :].strip().partition("*")
     if start < 0 or not body:

@@ -24,7 +24,7 @@ def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
-    """Draw a filled disc with a white rim: an icon for maps."""
+    """Draw a filled disc with a white rim, as an icon for maps."""
     offset = np.arange(-radius, radius + 1)
     distance = np.hypot(offset[:, None], offset[None, :])
     pixels = np.zeros((*distance.shape, 4), np.uint8)
@@ -34,9 +34,7 @@ def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
 
 
 def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Color a probability map: yellow to dark red, transparent close to zero; the first row is
-    the top.
-    """
+    """Colour a probability map: yellow to dark red, transparent near zero; top row first."""
     peak = float(probability.max())
     share = probability / peak if peak > 0.0 else np.zeros_like(probability)
     pixels = np.zeros((*share.shape, 4), np.uint8)
@@ -47,9 +45,7 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Color a map of SNR [dB]: blue is weak, yellow strong, NaN transparent; the first row is
-    the top.
-    """
+    """Colour a map of SNR [dB]: blue is weak, yellow strong, NaN transparent; top row first."""
     known = np.isfinite(snr_db)
     low, high = (snr_db[known].min(), snr_db[known].max()) if known.any() else (0.0, 1.0)
     share = np.where(known, (snr_db - low) / max(float(high - low), 1e-9), 0.0)
@@ -62,9 +58,7 @@ def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def chance(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Color a probability map on a fixed scale from 0 to 1: dark blue to yellow, NaN
-    transparent.
-    """
+    """Colour a probability map on a fixed scale: 0 dark blue, 1 yellow, NaN transparent."""
     known = np.isfinite(probability)
     share = np.where(known, probability, 0.0)
     pixels = np.zeros((*share.shape, 4), np.uint8)

@@ -1,6 +1,6 @@
 """Read and write the original system's ``positions.csv``.
 
-It has no heading, and one line for each tag and bearings file, with a comma at the end::
+The file has no heading, and one line for each tag and bearings file, with a comma at the end::
 
     tag_id,bearing_file,latMLE,lonMLE,latRMR,lonRMR,latMEST,lonMEST,
 

@@ -56,13 +56,13 @@ def _line_count(content: bytes) -> int:
 def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
-    """Make the error for one line; the fault's own advice precedes `remedy`."""
+    """Make the error for one line; a remedy in the fault precedes `remedy`."""
     reason, known = reason_of(why)
     return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
 
 def cells_of(line: str, separator: str = ",") -> list[str]:
-    """Split a line into cells, without surrounding blanks and empty cells at the end."""
+    """Split a line into cells, stripped of blanks, without empty cells at the end."""
     cells = [cell.strip() for cell in line.split(separator)]
     while cells and not cells[-1]:
         cells.pop()

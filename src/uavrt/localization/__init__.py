@@ -1,4 +1,4 @@
-"""Bearings from pulses, positions from bearings and powers; no I/O, no clocks.
+"""Estimate bearings from pulses, and positions from bearings and powers; no I/O, no clocks.
 
 `bearing` and `position` hold the estimators, `antenna` the patterns, `results` the records.
 `estimates/flight_estimates` applies them to a whole flight. `tuning` modules hold the

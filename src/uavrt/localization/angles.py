@@ -18,7 +18,7 @@ def difference_deg(first: ArrayLike, second: ArrayLike) -> float | NDArray[np.fl
 
 
 def widest_gap_deg(angles_deg: NDArray[np.float64]) -> float:
-    """Widest arc without an angle [deg]; 360 for fewer than two."""
+    """Widest arc without an angle [deg]; 360 for fewer than two angles."""
     if len(angles_deg) < 2:
         return 360.0
     ordered = np.sort(np.remainder(angles_deg, 360.0))

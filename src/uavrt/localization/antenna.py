@@ -17,7 +17,7 @@ from uavrt.core.plugins import Registry
 MONOPOLE = "monopole"
 """Name of the upright whip antenna, which receives equally at all headings."""
 NULL_DB = -30.0
-"""Gain of the deepest null of an installed antenna [dB]; the airframe scatters into it."""
+"""Gain in the deepest null of an installed antenna [dB]; airframe reflections fill it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,10 +26,10 @@ class AntennaPattern:
 
     name: str
     e_plane_db: tuple[float, ...]
-    """Gain at equal steps from 0° to 180°, both included, in the plane of the elements, which
-    is horizontal on a level drone."""
+    """Gain at equal steps from 0° to 180°, both included [dB], in the plane of the elements,
+    which is horizontal on a level drone."""
     h_plane_db: tuple[float, ...] | None = None
-    """Gain at the same angles across the elements [dB]; None is equal to `e_plane_db`."""
+    """Gain at the same angles across the elements [dB]; None: equal to `e_plane_db`."""
 
     def __post_init__(self) -> None:
         for table in (self.e_plane_db, self.h_plane_db):
@@ -138,13 +138,13 @@ PATTERNS = Registry("uavrt.antennas", _OWN, AntennaPattern)
 
 
 def monopole_gain_db(elevation_deg: ArrayLike) -> NDArray[np.float64]:
-    """Gain of an upright monopole over that at the horizon [dB]; -30 or more."""
+    """Gain of an upright monopole relative to the horizon [dB], limited to -30 dB."""
     cosine = np.abs(np.cos(np.radians(np.asarray(elevation_deg, np.float64))))
     return np.maximum(20.0 * np.log10(np.maximum(cosine, 1e-9)), NULL_DB)
 
 
 def pattern_named(antenna: AntennaPattern | str) -> AntennaPattern:
-    """Pattern of a name; a pattern is returned as it is. `UsageError` lists the known names."""
+    """Pattern with a given name; a pattern is returned as it is. `UsageError` lists names."""
     if isinstance(antenna, AntennaPattern):
         return antenna
     if antenna not in PATTERNS:

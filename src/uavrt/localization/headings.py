@@ -1,4 +1,4 @@
-"""Directions of the antenna's axes, for many attitudes at once."""
+"""Compute directions of the antenna's axes, for many attitudes at once."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ class Headings:
     yaw_deg: NDArray[np.float64]
     """(n,) direction of the boresight over ground, clockwise from true north [deg]."""
     axes: NDArray[np.float64] | None = None
-    """(n, 3, 3) forward, right and down axis in north, east, down; None is a level antenna."""
+    """(n, 3, 3) forward, right and down axis in north, east, down; None: a level antenna."""
 
     @classmethod
     def level(cls, yaw_deg: ArrayLike) -> "Headings":

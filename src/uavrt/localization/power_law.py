@@ -54,7 +54,7 @@ def power_tables(
     fadings_db: tuple[float, ...] = POWER_LAW.fadings_db,
     spread_db: float = 40.0,
 ) -> PowerTables:
-    """Tabulate log p(power given level), first of the received pulses, then of the missed ones.
+    """Tabulate log p(power given level), first of received pulses, then of missed pulses.
 
     `matched_power` (n,): mean power of the pulses at their known time, over the noise power;
     noise included.

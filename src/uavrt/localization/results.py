@@ -18,7 +18,7 @@ ArrayMethod = Literal["pseudo_doppler", "two_point_phased", "amplitude_monopulse
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Bearing:
-    """Direction to a tag from one place, degrees clockwise from true north, [0, 360)."""
+    """Direction to a tag from one position, degrees clockwise from true north, [0, 360)."""
 
     bearing_deg: float
     """Mean of the main lobe of the posterior; for other methods, their result [deg]."""
@@ -34,7 +34,7 @@ class Bearing:
     evidence: float | None = None
     """Logarithm of the Bayes factor for one direction against noise or a uniform source."""
     reduced_chi2: float | None = None
-    """Misfit of the powers to pattern and fading; about 1 when the model holds."""
+    """Misfit of the powers to pattern and fading (reduced chi²); about 1 if the model holds."""
     multipath_suspected: bool = False
     """True if residuals are correlated over heading or two paths fit much better: there is a
     reflection, or the pattern is not this antenna's."""
@@ -46,7 +46,7 @@ class Bearing:
     """Estimated SNR of a pulse on boresight [dB]."""
     level_sigma_db: float | None = None
     confidence: float | None = None
-    """Confidence as the method defines it: tau of PCA, Pearson's correlation and others."""
+    """Confidence as defined by the method: tau of PCA, Pearson's correlation and others."""
     posterior: NDArray[np.float64] | None = None
     """(360,) probability of the whole degrees 0, 1 … 359; sums to 1. Trackers read it."""
 
@@ -65,7 +65,7 @@ class Bearing:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks for the operator besides the arc; empty where the direction is clear."""
+        """Remarks for the operator in addition to the arc; empty if the direction is clear."""
         if not self.accepted:
             return ("there is no clear direction",)
         if self.multipath_suspected:
@@ -83,7 +83,7 @@ class PositionGrid:
     """Probability of a position on a grid over the ground: the heat map."""
 
     latitude_deg: float
-    """Latitude of the local plane's origin."""
+    """Latitude of the local plane's origin [deg]."""
     longitude_deg: float
     east_m: NDArray[np.float64]
     """(x,) centres of the cells east of the origin [m]."""
@@ -100,12 +100,12 @@ class Ellipse:
     semi_major_m: float
     semi_minor_m: float
     orientation_deg: float
-    """Direction of the long axis, clockwise from true north, [0, 180)."""
+    """Direction of the long axis [deg], clockwise from true north, [0, 180)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caution:
-    """A named reason why a position is less certain than its circles."""
+    """Reason, with a name, why a position is less certain than its circles show."""
 
     name: Literal[
         "compass",
@@ -125,7 +125,7 @@ class TrackPoint:
     """Position of a moving tag at one time, estimated from all data of the flight."""
 
     time_ns: int
-    """UTC [ns]; where that is unknown, time since the first pulse."""
+    """UTC [ns]; if unknown, time since the first pulse."""
     latitude_deg: float
     longitude_deg: float
     radius50_m: float
@@ -135,7 +135,7 @@ class TrackPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Position:
-    """Estimated place of a tag."""
+    """Estimated position of a tag."""
 
     latitude_deg: float
     longitude_deg: float
@@ -145,25 +145,25 @@ class Position:
     pulses: int = 0
     """Number of pulse powers used, missed pulses included."""
     foreign_pulses: int = 0
-    """Number of pulses left out because they are probably another sender's."""
+    """Number of pulses excluded because they are probably another sender's."""
     radius50_m: float | None = None
-    """Radius of the circle that holds the tag with 50 % probability [m]; None is unknown."""
+    """Radius of the circle that holds the tag with 50 % probability [m]; None: unknown."""
     radius95_m: float | None = None
     ellipse95: Ellipse | None = None
     outlier_probabilities: tuple[float, ...] | None = None
-    """Probability that each bearing has nothing to do with the tag."""
+    """Probability that each bearing is unrelated to the tag."""
     level_db: float | None = None
-    """SNR of the tag at 100 m [dB], when powers were used."""
+    """SNR of the tag at 100 m [dB]; None if no powers were used."""
     path_loss_exponent: float | None = None
     at_edge: bool = False
     """True if the search area cuts the posterior: the tag may be farther away."""
     grid: PositionGrid | None = None
     heading_error_deg: float | None = None
-    """Estimated error that all headings share [deg], clockwise; None is unknown."""
+    """Estimated error that all headings share [deg], clockwise; None: unknown."""
     heading_error_sigma_deg: float | None = None
     cautions: tuple[Caution, ...] = ()
     track: tuple[TrackPoint, ...] = ()
-    """Path of the tag in order of time; empty where a fixed place explains the data."""
+    """Path of the tag in order of time; empty if a fixed position explains the data."""
     listeners: tuple[str, ...] = ()
     """Sentences for the operator on the use of each receiver that never turned."""
 

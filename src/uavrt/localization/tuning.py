@@ -8,31 +8,31 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerLawTuning:
-    """Tables of the probability of a pulse's power, given its expected level."""
+    """Constants for the tables of a pulse power's probability, given its expected level."""
 
     level_step_db: float = 0.25
     """Step between two expected levels in the tables [dB]."""
     lowest_level_db: float = -30.0
-    """Lowest expected level over noise in the tables [dB]; a weaker pulse adds 0.1 % to it."""
+    """Lowest expected level over noise in the tables [dB]; a weaker pulse adds 0.1 % power."""
     fadings_db: tuple[float, ...] = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
     """Candidate standard deviations of fading from pulse to pulse [dB]."""
     outlier_share: float = 0.01
     """Prior share of pulses with arbitrary power, by interference or a turn of the animal."""
     gaussian_from: float = 1000.0
-    """Power over noise from which the law is Gaussian in decibels to 1 %: 30 dB."""
+    """Power over noise above which the law is Gaussian in decibels to 1 %: 30 dB."""
     least_density: float = 1e-300
-    """Least probability density of which the logarithm is taken."""
+    """Minimum probability density in logarithms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AcceptanceLimits:
-    """Limits from which a bearing is believed, and from which it is called ambiguous."""
+    """Limits for accepting a bearing, and for calling it ambiguous."""
 
     evidence_nats: float = 3.0
-    """Least logarithm of the Bayes factor for a direction over none [nats]: odds of 20 to 1.
-    Fewer than 1 % of rotations with noise alone or with a steady interferer reach it."""
+    """Minimum log Bayes factor for a direction over none [nats]: odds of 20 to 1. Fewer than 1
+    % of rotations with noise alone or with a steady interferer reach it."""
     second_lobe: float = 0.05
-    """Probability of a second lobe from which a bearing is called ambiguous."""
+    """Probability of a second lobe above which a bearing is called ambiguous."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,70 +40,70 @@ class FlightTuning:
     """Limits for poses, pulses, turns and bearings that are read from a flight."""
 
     pose_step_ns: int = 180_000_000
-    """Least time between two poses that are used [ns]; closer ones add nothing to a turn."""
+    """Minimum time between two poses that are used [ns]; closer ones add nothing to a turn."""
     pose_gap_ns: int = 2_000_000_000
-    """Gap between telemetry poses in which the poses stored with pulses are used [ns]."""
+    """Gap between telemetry poses above which poses stored with pulses are used [ns]."""
     most_missed: int = 100_000
-    """Largest number of missed pulses of one tag in a flight: a day of them."""
+    """Maximum number of missed pulses of one tag in a flight: those of a day."""
     reported_height_m: float = 20.0
-    """Least difference between reported height and elevation map that causes a warning [m]."""
+    """Minimum difference between reported height and elevation map for a warning [m]."""
     least_tag_hz: float = 1e6
-    """Least frequency of a tag [Hz]; some logs contain whole megahertz in its place."""
+    """Minimum frequency of a tag [Hz]; some logs contain whole megahertz instead."""
     on_ground_m: float = 5.0
-    """Largest height of a flight's first pose that shows where it took off [m]."""
+    """Maximum height of a flight's first pose that counts as the take-off [m]."""
     one_place_m: float = 30.0
-    """Largest distance of pulses from their median position in a log of one place [m]."""
+    """Maximum distance of pulses from their median position in a log of one position [m]."""
     hills_digits: int = 4
     """Decimal digits to which frequencies are rounded for losses behind hills: 10 kHz."""
 
     own_heading_sigma_deg: float = 1.0
-    """Least standard deviation of one turn's headings that other turns do not share [°]."""
+    """Minimum standard deviation of heading errors that turns do not share [°]."""
     miss_threshold_db: float = 13.0
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""
     least_pulses: int = 3
-    """Least number of pulses in a turn for a bearing."""
+    """Minimum number of pulses in a turn for a bearing."""
     least_turn_deg: float = 45.0
-    """Least angle of a turn in progress for a provisional bearing [°]."""
+    """Minimum angle of a turn in progress for a provisional bearing [°]."""
     whole_turn_deg: float = 270.0
-    """Least angle of a finished turn [°]."""
+    """Minimum angle of a finished turn [°]."""
     in_progress_ns: int = 10_000_000_000
-    """Time before the last pose within which a turn's end may be in progress [ns]."""
+    """Time before the last pose within which a turn may still be in progress [ns]."""
     one_flight_s: float = 7200.0
-    """Longest span of one flight's bearings [s]; over a longer one the tag rests."""
+    """Longest time span of a flight's bearings [s]; over a longer span the tag rests."""
     other_tag_hz: float = 10_000.0
-    """Frequency difference above which one number is two tags [Hz]; crystals drift by less."""
+    """Frequency difference above which one number means two tags [Hz]; drift is less."""
     least_turns: int = 3
-    """Least number of whole turns from which an antenna's pattern is learned."""
+    """Minimum number of whole turns from which an antenna's pattern is learned."""
     learning_pulses: int = 12
-    """Least number of pulses in a turn that is used to learn the antenna's pattern."""
+    """Minimum number of pulses in a turn that is used to learn the antenna's pattern."""
     most_turns: int = 24
-    """Largest number of turns used to learn the antenna's pattern: a limit on work."""
+    """Maximum number of turns used to learn the antenna's pattern: a limit on work."""
     tick_ns: int = 256
     """Resolution of times in pulse logs [ns]: a float of seconds since 1970."""
     least_height_m: float = 2.0
-    """Least height of the antenna above the tag [m]."""
+    """Minimum height of the antenna above the tag [m]."""
 
     live_turn_ns: int = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""
     drone_level_sigma_db: float = 1.0
-    """Standard deviation of levels from the drone, whose message contains none [dB]."""
+    """Standard deviation assumed for levels from the drone, whose message has none [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverTuning:
-    """Limits for places where other receivers stood."""
+    """Limits for positions where other receivers stood."""
 
     one_place_m: float = 20.0
-    """Largest movement of a receiver that stands at one place [m]."""
+    """Maximum movement of a receiver that stands still [m]."""
     one_heading_deg: float = 20.0
-    """Largest change of heading at one place with a directional antenna [°]."""
+    """Maximum change of heading of a directional antenna at one position [°]."""
     least_pulses: int = 3
-    """Least number of pulses at a place that is used."""
+    """Minimum number of pulses at a position that is used."""
     most_places: int = 24
-    """Largest number of a receiver's places, those with the most pulses: a limit on work."""
+    """Maximum number of a receiver's positions, those with the most pulses: a limit on work."""
     received_share: float = 0.5
-    """Least share of a tag's pulses received at a place; otherwise only strong pulses were."""
+    """Minimum share of a tag's pulses received at a position, else only strong ones were."""
 
 
 POWER_LAW, ACCEPTANCE = PowerLawTuning(), AcceptanceLimits()

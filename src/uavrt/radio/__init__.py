@@ -1,4 +1,4 @@
-"""Sources of radio samples: radio programs, pipes and files behind one interface.
+"""Read radio samples from radio programs, pipes and files behind one interface.
 
 `source` is the interface, `opening` chooses a source; `receivers` has the radios' programs,
 `files` recordings. `timing` dates the samples and counts lost ones, `sanity` rejects bad data.

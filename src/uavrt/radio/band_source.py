@@ -1,4 +1,4 @@
-"""Samples of a frequency band received as UDP datagrams of any size.
+"""Receive the samples of a frequency band as UDP datagrams of any size.
 
 The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
 sends what it happens to read, so datagrams are pieces of one stream of bytes and often end
@@ -47,7 +47,7 @@ class BandDatagramSource(DatagramSource):
         center_frequency_hz: float,
         start_time_ns: int | None = None,
     ) -> None:
-        # Bursts of datagrams are normal here; a new start would make a step of the times.
+        # Bursts of datagrams are normal here; a new start would make times step.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
         self.realigned = 0
         """Number of corrections of the sample alignment."""
@@ -101,7 +101,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins bytes to complex64 samples, and keeps the place of one gap."""
+    """Joins bytes to complex64 samples, and stores the position of one gap."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -174,7 +174,7 @@ class ByteJoiner:
 
 
 def misalignment(data: bytes) -> int:
-    """Number of bytes to skip to the next float, 0 to 3; 0 if the bytes do not show it.
+    """Number of bytes to skip to the next float, 0 to 3; 0 if the bytes do not show the number.
 
     The fourth byte of a little-endian float32 holds the sign and most of the exponent: 0x30 to
     0x46 for radio samples of 1e-9 to 1e4, or zero. At any other alignment most values fall

@@ -1,4 +1,4 @@
-"""Checks that the radio works as configured, by opening it as for a flight."""
+"""Check that the radio works as configured, by opening it as for a flight."""
 
 from contextlib import closing
 from typing import Final
@@ -14,12 +14,12 @@ from uavrt.radio.sanity import SampleCheck
 
 _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
-"""Largest fraction of lost samples that is not reported."""
+"""Maximum fraction of lost samples that is not reported."""
 _DURATION_S: Final = 2.8
 """Duration of the check [s]; enough to measure the sample rate
 (`uavrt.radio.timing.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
-"""Frequency of the check if the settings leave it to the tags [Hz]."""
+"""Radio frequency of the check if the settings leave the choice to the tuner [Hz]."""
 
 
 def check_device(settings: RadioSettings) -> str:

@@ -1,4 +1,4 @@
-"""Formats of complex samples, and their conversion to complex64 without new arrays.
+"""Convert complex samples of all formats to complex64, without allocating arrays.
 
 Full scale is 1.0 in every format, so cs16 and cf32 recordings of one radio give the same pulses
 and noise density.
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from uavrt.core.errors import FormatError
 
 _ABSURD_POWER = 1e20
-"""Mean square above which data are not floats; 32-bit integers read as floats give 5e18 and
-more."""
+"""Mean square above which data are not float32 samples; 32-bit integers read as floats give
+5e18 and more."""
 _INVALID_SHARE = 0.01
 """Fraction of non-finite values above which data are in another format."""
 
@@ -28,12 +28,12 @@ class SampleFormat:
     """A format of interleaved I and Q values."""
 
     name: str
-    """``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
+    """Name of the format: ``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
     dtype: np.dtype[Any]
     zero: float
     """Stored value that represents 0."""
     full_scale: float
-    """Difference between the stored value of 1 and that of 0."""
+    """Difference between the stored values for 1 and for 0."""
 
     @property
     def bytes_per_sample(self) -> int:
@@ -46,7 +46,7 @@ class SampleFormat:
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
     def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
-        """Allocate memory for samples and for their stored bytes; one buffer where possible."""
+        """Allocate memory for samples and for stored bytes; one buffer where possible."""
         made = np.zeros(samples, np.complex64)
         if self.in_place:
             return made, made.view(np.uint8)
@@ -105,7 +105,7 @@ _SIGMF: dict[str, SampleFormat] = {
 
 def sample_format(name: str) -> SampleFormat:
     """Find a format by name; raises `FormatError` with a list if unknown."""
-    # rtl_sdr users write cs8, others sc16 or fc32; one alias each costs nothing.
+    # rtl_sdr users write cs8, others sc16 or fc32; aliases for these.
     aliases = {"cs8": "ci8", "ci16": "cs16", "sc16": "cs16", "fc32": "cf32"}
     found = FORMATS.get(aliases.get(name.lower(), name.lower()))
     if found is None:
@@ -161,7 +161,7 @@ def clean(samples: NDArray[np.complex64], what: str) -> int:
         bad = ~np.isfinite(values)
         count = int(np.count_nonzero(bad))
         values[bad] = 0.0
-        # Of random bytes one value in 256 is no number, and as many are beyond 1e36.
+        # In random bytes one value in 256 is not a number, and as many are beyond 1e36.
         if count > _INVALID_SHARE * values.size or not np.dot(values, values) < limit:
             raise FormatError(
                 f"{what} does not hold float samples: values are not numbers, or far too large",

@@ -8,12 +8,12 @@ from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Range of frequencies that are certainly given in megahertz instead of hertz."""
+"""Range of values that are certainly megahertz and not hertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
     "that the radio takes"
 )
-"""Remedy for a wrong rate or for steady losses, in cable or computer."""
+"""Remedy for a wrong rate or steady losses, which come from cable or computer."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -44,7 +44,7 @@ class LiveSource:
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False
-    """True if the sender may be slower than real time; missing samples are then not a loss."""
+    """True if the sender may be slower than real time; missing samples are then not lost."""
     RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
     """Remedy in the error text when samples arrive at a wrong rate."""
 
@@ -79,7 +79,7 @@ class LiveSource:
 
     @property
     def samples_unsure(self) -> int:
-        """Number of lost samples that a wrong clock rate would explain as well."""
+        """Number of lost samples that may be a wrong clock rate instead."""
         return self._placer.unsure
 
     @property
@@ -89,7 +89,7 @@ class LiveSource:
 
     @property
     def rate_fault(self) -> str | None:
-        """Text with the measured sample rate and a remedy, if the rate is wrong."""
+        """Text with the measured sample rate and a remedy; None if the rate is correct."""
         return self._placer.rate_fault
 
     @property

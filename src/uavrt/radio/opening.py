@@ -1,4 +1,4 @@
-"""Opens any source of samples: a radio, a pipe or a recording."""
+"""Open any source of samples: a radio, a pipe or a recording."""
 
 from collections.abc import Callable
 from pathlib import Path, PurePath
@@ -171,7 +171,7 @@ def _layout(
             path, center_frequency_hz=center_frequency_hz, start_time_ns=start_time_ns
         )
     if kind is None:
-        file_size(path)  # a missing file is the more helpful complaint
+        file_size(path)  # a missing file is the more helpful error
         raise FormatError(
             f"the name of {path} does not reveal its format",
             remedy=f"Give --format: {', '.join(FORMATS)}, sigmf or wav",

@@ -1,4 +1,4 @@
-"""Samples from a pipe, as written by a radio's program.
+"""Read samples from a pipe, as written by a radio's program.
 
 Measured on the reference machine: ``readv`` into a preallocated block of 87 ms from a pipe of 1
 MiB costs 0.5 % of a core at 24 MB/s; Python bytes, threads or asyncio cost up to three times
@@ -23,8 +23,8 @@ from uavrt.radio.timing.sample_placing import HOLD_S
 BLOCK_S: Final = 0.0874
 """Approximate block length [s]; longer ones add latency, shorter ones wake-ups."""
 _WRITE: Final = 16384
-"""Radio programs write multiples of this many samples (airspy_rx 65 536). A block that is also
-a multiple needs no extra read: 262 144 at 3 MS/s."""
+"""Unit of the writes of radio programs [samples]; airspy_rx writes 65 536. A block that is a
+multiple of it needs no extra read: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
 """Largest pipe that Linux allows without privilege (/proc/sys/fs/pipe-max-size) [bytes]."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
@@ -119,7 +119,7 @@ class StreamSource(LiveSource):
             self._given = 0
 
     def _wants_more(self) -> bool:
-        """True if the block is not full, or a possible loss is not decided."""
+        """True if the block is not full, or a possible loss is undecided."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
         if self._placer.settle() or self._placer.samples_before_cut:
@@ -149,7 +149,7 @@ class StreamSource(LiveSource):
         self._placer.arrived((self._filled + waiting) // size, self._clock.now_ns(), full=full)
 
     def close(self) -> None:
-        """Release the descriptor, which its opener must close."""
+        """Release the descriptor; the caller that opened it must close it."""
         self._ended = True
         self._filled = self._given = 0
 
@@ -160,7 +160,7 @@ class StreamSource(LiveSource):
         return bool(self._poll.poll(timeout_s * 1000.0))
 
     def _reported_lost(self) -> int:
-        """Number of lost samples that the writer reports: 0; subclasses override it."""
+        """Number of lost samples reported by the writer: 0, unless a subclass differs."""
         return 0
 
     def _check_end(self) -> None:
@@ -205,7 +205,7 @@ def _enlarge_pipe(descriptor: int) -> int:
         try:
             return fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, size)
         except OSError as error:
-            # EPERM: the user's pipes have used up their share; EBUSY: it holds more now.
+            # EPERM: the user's pipes exceed their quota; EBUSY: the pipe holds more data now.
             if error.errno not in (errno.EPERM, errno.EBUSY):
                 break
     return fcntl.fcntl(descriptor, fcntl.F_GETPIPE_SZ)

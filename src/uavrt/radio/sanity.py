@@ -1,4 +1,4 @@
-"""Detects data that cannot be radio samples, as when a program hangs or stutters."""
+"""Detect data that cannot be radio samples, as from a program that hangs or stutters."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from uavrt.core.errors import RadioGarbled, RadioStalled
 from uavrt.core.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
-"""Mean power of a block above which it cannot be a signal. Full scale is 1 in I and in Q, so a
+"""Mean power of a block above which the data are no signal. Full scale is 1 in I and in Q, so a
 full-scale square wave has 2; random bytes read as floats have 10⁷⁶."""
 DEAD_S = 1.0
 """Duration of exact zeros that shows a dead radio [s]; noise is at least one converter step."""
@@ -23,9 +23,9 @@ class SampleCheck:
         self._dead_s = 0.0
 
     def look(self, block: IQBlock) -> None:
-        """Check a block.
+        """Check one block of samples.
 
-        Raises `RadioGarbled` if these cannot be samples, `RadioStalled` if only zeros come.
+        Raises `RadioGarbled` if it cannot be samples, `RadioStalled` if all are zero.
         """
         values = block.samples.view(np.float32)
         if values.size == 0:

@@ -1,6 +1,6 @@
-"""The interface of every source of samples: real, replayed or simulated.
+"""Interface of all sources of samples: real, replayed or simulated.
 
-The code that processes samples does not depend on which it is.
+Code that processes samples does not depend on the kind of source.
 """
 
 from typing import Protocol
@@ -27,7 +27,7 @@ class SampleSource(Protocol):
         ...
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block, or None when none came within `timeout_s`.
+        """Get the next block, or None if none arrived within `timeout_s`.
 
         The block's samples stay valid until the next call. Raises `EOFError` at the end of a
         recording, `RadioError` if the radio failed and must be reopened, `FormatError` for data
@@ -36,5 +36,5 @@ class SampleSource(Protocol):
         ...
 
     def close(self) -> None:
-        """Stop the radio's program or close the file; can be repeated."""
+        """Stop the radio's program or close the file; may be called repeatedly."""
         ...

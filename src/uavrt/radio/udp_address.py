@@ -1,4 +1,4 @@
-"""UDP addresses as typed by the user, and sockets with room for bursts."""
+"""Parse UDP addresses as typed by the user, and open sockets with buffers for bursts."""
 
 import errno
 import socket
@@ -66,7 +66,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
                 fault = error
             continue
         sockets.append(sock)
-    # With "localhost" the other family may be off; an IPv4 port in use is a fault all the same.
+    # With "localhost" the other family may be off; an IPv4 port in use is still a fault.
     in_use = fault is not None and fault.errno == errno.EADDRINUSE
     if not sockets or in_use:
         for sock in sockets:

@@ -1,4 +1,4 @@
-"""Lists of coded tags as CSV with a heading, or as a YAML list.
+"""Read lists of coded tags: CSV with a heading, or a YAML list.
 
 The heading names the columns, also by common variants: ``tagFreq``, ``g1`` to ``g7`` and
 ``bi``. Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz. A YAML
@@ -89,7 +89,7 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
             last = f", none for {', '.join(absent)[:80]}" if absent else ""
             faults.append(Fault(line=number, text=fault + last))
         if len(cells) > len(names):
-            continue  # which is which is unknown
+            continue  # cells cannot be matched to columns
         pairs = zip(names, cells, strict=False)
         table = {name: _Cell(text=cell, line=number) for name, cell in pairs if cell}
         drafts.append(_draft(table, number, faults, absent))
@@ -200,7 +200,7 @@ def _quantity(key: str) -> Quantity | str | None:
 def _gaps(
     table: dict[str, _Cell], line: int, faults: list[Fault]
 ) -> tuple[list[float] | None, int]:
-    """Gaps of a tag [ms] and their line number; None instead of gaps if any is no number."""
+    """Gaps of a tag [ms] and their line number; None instead of gaps if any is not a number."""
     cells: dict[int, tuple[str, str, int]] = {}
     for key, cell in table.items():
         if (gap := _GAP.fullmatch(key)) is not None:
@@ -221,7 +221,7 @@ def _gaps(
 
 
 def _words_of_unknown(table: dict[str, _Cell]) -> str:
-    """Sentence on unknown columns, one of which may be a misspelt required one."""
+    """Sentence on unknown columns; one of them may be a misspelt required column."""
     others = [key for key in table if not _is_known(key)]
     if not others:
         return ""

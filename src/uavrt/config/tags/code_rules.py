@@ -1,4 +1,4 @@
-"""Plausibility checks for the codes of coded tags, and a search for similar codes.
+"""Check the codes of coded tags for plausibility, and find similar codes.
 
 A code consists of the gaps between a burst's pulses. Tolerances are those of tag registration:
 all gaps together within 1.5 ms, the burst interval within 4 ms.
@@ -12,18 +12,18 @@ from uavrt.config.tags.tag_drafts import Entry, Fault, TagDraft
 from uavrt.core.messages import Tag
 
 MAX_CODES = 500
-"""Most codes in a list; a core can search this many in addition to a flight's other work."""
+"""Maximum number of codes in a list; one core can search this many besides its other work."""
 MOST_NEAR = 50
-"""Most pairs of similar codes that are printed."""
+"""Maximum number of pairs of similar codes that are printed."""
 MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
 CODED_K = 10
 GAP_TOLERANCE_S = 1.5e-3
-"""Largest sum of the gaps' errors in a burst that still has the code [s]."""
+"""Maximum sum of a burst's gap errors for the burst to match a code [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Difference below which two gaps count as equal [ms]."""
+"""Minimum difference between two gaps to be distinct [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -38,7 +38,7 @@ def faults_of_gaps(
     factor, found = _faults_of_numbers(gaps, width_ms)
     if len(gaps) > MAX_GAPS:
         found.append((gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"))
-    # Invalid gaps were reported before, and are left out here.
+    # Invalid gaps were reported before, and are ignored here.
     meant_ms = [factor * gap.number for gap in gaps if 0.0 < factor * gap.number <= MAX_GAP_MS]
     length_ms = sum(meant_ms) + width_ms
     if interval is not None and length_ms >= interval.number:
@@ -115,7 +115,7 @@ class _Code:
 
 
 class _Codes:
-    """Codes found so far, for a fast search of equal ones."""
+    """Codes found so far, indexed for finding equal ones quickly."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
@@ -156,7 +156,7 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
     for same in by_length.values():
         same.sort()
         for at, (length_s, place) in enumerate(same):
-            # Codes of lengths further apart are further apart in their gaps.
+            # Codes whose lengths differ more also differ more in their gaps.
             for other_s, other in same[at + 1 :]:
                 if other_s - length_s > GAP_TOLERANCE_S:
                     break

@@ -1,4 +1,4 @@
-"""Group tags whose search bands overlap, since a search receives the other's pulses."""
+"""Group tags whose search bands overlap, as each search receives the other tags' pulses."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from uavrt.core.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Group bands (lower, upper edge) that overlap, directly or through others; in order."""
+    """Group bands (lower, upper edge) that overlap, directly or through other bands."""
     found: list[list[int]] = []
     reach_hz = 0.0
     for place in sorted(range(len(bands_hz)), key=lambda at: bands_hz[at]):

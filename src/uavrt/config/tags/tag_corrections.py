@@ -14,25 +14,25 @@ DRIFT: Final = 0.005
 LEAST_UNCERTAINTY: Final = 0.01
 """Relative difference from a listed interval up to which a measured interval confirms it."""
 _DRIFT_HZ: Final = 100.0
-"""Difference from the labelled frequency above which it is corrected [Hz]; a fifth of the usual
-search window."""
+"""Difference from the labelled frequency above which the label is corrected [Hz]; a fifth of
+the usual search window."""
 _SEARCH_HZ: Final = 530.0
 """Half-width of the usual search, plus the error of a measured frequency [Hz]."""
 _LEAST_SHARED_PPM: Final = 0.5
-"""Common offset of all tags above which the receiver's error is the cause [ppm]."""
+"""Minimum common offset of all tags that is attributed to the receiver [ppm]."""
 _AGREE_PPM: Final = 1.5
-"""Largest difference of a tag from the common offset [ppm]; also at most a sixth of that
+"""Maximum difference of a tag from the common offset [ppm]; also at most a sixth of that
 offset."""
 _SHARE: Final = 0.75
-"""Least share of tags that must have the common offset; one of four may have drifted by
-itself."""
+"""Minimum share of tags with the common offset; one tag of four may have drifted
+independently."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagCorrection:
-    """Correction of one property of a tag, with the listed tag before and after it."""
+    """Correction of one property of a tag: the list entry before and after the correction."""
 
     time_ns: int
     tag_id: int
@@ -41,11 +41,11 @@ class TagCorrection:
     after: Tag
 
     def applied(self, tag: Tag) -> Tag:
-        """Tag with this correction, which keeps its other changes."""
+        """Apply this correction to a tag that may have other corrections."""
         return _listed_as(tag, self.after, self.what)
 
     def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
-        """Correction that restores the tag before this one."""
+        """Correction that restores the tag's entry before this one."""
         after = _listed_as(tag, self.before, self.what)
         return replace(self, time_ns=time_ns, before=tag, after=after)
 
@@ -103,7 +103,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
     return replace(
         tag,
         pulse_intervals_s=tuple(listed),
-        # The other rate of a tag that has two was not measured.
+        # The other rate of a tag with two rates was not measured.
         interval_uncertainty_s=(
             round(DRIFT * measured_s, 4) if alone else tag.interval_uncertainty_s
         ),
@@ -112,7 +112,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
 
 
 def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
-    """Corrections in order of time, without those that were undone."""
+    """Corrections that were not undone, in order of time."""
     standing: list[TagCorrection] = []
     for one in corrections:
         last = next((x for x in reversed(standing) if x.tag_id == one.tag_id), None)
@@ -124,7 +124,7 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Common frequency offset of the tags, due to the receiver; None without one [ppm].
+    """Common frequency offset of the tags, due to the receiver [ppm]; or None.
 
     Two tags, or three of four, must agree. Trains that may be of two tags, or of another rate,
     are ignored.
@@ -147,7 +147,7 @@ def _agrees(ppm: float, shared_ppm: float) -> bool:
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
-    """Sentence on the common offset of all tags, and the remedy; empty without one."""
+    """Sentence on the common offset of all tags, and the remedy; empty if there is none."""
     ppm = shared_offset_ppm(found)
     if ppm is None:
         return []
@@ -163,7 +163,7 @@ def words_of_beeps(found: Sequence[Beep]) -> list[str]:
 def correction_of(
     tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
 ) -> TagCorrection | None:
-    """Correction of a tag by a sender that may be the tag; None if nothing differs.
+    """Correction of a tag by a measured sender that may be the tag; None if nothing differs.
 
     Frequency and interval are corrected one after the other: called again with the corrected
     tag, this returns the next correction.
@@ -231,7 +231,7 @@ def _is_narrow(tag: Tag, interval_s: float) -> bool:
     """True if a correction of the interval would not narrow the search."""
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
-    two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty stays as it is
+    two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty is unchanged
     return off_s <= 0.5 * uncertainty_s and (
         two_rates or uncertainty_s <= 2 * DRIFT * interval_s
     )

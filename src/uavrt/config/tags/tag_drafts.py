@@ -1,4 +1,4 @@
-"""Tags as typed, before validation, and their faults."""
+"""Tags as typed by the user, before validation, and their faults."""
 
 from dataclasses import dataclass, field
 from typing import Literal

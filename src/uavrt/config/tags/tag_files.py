@@ -54,7 +54,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
 
 
 def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
-    """Select the reader of a text: by its name, else by a line that no other format has."""
+    """Select the reader of a text: by file name, else by a line that only one format has."""
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
     if not name.endswith(".toml") and is_code_csv(text):
@@ -64,10 +64,10 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Check tags of other origin by the rules of tag files; empty if all are valid."""
+    """Check tags from other sources by the rules of tag files; returns the faults."""
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
-    # The same fault of the same place, which here is the tag's, once.
+    # Report the same fault of a tag only once.
     return list(
         dict.fromkeys(f"tag {tags[fault.line].tag_id}: {fault.text}" for fault in faults)
     )

@@ -1,12 +1,12 @@
-"""The thesis's ``TagInfo.txt``: one tag a line, eight numbers separated by commas.
+"""Read and write the thesis's ``TagInfo.txt``: one tag per line, eight numbers with commas.
 
 ``# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k,
-false_alarm``. The heading may be missing or stand without its
-``#``; comments, blank lines, spaces, and tabs or semicolons for commas are taken too.
+false_alarm``. The heading may be missing or stand without its ``#``; comments, blank lines,
+spaces, and tabs or semicolons for commas are accepted.
 
-TagTracker's has ten: a name behind the id, and a second interval behind the first, 0 where the
-tag has one rate only. A line says by its numbers which of the two it has: a frequency is one of
-20 MHz to 1 GHz in hertz.
+TagTracker's file has ten: a name after the id, and a second interval after the first, 0 for a
+tag with one rate. The numbers of a line show which of the two is missing: a frequency is
+between 20 MHz and 1 GHz, in hertz.
 """
 
 import re
@@ -112,7 +112,7 @@ def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
 
 
 def _tagtrackers(cells: list[str]) -> tuple[str | None, list[str], str | None]:
-    """Split a line of TagTracker's into name, the eight numbers, and second interval."""
+    """Split a line of TagTracker's file into name, the eight numbers, and second interval."""
     name = second = None
     if len(cells) > len(COLUMNS) and not _is_frequency(cells[1]) and _is_frequency(cells[2]):
         name, cells = cells[1], [cells[0], *cells[2:]]

@@ -1,4 +1,4 @@
-"""Plausibility checks for tags, with messages in the units of the file.
+"""Check tags for plausibility, with messages in the units of the file.
 
 Both tag file formats are read into `TagDraft` and checked here, as are tags received over the
 radio (`uavrt.config.tags.tag_files.faults_of_tags`). Limits are those of wildlife tags with a
@@ -32,14 +32,14 @@ MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
 
 USUAL_UNCERTAINTY_MS, USUAL_JITTER_MS = 60.0, 10.0
-"""Interval uncertainty and jitter of a tag whose list lacks them: the thesis's own values
+"""Interval uncertainty and jitter of a tag whose list has none [ms]: the thesis's own values
 (figure 4.9). Labels are rounded, and intervals change with temperature and battery."""
 
 _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 
 
 def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
-    """Check drafts, adding to `faults`, and convert them to tags; with any fault to none."""
+    """Check drafts, adding to `faults`, and convert them to tags; none if any is faulty."""
     first_lines: dict[int, int] = {}
     for draft in drafts:
         _check(draft, faults)
@@ -93,7 +93,7 @@ def _tag(draft: TagDraft) -> Tag:
 
 
 def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
-    """Interval uncertainty for a list without it [ms]: 60 ms, or as much as can be searched.
+    """Interval uncertainty for a list without one [ms]: 60 ms, or as much as can be searched.
 
     At most a tenth of the interval, and small enough to predict the last of K pulses within an
     interval (see `_fault_of_group`).

@@ -1,4 +1,4 @@
-"""``tags.toml``: one ``[[tag]]`` per tag, with field names that state the unit.
+"""Read and write ``tags.toml``: one ``[[tag]]`` per tag, field names with the unit.
 
 Values common to all tags are under ``[defaults]``.
 """
@@ -38,7 +38,7 @@ _REQUIRED_OF_CODED: dict[Quantity, str] = {
     "interval": "burst_interval_s",
 }
 _MOST_GAPS = 50
-"""Most gaps read from one code; a longer list is rejected as a whole."""
+"""Maximum number of gaps read from one code; a longer list is rejected as a whole."""
 _CODED_KEYS = ("kind", "gaps_ms", "burst_interval_s")
 _HEADING = """\
 # Tags for uavrt. Each tag is one [[tag]]; id, frequency, interval and pulse width are needed.
@@ -107,19 +107,19 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def table_quantities(table: dict[str, object]) -> set[Quantity]:
-    """Names of the quantities that a table has, even with wrong values."""
+    """Names of the quantities that a table contains, even with wrong values."""
     return {KEYS[key] for key in table if key in KEYS}
 
 
 def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> list[str]:
-    """Required fields that a tag lacks, except those already reported as misspelt or wrong."""
+    """Required fields missing in a tag, except those already reported as misspelt or wrong."""
     if draft.gaps is not None:
         required = _REQUIRED_OF_CODED
     elif any(key in table for key in _CODED_KEYS[1:]):
         required = {
             "id": "id",
             "frequency": "frequency_mhz",
-        }  # without the kind, which is known
+        }  # without the kind of tag, which is known
     else:
         required = _REQUIRED
     known = (*KEYS, *_CODED_KEYS)

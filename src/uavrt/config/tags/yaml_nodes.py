@@ -1,7 +1,7 @@
-"""Read YAML lists of tags, by PyYAML, as nodes with line numbers.
+"""Read YAML lists of tags with PyYAML, as nodes with line numbers.
 
 Numbers stay text as typed, since the list's reader determines their types. Aliases (``*``) are
-faults: a few bytes of them can stand for gigabytes.
+faults: a few bytes can expand to gigabytes.
 """
 
 from collections.abc import Iterator

@@ -16,7 +16,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 def normalised(q: Quaternion) -> Quaternion:
-    """Scale to length 1; raises `ValueError` if it is zero or not finite.
+    """Scale a quaternion to length 1; raises `ValueError` if it is zero or not finite.
 
     A vehicle with unknown attitude may send zeros.
     """
@@ -27,7 +27,7 @@ def normalised(q: Quaternion) -> Quaternion:
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Hamilton product: rotation by `b`, then by `a`."""
+    """Hamilton product of two quaternions: rotation by `b`, then by `a`."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -47,7 +47,7 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 
 
 def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quaternion:
-    """Quaternion of yaw, then pitch, then roll (aerospace order, intrinsic z, y', x'').
+    """Quaternion of yaw, then pitch, then roll [°] (aerospace order, intrinsic z, y', x'').
 
     All components are NaN if an angle is not finite.
     """
@@ -77,7 +77,7 @@ def yaw_deg(q: Quaternion) -> float:
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
-    """Rotate from `a` towards `b` along the shorter arc, at constant rate.
+    """Interpolate between two attitudes along the shorter arc, at constant rate of turn.
 
     `b` and `-b` are the same attitude; autopilots send either. `fraction` outside [0, 1]
     continues the rotation. Shoemake, "Animating rotation with quaternion curves", 1985.

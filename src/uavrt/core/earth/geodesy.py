@@ -55,7 +55,7 @@ class Utm:
 
 
 def utm(latitude_deg: float, longitude_deg: float, *, zone: int | None = None) -> Utm | None:
-    """Project a position to UTM, in its own zone or a given one; None near the poles."""
+    """Project a position to UTM, in its own zone or in `zone`; None near the poles."""
     if not -80.0 <= latitude_deg <= 84.0:
         return None
     longitude_deg = wrap_degrees_180(longitude_deg)
@@ -83,7 +83,7 @@ def utm(latitude_deg: float, longitude_deg: float, *, zone: int | None = None) -
 def moved(
     latitude_deg: float, longitude_deg: float, height_m: float, north_m: float, east_m: float
 ) -> tuple[float, float]:
-    """Latitude and longitude after a shift by a few metres, by the radii of curvature."""
+    """Shift a latitude and longitude [°] by a few metres, using the radii of curvature."""
     latitude_rad = math.radians(latitude_deg)
     flattening = 1.0 - ECCENTRICITY2 * math.sin(latitude_rad) ** 2
     prime_vertical_m = SEMI_MAJOR_M / math.sqrt(flattening) + height_m

@@ -1,11 +1,11 @@
-"""Checks latitudes and longitudes in logs; errors name a likely cause."""
+"""Check latitudes and longitudes in logs; errors name a likely cause."""
 
 import math
 
 from uavrt.core.earth.attitude import Quaternion, normalised
 
 _SCALED = 1e5
-"""Value above which a number is in 10⁻⁷ degrees, as in MAVLink."""
+"""Absolute value of a latitude or longitude above which it is in 10⁻⁷ degrees (MAVLink)."""
 
 
 class OffEarthError(ValueError):
@@ -24,14 +24,14 @@ def latitude_on_earth(value_deg: float) -> float:
 
 
 def longitude_on_earth(value_deg: float) -> float:
-    """Longitude in -180° to 180°, also of 0° to 360°; raises `OffEarthError` for others."""
+    """Wrap a longitude to ±180°; raises `OffEarthError` outside -180° to 360°."""
     if not abs(value_deg) <= 360.0:
         raise OffEarthError(f"{value_deg:.12g} is not a longitude", remedy=_remedy(value_deg))
     return value_deg if -180.0 <= value_deg < 180.0 else math.remainder(value_deg, 360.0)
 
 
 def place_on_earth(latitude_deg: float, longitude_deg: float) -> tuple[float, float] | None:
-    """Check latitude and longitude [°]; None if unknown; raises `OffEarthError`."""
+    """Check latitude and longitude [°]; None if unknown; raises `OffEarthError` if invalid."""
     if not (math.isfinite(latitude_deg) and math.isfinite(longitude_deg)):
         return None
     return latitude_on_earth(latitude_deg), longitude_on_earth(longitude_deg)

@@ -5,15 +5,14 @@ from collections.abc import Iterable
 from uavrt.core.messages import Health
 
 ARMED, LANDED = "autopilot_armed", "autopilot_landed"
-"""Counters with these states in health reports of the drone's connection and the ground
-station."""
+"""Names of the counters in health reports that hold these two states of the autopilot."""
 GROUND_STATION = "ground station"
 """Process name in the ground station's own health reports."""
 EVER_NS = 2**62
-"""End of the last time span [ns], because the last report stays valid."""
+"""End of the last time span on the ground [ns]; the last report stays valid for ever."""
 
 Reports = Iterable[tuple[int, bool]]
-"""Times [ns] and the reported states."""
+"""Pairs of a report's time [ns] and the reported state."""
 
 
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
@@ -53,7 +52,7 @@ class GroundStates:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add a report; False if nothing has changed.
+        """Add a report; returns False if neither state has changed.
 
         `armed`, `landed`: 0 for no; None if not reported.
         """

@@ -18,7 +18,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TangentPlane:
-    """The plane that touches the ellipsoid at a point.
+    """Plane that touches the ellipsoid at a point, with axes east and north in metres.
 
     Straight lines of sight are straight in it. At 10 km the earth's surface is 8 m below, which
     does not affect bearings.
@@ -30,7 +30,7 @@ class TangentPlane:
     def to_local(
         self, latitude_deg: ArrayLike, longitude_deg: ArrayLike
     ) -> tuple[_Floats, _Floats]:
-        """East and north [m] of positions on the ground; arrays of any shape."""
+        """Convert positions on the ground [°] to east and north [m]; arrays of any shape."""
         x, y, z = _geocentric(latitude_deg, longitude_deg)
         x0, y0, z0 = _geocentric(self.latitude_deg, self.longitude_deg)
         dx, dy, dz = x - x0, y - y0, z - z0
@@ -40,7 +40,7 @@ class TangentPlane:
         return east, north
 
     def to_geodetic(self, east_m: ArrayLike, north_m: ArrayLike) -> tuple[_Floats, _Floats]:
-        """Latitude and longitude [°] of positions in the plane; longitude in [-180, 180)."""
+        """Convert east and north [m] to latitude and longitude [°], within ±180°."""
         east, north = np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
         x0, y0, z0 = _geocentric(self.latitude_deg, self.longitude_deg)
         sin_lat, cos_lat, sin_lon, cos_lon = self._axes()
@@ -68,7 +68,7 @@ class TangentPlane:
 
 
 def plane_around(latitude_deg: _Floats, longitude_deg: _Floats) -> TangentPlane:
-    """Plane at the centre of some positions, also across the 180° meridian."""
+    """Plane at the centre of some positions [°], also across the 180° meridian."""
     first = float(longitude_deg[0])
     turned = np.remainder(longitude_deg - first + 180.0, 360.0) - 180.0
     longitude = wrap_degrees_180(first + float(np.mean(turned)))

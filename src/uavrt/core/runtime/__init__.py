@@ -1,1 +1,1 @@
-"""Python and its libraries on a small computer: memory, threads, imports, kernels."""
+"""Run Python and its libraries on a small computer: memory, threads, imports, kernels."""

@@ -18,7 +18,7 @@ _SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
 def blas_environment(
     given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
 ) -> dict[str, str]:
-    """Variables to add to a process's environment; variables already set are not included.
+    """Environment variables to set for a process; variables that are already set are omitted.
 
     `given`: the present environment. `cpuinfo`: Linux's description of the processor.
     """

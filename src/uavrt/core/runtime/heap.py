@@ -1,4 +1,4 @@
-"""Returns free heap memory to the system from time to time."""
+"""Return free heap memory to the system from time to time."""
 
 import ctypes
 import gc
@@ -15,28 +15,28 @@ _POOL_BYTES, _STEP_BYTES, _LARGEST_BYTES = 16_384, 16, 512
 share a pool; larger ones use malloc (``Objects/obmalloc.c`` of CPython 3.11 and later; with
 other values less is filled)."""
 _MOST_BLOCKS = 40_000
-"""Largest number of filled blocks; after the imports of a flight it takes 4000."""
+"""Maximum number of filled blocks; after the imports of a flight 4000 are needed."""
 
 
 def fill_pools() -> list[object]:
-    """Fill the free places between Python's objects, before a process is forked.
+    """Fill the free slots between Python's objects, before a process is forked.
 
-    New objects use free places between old ones first, and each makes an inherited memory page
+        Otherwise new objects use these slots first, and each makes an inherited memory page
     private: ten pages a minute, for hours. Once filled, new objects stay together. Takes 10 ms
     and 0.4 MB, once. Returns the filling objects, which must be kept.
     """
-    kept: list[object] = [None] * _MOST_BLOCKS  # made whole: growing it would take places
+    kept: list[object] = [None] * _MOST_BLOCKS  # allocated whole: growing uses free slots
     used = 0
-    # Objects below 48 bytes are numbers only, and few places.
+    # Objects below 48 bytes are numbers only; their pools have few free slots.
     for size in range(3 * _STEP_BYTES, _LARGEST_BYTES + 1, _STEP_BYTES):
         in_a_row, last = 0, 0
-        # This many in a row are a pool that was empty: there are no places between others.
+        # So many blocks in a row are an empty pool: no free slots between others remain.
         while in_a_row < _POOL_BYTES // size - 2 and used < _MOST_BLOCKS:
             block = bytes(size - b"".__sizeof__())
             in_a_row = in_a_row + 1 if id(block) == last + size else 1
             kept[used], last = block, id(block)
             used += 1
-        used -= in_a_row  # an empty pool is given back
+        used -= in_a_row  # an empty pool is returned to the system
         kept[used : used + in_a_row] = [None] * in_a_row
     del kept[used:]
     return kept
@@ -106,7 +106,7 @@ class HeapKeeper:
         self._next_s = now_s + period_s
 
     def keep(self, now_s: float) -> bool:
-        """Trim the heap if it is due; True if trimmed."""
+        """Trim the heap if a trim is due; returns True if trimmed."""
         if now_s < self._next_s:
             return False
         self._next_s = now_s + self._period_s

@@ -1,4 +1,4 @@
-"""Imports names of the documented API when they are first used (PEP 562).
+"""Import names of the documented API when they are first used (PEP 562).
 
 Otherwise each process of the drone would load the whole package. Modules of uavrt import from
 the module that defines a name.

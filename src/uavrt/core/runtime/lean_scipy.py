@@ -1,4 +1,4 @@
-"""scipy.fft and scipy.special without unneeded parts of NumPy.
+"""Import scipy.fft and scipy.special without unneeded parts of NumPy.
 
 On import SciPy 1.17 copies all of NumPy's names, which loads numpy.f2py and numpy.testing: 6 MB
 and 0.05 s in a process of the drone that needs neither. Empty modules replace these two during

@@ -33,12 +33,12 @@ _kernels, _said = _load()
 
 
 def kernels() -> Any:
-    """The module of compiled kernels; None if NumPy is used."""
+    """Module of compiled kernels; None if NumPy is used."""
     return _kernels
 
 
 def description() -> str:
-    """Short text on which code is in use."""
+    """Text that says which kernels are in use: compiled or NumPy."""
     return _said
 
 

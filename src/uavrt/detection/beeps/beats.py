@@ -1,4 +1,4 @@
-"""Find the intervals in a set of pulse times: which pulses belong to a tag, and its interval.
+"""Find the intervals in a set of pulse times, and the pulses that follow each interval.
 
 Every pair of pulses votes for its distance. A tag with interval T makes votes at T, 2 T, 3 T …;
 the first strong one is its interval. A chain may run on through the tag's other rate, since
@@ -20,7 +20,7 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBeat:
-    """An interval and the pulses that follow it."""
+    """Interval found in pulse times, and the pulses that follow it."""
 
     beat: Beat
     members: NDArray[np.intp]
@@ -28,7 +28,7 @@ class FoundBeat:
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
-    """Find intervals in ascending times (n,) at one frequency, that with most pulses first."""
+    """Find intervals in ascending times (n,) at one frequency, the most frequent first."""
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []
     while len(found) < most and left.size >= INTERVALS.fewest_pulses:
@@ -49,8 +49,8 @@ def _best_beat(
         chain = longest_chain(times_s, interval_s)
         if chain.size < INTERVALS.fewest_pulses:
             continue
-        # Votes give the interval to some milliseconds, which breaks chains: once more with
-        # what the first chain says.
+        # Votes give the interval to some milliseconds, which breaks chains: repeat with the
+        # interval of the first chain.
         again = longest_chain(times_s, fit_beat(times_s[chain], interval_s).interval_s)
         chain = again if again.size > chain.size else chain
         beat = fit_beat(times_s[chain], interval_s)
@@ -64,7 +64,7 @@ def _best_beat(
 def _at_one_rate(
     times_s: NDArray[np.float64], beat: Beat, chain: NDArray[np.intp], span_s: float
 ) -> tuple[Beat, NDArray[np.intp]]:
-    """Keep the longest stretch of a chain, if it runs on through another rate of the tag."""
+    """Keep the longest stretch of a chain that continues through another rate of the tag."""
     low, high = int(chain[0]), int(chain[-1]) + 1
     within_s = times_s[low:high]
     best, kept = -np.inf, (beat, chain)
@@ -91,7 +91,7 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove pulses at an end of a chain behind a gap with other pulses in it.
+    """Remove end pulses of a chain that are beyond a gap with other pulses in the gap.
 
     If the first pulse after a change of rate is lost, the chain meets the other rate later.
     """
@@ -134,13 +134,13 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses less half of the missing ones, so that half an interval loses."""
+    """Number of pulses minus half of the missing ones; half an interval then scores less."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
 
 def _candidates(times_s: NDArray[np.float64]) -> list[float]:
-    """Distances with votes from many pairs of pulses, most votes first [s]."""
+    """Time differences between many pairs of pulses, the most frequent first [s]."""
     step_s = 0.25 * INTERVALS.tolerance_s
     votes = np.zeros(int((INTERVALS.longest_s + 1.0) / step_s), dtype=np.float64)
     for shift in range(1, min(times_s.size, 200)):
@@ -151,7 +151,7 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
         np.add.at(votes, np.round(distance / step_s).astype(np.int64), 1.0)
     smooth = np.convolve(votes, np.ones(5), mode="same")
     smooth[: int(INTERVALS.shortest_s / step_s)] = 0.0
-    # Times at random vote for all distances alike.
+    # Random times vote for all distances alike.
     by_chance = times_s.size**2 / max(float(np.ptp(times_s)), 1e-9) * 5.0 * step_s
     least = max(3.0, by_chance + 4.0 * by_chance**0.5)
     candidates = []
@@ -169,7 +169,7 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 
 
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
-    """Expected number of such chains among random pulses.
+    """Expected number of chains as good as this one among random pulses.
 
     After two pulses that set the interval, each further place contains a pulse with probability
     p = density × tolerance. `pairs`: choices of the first two; missed places add further ones.
@@ -178,7 +178,7 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)
     count, places = beat.numbers.size, int(beat.numbers[-1]) + 1
     pairs = bursts * density * (INTERVALS.longest_s - INTERVALS.shortest_s)
-    # Binomial tail, by its largest term: choose which of the places are hit.
+    # Binomial tail, by its largest term: choice of the positions with a pulse.
     ways = lgamma(places - 1) - lgamma(count - 1) - lgamma(max(places - count, 0) + 1)
     exponent = log(max(pairs, 1e-9)) + ways + (count - 2) * log(hit)
     return exp(min(exponent, 50.0))

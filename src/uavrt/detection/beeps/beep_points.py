@@ -1,4 +1,4 @@
-"""Find strong pulses anywhere in a band, without knowing any tag.
+"""Find strong pulses at any frequency in a band, without a list of tags.
 
 A cell of the spectrogram is a point if it stands above three levels: its frequency's at other
 times (carriers), those of other frequencies at its time (impulses, voice), and those 0.6 to 1.1
@@ -23,13 +23,13 @@ class Points:
     """Detected pulses, in order of time."""
 
     times_s: NDArray[np.float64]
-    """(n,) middle of each pulse since the first sample [s], within about 2 ms."""
+    """(n,) middle of each pulse, relative to the first sample [s], within about 2 ms."""
     frequencies_hz: NDArray[np.float64]
-    """(n,) frequencies from the band's centre [Hz], within about 10 Hz."""
+    """(n,) frequencies relative to the band's centre [Hz], within about 10 Hz."""
     widths_s: NDArray[np.float64]
     """(n,) lengths [s], within about 5 ms; 0 for pulses much shorter than the window."""
     levels_db: NDArray[np.float64]
-    """(n,) power over the noise in 94 Hz [dB]."""
+    """(n,) power over the noise in a bandwidth of 94 Hz [dB]."""
 
     def __len__(self) -> int:
         return self.times_s.size
@@ -44,7 +44,7 @@ class Points:
         )
 
     def moved(self, times_s: NDArray[np.float64], center_hz: float = 0.0) -> "Points":
-        """Points with other times and absolute frequencies, sorted by time again."""
+        """Copy with other times and absolute frequencies, sorted by time again."""
         order = np.argsort(times_s, kind="stable")
         moved = Points(times_s, self.frequencies_hz + center_hz, self.widths_s, self.levels_db)
         return moved.take(order)
@@ -80,7 +80,7 @@ class PointSearch:
         self._low_hz = first * self._step_hz
         frames = min(POINTS.batch_s / POINTS.hop_s, most_cells / self._bins)
         self._held = 2 * POINTS.around_frames
-        """Number of frames of the previous batch at the start of a batch."""
+        """Number of frames of the previous batch that are repeated at the start of a batch."""
         self._power = np.zeros(
             (max(4 * POINTS.around_frames, round(frames)), self._bins), np.float32
         )
@@ -103,7 +103,7 @@ class PointSearch:
         """Number of strong cells not examined because there were too many at once."""
 
     def process(self, samples: NDArray[np.complex64]) -> None:
-        """Process the next samples of the stream, without missing ones."""
+        """Process the next samples of the stream; none may be missing in between."""
         self._tail = np.concatenate((self._tail, samples))
         self._take_frames(POINTS.least_frames)
 
@@ -155,7 +155,7 @@ class PointSearch:
         power = self._power[: self._filled]
         held = power[-self._held :].copy()
         usual = medians(power[::2])
-        # A frequency whose level is next to nothing (a filter's stop band) never stands out.
+        # A frequency with a level near zero (a filter's stop band) never stands out.
         usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
         power *= 1.0 / usual
         row, column, over = self._candidates(power, self._from, until)
@@ -172,7 +172,7 @@ class PointSearch:
         """Cells above the threshold: frame, frequency, and power over that of the segment."""
         segments = max(1, self._bins // POINTS.segment_bins)
         places = []
-        for segment in range(0, segments, 256):  # 16384 bins at a time, in the cache's reach
+        for segment in range(0, segments, 256):  # 16384 bins at a time, which fit the cache
             count = min(256, segments - segment)
             low = segment * POINTS.segment_bins
             high = (
@@ -181,7 +181,7 @@ class PointSearch:
             part = power[first:until, low:high]
             above = np.flatnonzero(part > np.float32(self._factor))
             row, column = np.divmod(above, high - low)
-            # Few segments have such cells: the others' common rise is of no interest.
+            # Few segments have such cells; the common rise of the others is not needed.
             own = row * count + np.minimum(column // POINTS.segment_bins, count - 1)
             asked, place = np.unique(own, return_inverse=True)
             if segments == 1:
@@ -284,7 +284,7 @@ def _without_edges(points: Points) -> Points:
 def _peak(
     power: NDArray[np.float32], at: NDArray[np.intp], column: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Place of a spectral line between bins, by a parabola through the logarithms [bins]."""
+    """Position of a spectral line between bins [bins], by a parabola through the logarithms."""
     inner = np.clip(column, 1, power.shape[1] - 2)
     below, here, above = (
         np.log(np.maximum(power[at, inner + d].astype(np.float64), 1e-37)) for d in (-1, 0, 1)

@@ -1,7 +1,7 @@
 """Find unlisted senders in a stream while the listed tags are detected.
 
 A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
-or the animal may belong to another study. The detector then finds nothing and gives no reason.
+or the animal may belong to another study. The detector then finds nothing, without a reason.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from uavrt.dsp.block_times import BlockTimes
 
 
 class _Band:
-    """Searches a band for part of the time.
+    """Searches a band periodically, for a part of the time.
 
     `turns`: durations of searching at the start and at the end of each period, and the period.
     """
@@ -40,7 +40,7 @@ class _Band:
         """Points at absolute frequencies, from the last search for trains."""
 
     def due(self, block: IQBlock) -> bool:
-        """Count the time of a block; return whether the block must be searched."""
+        """Count the time of a block; returns True if the block must be searched."""
         at_s = self._taken_s
         self._taken_s += len(block.samples) / block.sample_rate_hz
         turn_s = at_s % self._period_s
@@ -71,7 +71,7 @@ class _Band:
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
-        """Return the trains so far, at absolute frequencies; during a stream, recent ones."""
+        """Return the trains so far, at absolute frequencies; of a live stream, recent ones."""
         if self._search is None or not self.received:
             return []
         since_s = max(0.0, self.received / self._rate_hz - LISTENING.recent_s)
@@ -116,7 +116,7 @@ class BeepSearch:
         self._known: list[Beep] = []
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
-        """Add the radio's next block, and the same at the rate of the tags' band."""
+        """Add the radio's next block, at the radio's rate and at the rate of the tags' band."""
         self.take(*self.due(block, band))
 
     def due(self, block: IQBlock, band: IQBlock) -> tuple[IQBlock | None, IQBlock | None]:
@@ -136,7 +136,7 @@ class BeepSearch:
             self._whole.take(block, center_hz, 0.5)
 
     def finish(self) -> list[Beep]:
-        """Identify the trains, the strongest first; for a stream, only new ones."""
+        """Identify the trains, the strongest first; for a live stream, only new ones."""
         found = self._found(ended=True)
         return [one for one in found if keep_beep(self._known, one)]
 

@@ -28,14 +28,14 @@ class Train:
     frequency_hz: float
     level_db: float
     doubt: str | None = None
-    """Reason why this may not be a sender; None: it is one."""
+    """Reason why the train may not be a sender; None without doubt."""
     image_of_hz: float | None = None
-    """Frequency of the stronger train with which its pulses coincide [Hz]; None: no image."""
+    """Frequency of the stronger train with simultaneous pulses [Hz]; None: not an image."""
     together: int = 1
-    """Number of frequencies, including its own, with equally strong simultaneous pulses."""
+    """Number of frequencies, including this one, with equally strong simultaneous pulses."""
 
     def moved(self, center_hz: float) -> "Train":
-        """The train at absolute frequencies."""
+        """Copy of the train at absolute frequencies."""
         image_hz = self.image_of_hz
         return replace(
             self,
@@ -117,7 +117,7 @@ def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
-    """Share of the points in bursts; 0 unless bursts are as rare as those of a code."""
+    """Share of the points in bursts; 0 if bursts are too frequent for a coded tag."""
     bursts = split_bursts(times_s)
     share = sum(one.size for one in bursts) / times_s.size
     rare = TRAINS.fewest_bursts <= len(bursts) <= TRAINS.most_bursts_per_s * span_s
@@ -141,7 +141,7 @@ def _centers(points: Points) -> list[float]:
     tops = np.flatnonzero(
         (weights >= highest) & (weights > 0.0) & (counts >= INTERVALS.fewest_pulses)
     )
-    # Equal neighbours are one top.
+    # Equal neighbours are one maximum.
     tops = tops[np.diff(tops, prepend=-2) > 1]
     return [float(low_hz + TRAINS.step_hz * top) for top in tops[np.argsort(-weights[tops])]]
 
@@ -175,7 +175,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
 
 
 def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
-    """Mark trains that coincide with stronger ones; drop them if those are close."""
+    """Mark trains that coincide with stronger ones; drop those close to them in frequency."""
     kept: list[Train] = []
     for train in trains:
         others = [one for one in kept if one.image_of_hz is None]
@@ -218,7 +218,7 @@ def _coincide(train: Train, other: Train) -> bool:
 
 
 def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
-    """Group intervals by sender: a tag has one interval at a time, so they do not overlap."""
+    """Group intervals by sender; as a tag has one interval at a time, they do not overlap."""
     groups: list[list[FoundBeat]] = []
     for beat in beats:
         times_s = here.times_s[beat.members]

@@ -1,4 +1,4 @@
-"""Follow the pulses of a sender, at one interval or at two in turn."""
+"""Follow the pulses of one sender, at one interval or at two in turn."""
 
 from itertools import pairwise
 
@@ -9,12 +9,12 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 
 def tolerance_s(interval_s: float) -> float:
-    """Largest deviation of a pulse from its place, counted from the pulse before [s]."""
+    """Maximum deviation of a pulse from its expected time after the previous pulse [s]."""
     return INTERVALS.tolerance_s + 0.005 * interval_s
 
 
 def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.intp]:
-    """Pulses that follow each other at the interval; empty if fewer than three."""
+    """Pulses that follow each other at one interval; empty if fewer than three."""
     members, _ = _best_chain(times_s, (interval_s,), INTERVALS.missing_cost)
     return members if members.size >= 3 else members[:0]
 
@@ -52,7 +52,7 @@ def chain_with_switches(
 def _best_chain(
     times_s: NDArray[np.float64], intervals_s: tuple[float, ...], hole: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pulses of the best chain, and the interval before each but the first."""
+    """Pulses of the best chain, and the interval before each pulse except the first."""
     count, rates = times_s.size, len(intervals_s)
     score = np.ones((count, rates))
     before = np.full((count, rates), -1, dtype=np.intp)  # burst · rates + rate
@@ -67,7 +67,7 @@ def _best_chain(
             fits = error <= 1.0
             if not fits.any():
                 continue
-            # Prefer long chains without holes, then the better fit.
+            # Prefer long chains without missing pulses, then the better fit.
             cost = hole * (steps - 1.0) + 0.1 * error
             merit = score[first:k] - switch[rate] - cost[:, np.newaxis]
             merit[~fits] = -np.inf

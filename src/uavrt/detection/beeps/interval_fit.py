@@ -43,7 +43,7 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
         first = max(0, k - INTERVALS.recent_pulses)
         span = numbers[k] - numbers[first]
         if span >= 1:
-            # A slope through few pulses is worth little: it counts by its length.
+            # The slope of few pulses is uncertain: weight it by their number.
             slope = (times_s[k] - times_s[first]) / span
             trust = span / (span + 2.0)
             current = trust * slope + (1.0 - trust) * interval_s
@@ -51,7 +51,7 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
 
 
 def fit_beat(times_s: NDArray[np.float64], interval_s: float) -> Beat:
-    """Fit the interval of two or more ascending times (n,) of pulses by least squares."""
+    """Fit the interval of two or more ascending pulse times (n,) by least squares."""
     numbers = number_pulses(times_s, interval_s)
     centred = numbers - numbers.mean()
     spread = float((centred**2).sum())

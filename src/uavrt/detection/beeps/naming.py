@@ -60,7 +60,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
         kind, names = BeepKind.DOUBTFUL, near[:1]
     elif near:
         kind, interval_s = BeepKind.OTHER_RATE, others_s[0]
-        # Prefer tags that change to this rate, or show it where pulses are missing.
+        # Prefer tags that change to this rate, or whose missing pulses would look like it.
         names = [
             one for one in near if _fits(interval_s, one, train, NAMING.interval_ratios)
         ] or near
@@ -86,7 +86,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Remove ids of tags found at their own frequency; add those of an image's original."""
+    """Remove ids of tags found at their own frequency; add ids of the tag behind an image."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:
@@ -105,7 +105,7 @@ def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
 def _mirrored(
     one: Beep, train: Train, silent: Sequence[Tag], window_hz: float, center_hz: float
 ) -> Beep:
-    """Recognise a tag that appears on the other side of the radio's centre."""
+    """Recognise a tag at the mirror frequency about the radio's centre (I and Q swapped)."""
     if one.kind is not BeepKind.UNLISTED:
         return one
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)
@@ -143,7 +143,7 @@ def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Intervals of a train: that with the most pulses, then others that are certain [s]."""
+    """Intervals of a train [s], that with the most pulses first; uncertain ones are omitted."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

@@ -14,29 +14,29 @@ class PointTuning:
     batch_s: float = 2.0
     """Duration over which the median gives the usual level of a frequency [s]."""
     most_cells: int = 12_500_000
-    """Most cells of the spectrogram searched at once: 48 MiB, 2 s at 3 MS/s."""
+    """Maximum number of cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
     """Noise cells accepted as points in `false_band_hz` [1/s]; more in wider bands."""
     false_band_hz: float = 100e3
-    """Widest band in which no more than `false_per_s` noise cells are accepted [Hz]."""
+    """Maximum bandwidth in which at most `false_per_s` noise cells are accepted [Hz]."""
     segment_bins: int = 64
-    """Number of neighbouring frequencies, 4 kHz, whose common rise is no pulse."""
+    """Number of neighbouring frequencies, 4 kHz, whose common rise is not a pulse."""
     flank_bins: tuple[int, int] = (10, 17)
-    """Distances at which the spectrum of a pulse has decayed, even one of 2.5 ms [bins]."""
+    """Distances at which a pulse's spectrum has decayed, even one of 2.5 ms [bins]."""
     flank_ratio: float = 10.0
-    """Least ratio of the peak of a pulse to the mean level at `flank_bins`."""
+    """Minimum ratio of a pulse's peak to the mean level at `flank_bins`."""
     around_frames: int = 13
-    """Number of frames before and after a point from which its length is found: 104 ms."""
+    """Number of frames before and after a point used to measure the pulse length: 104 ms."""
     longest_s: float = 0.1
-    """Duration above which a signal is a transmission and no pulse [s]."""
+    """Maximum duration of a pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
-    """Least number of frames that are transformed together."""
+    """Minimum number of frames that are transformed together."""
     most_candidates: int = 200_000
-    """Most cells of a batch that are examined: the strongest ones."""
+    """Maximum number of cells examined in a batch: the strongest ones."""
     strong_db: float = 32.0
-    """Level from which the edges of a pulse may make points of their own [dB]."""
+    """Level above which a pulse's edges may appear as separate points [dB]."""
     edge_s: float = 0.03
-    """Largest time between the point of a pulse and those of its edges [s]."""
+    """Maximum time between the point of a pulse and those of its edges [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,28 +47,28 @@ class IntervalTuning:
     shortest_s: float = 0.25
     longest_s: float = 6.0
     fewest_pulses: int = 5
-    """Least number of pulses that show an interval."""
+    """Minimum number of pulses for an interval to be accepted."""
     fewest_at_other_rate: int = 6
-    """Least number of pulses at another interval at which a chain is cut."""
+    """Minimum number of pulses at another interval for a chain to be cut there."""
     most_bends: int = 6
-    """Highest degree of the polynomial that follows the interval's change with temperature."""
+    """Maximum degree of the polynomial for the interval's change with temperature."""
     most_false: float = 1e-4
-    """Largest expected number of equal chains from noise in the recording."""
+    """Maximum expected number of equally good chains from noise in the recording."""
     tolerance_s: float = 0.022
-    """Largest deviation of a pulse from its place [s]: jitter of ± 20 ms, and our own error."""
+    """Maximum deviation of a pulse from its expected time [s]: 20 ms jitter, and our error."""
     most_missing: int = 6
-    """Most consecutive missing pulses in a chain."""
+    """Maximum number of consecutive missing pulses in a chain."""
     # Costs in a chain, relative to the value of a pulse. At `switch_cost` a stretch with every
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Cost of a missing pulse where the tag has one rate [values of a pulse]."""
+    """Cost of a missing pulse if the tag has one rate [values of a pulse]."""
     missing_or_switch_cost: float = 0.5
-    """Cost of a missing pulse where the tag may have switched [values of a pulse]."""
+    """Cost of a missing pulse if the tag may have changed rate [values of a pulse]."""
     switch_cost: float = 2.0
     """Cost of a change of interval in a chain [values of a pulse]."""
     recent_pulses: int = 40
-    """Number of recent pulses that give the running interval."""
+    """Number of recent pulses over which the running interval is averaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,37 +80,37 @@ class TrainTuning:
     step_hz: float = 25.0
     """Width of the steps in which points are counted by frequency [Hz]."""
     most_intervals: int = 8
-    """Most intervals that are found among the points of one frequency."""
+    """Maximum number of intervals found among the points of one frequency."""
     strays: int = 2
-    """Most points of a train within the time of another that one sender may explain."""
+    """Maximum points of one train during another that are still one sender's."""
     most_scatter_hz: float = 30.0
-    """Largest scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
+    """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
-    """Least share of a frequency's points in trains; with less they are doubtful."""
+    """Minimum share of a frequency's points in trains; below it the trains are doubtful."""
     same_time_s: float = 0.012
-    """Largest difference between the times of simultaneous pulses [s]."""
+    """Maximum difference between the times of simultaneous pulses [s]."""
     image_share: float = 0.8
-    """Least share of an image's pulses that coincide with those of a stronger train."""
+    """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
-    """Least level by which an image is below its original, where receivers make images [dB]."""
+    """Minimum level difference of an original and an image, at image frequencies [dB]."""
     anywhere_db: float = 25.0
-    """Least level by which an image is below its original at any other frequency [dB]."""
+    """Minimum level difference of an original and an image, at other frequencies [dB]."""
     one_device_db: float = 10.0
-    """Largest difference in level of the tones of one device, such as a data sender [dB]."""
+    """Maximum level difference between tones of one device, such as a data sender [dB]."""
     one_device_s: float = 0.001
-    """Largest difference between the intervals of the tones of one device [s]."""
+    """Maximum difference between the intervals of tones of one device [s]."""
     flank_hz: float = 20_000.0
-    """Distance within which an image is not reported, but taken as a flank or product [Hz]."""
+    """Distance from the original below which an image is not reported [Hz]."""
     burst_gap_s: float = 0.25
-    """Distance above which two pulses belong to two bursts [s]."""
+    """Minimum time between the pulses of two bursts [s]."""
     fewest_bursts: int = 3
-    """Least number of bursts at which a coded tag is suspected."""
+    """Minimum number of bursts for a coded tag to be suspected."""
     most_in_burst: int = 8
-    """Most pulses of a burst."""
+    """Maximum number of pulses in a burst."""
     burst_share: float = 0.5
-    """Least share of the points in bursts at which a coded tag is suspected."""
+    """Minimum share of the points in bursts for a coded tag to be suspected."""
     most_bursts_per_s: float = 1.0
-    """Largest rate of bursts of a coded tag [1/s]; more are voice or data."""
+    """Maximum burst rate of a coded tag [1/s]; more frequent bursts are voice or data."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,39 +118,39 @@ class NamingTuning:
     """Constants for comparing trains with the listed tags."""
 
     reach_ppm: float = 70.0
-    """Error of a dongle without a temperature-compensated crystal [ppm]."""
+    """Maximum frequency error of a dongle without temperature-compensated crystal [ppm]."""
     edge_hz: float = 30.0
     """Error of a train's frequency, and of the edge of a window [Hz]."""
     code_hz: float = 1000.0
-    """Distance from a coded tag's frequency within which pulses are taken as its own [Hz]."""
+    """Maximum distance of a coded tag's pulses from its nominal frequency [Hz]."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
     """Possible ratios of the listed to the measured interval: twice for a mortality signal at
     double rate, a half or a third if every second pulse, or two of three, are missed."""
     timing_s: float = 0.001
     """Error of an interval from the times of points [s]."""
     least_pulses: int = 8
-    """Least number of pulses of a stretch with an interval of its own."""
+    """Minimum number of pulses of a stretch that has a separate interval."""
     least_present: float = 0.7
-    """Least share of received pulses in a stretch; fewer may belong to another rate."""
+    """Minimum share of received pulses in a stretch; fewer may belong to another rate."""
     most_names: int = 3
-    """Most listed tags that are reported for a train."""
+    """Maximum number of listed tags reported for a train."""
     gap_level_db: float = 12.0
-    """Least level of pulses that may show missing samples [dB]; noise has few of these."""
+    """Minimum level of pulses used to detect missing samples [dB]; noise rarely reaches it."""
     gap_pulses: int = 10
-    """Least number of pulses that may show missing samples."""
+    """Minimum number of pulses for missing samples to be detected."""
     gap_share: float = 0.7
-    """Least share of steps from pulse to pulse that are a little shorter than the interval."""
+    """Minimum share of pulse-to-pulse times that are slightly shorter than the interval."""
     most_missing_share: float = 0.4
-    """Largest part of an interval whose samples may be missing between two pulses."""
+    """Maximum share of an interval that may be missing samples."""
     least_gap_spread_s: float = 0.02
-    """Least scatter of the steps [s]; with less they are a train of their own."""
+    """Minimum scatter of pulse-to-pulse times [s]; with less they are a separate train."""
     late_s: float = 0.025
-    """Largest delay of a pulse where samples are missing [s]."""
+    """Maximum delay of a pulse if samples are missing [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListeningTuning:
-    """Times and amounts of the search of a stream for unlisted senders."""
+    """Times and limits for searching a stream for unlisted senders."""
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
     """Search of the tags' band of a recording: first time, time per period, period [s]."""
@@ -159,19 +159,19 @@ class ListeningTuning:
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
     """Search of the radio's wider band: first time, time per period, period [s]."""
     whole_band_live_s: tuple[float, float, float] = (20.0, 20.0, 540.0)
-    """Search of that band of a live stream: first time, time per period, period [s]."""
+    """Search of the wider band of a live stream: first time, time per period, period [s]."""
     live_cells: int = 4_000_000
-    """Most cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
+    """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0
     """Duration of a live stream that is searched for trains [s]."""
     most_points: int = 6000
-    """Most points searched for trains while a stream runs: the strongest ones."""
+    """Maximum points searched for trains during a live stream: the strongest ones."""
     report_every_s: float = 5.0
     """Time between two searches for trains of a live stream [s]."""
     live_pulses: int = 8
-    """Least number of pulses of a train that is reported while a stream runs."""
+    """Minimum number of pulses of a train reported during a live stream."""
     clean_share: float = 0.45
-    """Half-width of a decimated band that is searched, as a share of its rate."""
+    """Half-width of a decimated band that is searched, as a share of its sample rate."""
 
 
 POINTS = PointTuning()

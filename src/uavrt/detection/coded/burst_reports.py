@@ -40,7 +40,7 @@ class BurstReporter:
         self._reported_ns = 0
 
     def drain(self) -> list[Pulse]:
-        """Return the records since the last call, in order of time."""
+        """Return the burst records since the last call, in order of time."""
         found, self._pulses = self._pulses, []
         return sorted(found, key=lambda pulse: pulse.start_time_ns)
 
@@ -102,7 +102,7 @@ class BurstReporter:
         )
 
     def searched(self, now_ns: int, cells: Cells) -> None:
-        """Report what was searched: each tag once a second; many codes less frequently."""
+        """Report what was searched: each tag once a second, less often with many codes."""
         if now_ns - self._reported_ns < ns_from_s(report_every_s(len(self._tracks.tags))):
             return
         self._reported_ns = now_ns
@@ -160,7 +160,7 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Offset of the pulses from the columns with their largest cells [columns].
+    """Offset of the pulses from the columns of their largest cells [columns].
 
     The filter of a rectangular pulse decays linearly: amplitudes on both sides give the offset.
     """

@@ -1,8 +1,8 @@
-"""Evidence that the pulses at a listed code's places are that code's.
+"""Compute the evidence that the pulses at the positions of a listed code are that code's.
 
 The listed code, whose pulses are equally strong, is compared with an unlisted one that has some
-pulses at these places by chance, and with noise. An unlisted code explains all places but one
-at the price of the coincidences; that place must show a pulse by itself.
+pulses at these positions by chance, and with noise. An unlisted code explains all positions but
+one at the price of the coincidences; that position must show a pulse by itself.
 """
 
 import math
@@ -19,13 +19,13 @@ class Evidence:
     """Log-likelihood ratios of the listed code against other explanations."""
 
     over_noise: NDArray[np.float64]
-    """(n,) the code's own pulses against noise."""
+    """(n,) log-likelihood of the code's pulses against noise."""
     over_unlisted: NDArray[np.float64]
-    """(n,) the listed code against unlisted codes."""
+    """(n,) log-likelihood of the listed code against unlisted codes."""
     alone: NDArray[np.float64]
-    """(n, places) each place against noise or a pulse of another burst there."""
+    """(n, pulses) each pulse position against noise or a pulse of another burst there."""
     own: NDArray[np.bool_]
-    """(n, places) True for places with the code's pulse rather than a stronger signal."""
+    """(n, pulses) True where the code's pulse is received rather than a stronger signal."""
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
@@ -56,13 +56,13 @@ def evidence(
         - np.log(LIKELIHOOD.strengths_log * np.maximum(x, math.sqrt(bursts)))
         - noise
     )
-    # Strengths that are tried: that of each place, and their mean.
+    # Strengths tried: that of each pulse position, and their mean.
     mean = np.where(usable, x, 0.0).sum(axis=1) / np.maximum(usable.sum(axis=1), 1)
     tried = np.maximum(np.concatenate((x, mean[:, None]), axis=1), 1.4 * math.sqrt(bursts))
     variance = 0.5 + (LIKELIHOOD.fading * tried[:, :, None]) ** 2 / bursts
     pulse = -((x[:, None] - tried[:, :, None]) ** 2) / (2.0 * variance)
     pulse -= 0.5 * np.log(2.0 * np.pi * variance) + noise[:, None]
-    # A weaker signal hides no pulse.
+    # A weaker signal does not hide a pulse.
     hidden = np.where(
         x[:, None] >= LIKELIHOOD.hiding_amplitude * tried[:, :, None], foreign[:, None], -np.inf
     )
@@ -71,8 +71,8 @@ def evidence(
     rows = np.arange(len(x))
     own = usable & (pulse[rows, best] >= hidden[rows, best])
     over_noise = np.where(own, pulse[rows, best], 0.0).sum(axis=1)
-    # An unlisted code has pulses in some places, never in all: summed by the first that it
-    # lacks.
+    # An unlisted code has pulses at some positions, never at all: sum over the first position
+    # without one.
     lacks = np.logaddexp(0.0, foreign)[:, None] + np.zeros_like(pulse)
     has = math.log(LIKELIHOOD.coincidence) + pulse
     either = np.where(usable[:, None], np.logaddexp(lacks, has), 0.0)
@@ -106,7 +106,7 @@ def evidence_of_sums(
 
     `energies` (n, bursts, places). `in_step`: chance of an unlisted tag with this interval.
     """
-    # One unlisted tag is in step by chance, or the pulses of several are.
+    # Either one unlisted tag is in step by chance, or pulses of several tags are.
     by_one, by_several = (
         evidence(
             each,

@@ -1,4 +1,4 @@
-"""Sum several bursts to find what no single burst shows.
+"""Sum several bursts of a code to find those too weak to find singly.
 
 A seed is a single burst that stands out slightly. It waits until the following bursts have
 arrived; then the best sum of three, and of K bursts, that includes it is examined.
@@ -21,7 +21,7 @@ from uavrt.detection.coded.tuning import SUMS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Several bursts of a code whose sum exceeds noise.
+    """Several bursts of one code with a sum that exceeds noise.
 
     `score`: sum of amplitudes over the required. `also_possible`: ids of other tags.
     """
@@ -46,7 +46,7 @@ class Waiting:
         self._calls = 0
 
     def add(self, seeds: NDArray[np.int32], ends: NDArray[np.float64]) -> None:
-        """Add seeds, each with the column at which it is due."""
+        """Add seeds, each with the column at which its sum can be computed."""
         self._calls += 1
         columns = np.floor(ends).astype(np.int32)
         call = np.full(len(seeds), self._calls, np.int32)
@@ -74,7 +74,7 @@ class Waiting:
 class Folds:
     """Sums several bursts of the codes with equal numbers of pulses.
 
-    `kept_s`: duration for which cells are kept [s].
+    `kept_s`: duration for which cells are stored [s].
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Folds:
         }
 
     def note(self, first: int, count: int) -> None:
-        """Find seeds among bursts that begin at some columns."""
+        """Find seeds among bursts that begin at the given columns."""
         pulses = self._book.pulses
         seeds = find_seeds(
             *(self._cells, self._book, first, count),
@@ -123,7 +123,7 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Sum around the seeds whose later bursts have all arrived.
+        """Compute the sums around seeds whose later bursts have all arrived.
 
         `whole`: column before which all bursts are complete.
         """
@@ -212,13 +212,13 @@ class Folds:
         )
 
     def _steady(self, one: Found) -> bool:
-        """True if no single burst makes the sum: each counts at most 1.6 times the median."""
+        """True if no single burst dominates the sum: none exceeds 1.6 times the median."""
         sums = np.sqrt(one.energies).sum(axis=1)
         limited = np.minimum(sums, 1.6 * np.median(sums))
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Select the best of hits with common pulses; add the tags of hits nearly as good."""
+        """Select the best of hits with common pulses; add the tags of nearly equal hits."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [

@@ -1,4 +1,4 @@
-"""Decide whether a sum of cells is a burst, and which of several codes it belongs to.
+"""Decide if a sum of cells is a burst, and which of several codes sent it.
 
 The pulses of a burst come from one tag within a quarter of a second: they are equally strong
 (`evidence`), each is where its cell is largest, and each is as short as a pulse. Signals within
@@ -40,23 +40,23 @@ class Burst:
     unlisted: float = 0.0
     """Log-likelihood ratio against unlisted codes."""
     alone: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    """Log-likelihood ratio of each pulse against noise or another's pulse in its place."""
+    """Log-likelihood ratio of each pulse against noise or a pulse of another burst."""
     prior: float = 0.0
-    """Log odds that it is sent now, over any other time."""
+    """Log odds that the burst is sent now, relative to any other time."""
     score: float = 0.0
-    """Sum of energies over the required one."""
+    """Ratio of the sum of energies to the required sum."""
     also_possible: list[int] = field(default_factory=list)
-    """Ids of other tags that may have sent it."""
+    """Ids of other tags that may have sent the burst."""
     hit_by: list[int] = field(default_factory=list)
-    """Ids of tags whose bursts overlap too many of its pulses."""
+    """Ids of tags whose bursts overlap too many pulses of this burst."""
 
     @property
     def tag_id(self) -> int:
-        """Id of the tag of its code."""
+        """Id of the tag with this burst's code."""
         return self.book.tags[self.code].tag_id
 
     def renewed(self) -> "Burst":
-        """Copy of the burst that can be judged again independently."""
+        """Copy of the burst that can be scored again independently."""
         return replace(self, good=self.good.copy(), also_possible=[])
 
 
@@ -71,7 +71,7 @@ def measure(
 ) -> list[Burst]:
     """Measure the pulses of seeds among the recent cells; drop seeds that are no burst.
 
-    `seeds` (n, 5): all pulses lie among the recent cells. `prior`: log odds of a burst now.
+    `seeds` (n, 5): with all pulses among the recent cells. `prior`: log odds of a burst now.
     """
     if not len(seeds):
         return []
@@ -79,7 +79,7 @@ def measure(
     offsets = _finely(cells, book, seeds)
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3:4] + offsets - cells.recent_from
-    # What counts lies exactly at the gaps: each further column would be one more chance.
+    # Only cells exactly at the gaps count; each further column would add a chance match.
     energies = cells.recent[seeds[:, 1][:, None], np.clip(at, 0, last)]
     able = np.flatnonzero(may_suffice(energies, limits))
     seeds, offsets, at, energies = seeds[able], offsets[able], at[able], energies[able]
@@ -95,7 +95,7 @@ def measure(
         ),
     )
     amplitude = np.sqrt(energies)
-    # It ends on both sides; older tags send pulses up to three times as long as usual.
+    # A pulse ends on both sides; older tags send pulses up to three times as long as usual.
     far = np.rint(np.array(SHAPE.end_widths) * cells.pulse).astype(np.intp)[:, None, None]
     before = cells.recent[rows, np.maximum(at - far, 0)].min(axis=0)
     after = cells.recent[rows, np.minimum(at + far, last)].min(axis=0)
@@ -115,10 +115,10 @@ def measure(
     found = []
     enough = good.sum(axis=1) >= least_pulses(book.pulses)
     usual = _median(amplitude, good)[:, np.newaxis]
-    # Where nothing lies that could hide a pulse, a pulse is missing.
+    # If no signal could hide the pulse, the pulse is missing.
     enough &= ~((np.sqrt(near) < SHAPE.hit_amplitude * usual) & ~good).any(axis=1)
-    # One off its place that is as strong as the others is theirs: of another code. Nor do
-    # flanks of two pulses make a burst with nothing in the other places.
+    # A pulse off its position and as strong as the others means another code. Flanks of two
+    # pulses, without pulses at the other positions, are no burst either.
     tops = np.sqrt(highest)
     usual = _median(tops, good)[:, np.newaxis]
     alike = np.abs(tops - usual) <= 3.0 * LIKELIHOOD.fading * tops + SHAPE.higher_amplitude
@@ -142,7 +142,7 @@ def measure(
 
 
 def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Move strong seeds, with many similar columns and stretches, to the best one."""
+    """Move strong seeds, which have many similar columns and stretches, to the best."""
     offsets = book.offsets[seeds[:, 0]]
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3] - cells.recent_from
@@ -171,7 +171,7 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
 
 
 def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(n, pulses) columns of the pulses from the seed's: the best near the searched ones."""
+    """(n, pulses) best columns of the pulses near those searched, relative to the seed."""
     shifts = np.array([0, -1, 1], np.int32)
     tried = book.fine[seeds[:, 0], seeds[:, 2]][:, None] + shifts[:, None, None]
     tried = tried.reshape(len(seeds), -1, book.pulses)
@@ -185,7 +185,7 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Find pulses that deviate from their places, unlike the burst's others.
+    """Find pulses that deviate from their expected time, unlike the burst's other pulses.
 
     Also returns the energies at their maxima, within a pulse width and at near frequencies:
     only the strongest row shows the true position.
@@ -213,7 +213,7 @@ def _best(
 
 
 def least_pulses(pulses: int) -> int:
-    """Number of a burst's pulses that must be undisturbed: two gaps at least, if it has two."""
+    """Minimum number of undisturbed pulses in a burst: enough for two gaps, if it has two."""
     return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
 
 
@@ -229,7 +229,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Score bursts with equal numbers of pulses; keep those whose good pulses suffice."""
+    """Score bursts with equal numbers of pulses; drop those with too few good pulses."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -250,29 +250,29 @@ def weigh(
 def scores_of(
     energies: NDArray[np.float64], own: NDArray[np.bool_], limits: dict[int, float]
 ) -> NDArray[np.float64]:
-    """Sums of each burst's own pulses over the required ones; 0 if too few."""
+    """Ratio of the sum of each burst's undisturbed pulses to the required sum; 0 if too few."""
     least = np.array([limits.get(count, np.inf) for count in range(own.shape[1] + 1)])
     limit = least[own.sum(axis=1)][:, None]
-    # A pulse that is much stronger than the others does not stand for them.
+    # A pulse that is much stronger than the others is not representative of them.
     counted = np.minimum(np.where(own, energies, 0.0), 0.5 * limit)
     return np.asarray((counted / limit).sum(axis=1))
 
 
 def may_suffice(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
-    """True for seeds that `weigh` would keep with some of their pulses: few of many."""
+    """True for seeds that `weigh` may accept with a part of their pulses."""
     pulses = energies.shape[1]
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
     able = np.zeros(len(energies), np.bool_)
     for count, limit in limits.items():
         able |= np.minimum(ordered[:, :count], 0.5 * limit).sum(axis=1) >= SHAPE.rounded * limit
-    # Most seeds are one or two pulses: of as many as must count, these are the most alike.
+    # Most seeds are one or two pulses: test the required number of the most equal ones.
     least = least_pulses(pulses)
     able &= ordered[:, least - 1] >= SHAPE.least_amplitude**2 * ordered[:, pulses - least]
     return able
 
 
 class AcceptedBursts:
-    """Accepted bursts, which explain all signals within their pulses."""
+    """Accepted bursts; signals within their pulses are explained by them."""
 
     def __init__(self, cells: Cells) -> None:
         self.guard = cells.pulse + round(SHAPE.guard_s / cells.column_s)
@@ -286,7 +286,7 @@ class AcceptedBursts:
 
 
 class Overlaps:
-    """Overlap of possible bursts' pulses with accepted bursts, and what remains of them.
+    """Overlap of possible bursts with accepted bursts, and the remaining pulses.
 
     `guard`: columns on either side of a pulse that belong to it.
     """
@@ -322,9 +322,9 @@ class Overlaps:
     def _sum(self) -> None:
         alone = self._good & ~self.pulses
         self.count: list[int] = self.pulses.sum(axis=1).tolist()
-        """Number of overlapped pulses, by claim."""
+        """(claims,) number of overlapped pulses."""
         self.alone: list[int] = alone.sum(axis=1).tolist()
-        """Number of good pulses that remain, by claim."""
+        """(claims,) number of good pulses that remain."""
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
@@ -341,7 +341,7 @@ class Overlaps:
         return [burst for burst, hit in self._by if hit[claim]]
 
     def is_sending(self, burst: Burst) -> bool:
-        """True if the tag of a burst already has an accepted one at that time."""
+        """True if the tag of a burst already has an accepted burst at that time."""
         own = self._accepted.get(burst.tag_id)
         if own is None:
             return False
@@ -424,7 +424,7 @@ def _greedy(
                 lost += len(alone) > 0 and burst.column < before
                 if len(alone) < SHAPE.sure_pulses or alone.min() < SHAPE.sure_energy:
                     continue
-                # Too much of it is hit; it is named, and others may not have its pulses.
+                # Too many pulses overlap: name the overlapping tag, which others may not use.
                 burst.hit_by += [other.tag_id for other in covered.overlapped_by(i)]
         accepted.append(burst)
         covered.add(burst)

@@ -23,7 +23,7 @@ class BurstTrack:
     error_s: float
 
     def add(self, time_ns: int, row: int) -> None:
-        """Update the prediction with a burst after the newest."""
+        """Update the prediction with a burst later than the newest."""
         passed_s = (time_ns - self.time_ns) / NANOSECONDS_PER_SECOND
         count = round(passed_s / self.interval_s)
         if count >= 1:
@@ -68,7 +68,7 @@ class Tracks:
         return track
 
     def drop_silent(self, now_ns: int) -> None:
-        """Drop tags that have been silent too long."""
+        """Drop tags without a burst for too long."""
         self.alive = {
             tag_id: track
             for tag_id, track in self.alive.items()

@@ -1,4 +1,4 @@
-"""The detector of coded tags: samples of a channel in, one record for each burst out.
+"""Detect coded tags: samples of a channel in, one record for each burst out.
 
 Handles all codes of a channel together (docs/explanation/coded-tags.md).
 """
@@ -142,7 +142,7 @@ class CodedDetector:
         """Column up to which single bursts were searched."""
         self._claims: list[Burst] = []
         self._ahead: list[Burst] = []
-        """Accepted bursts that later ones may still explain."""
+        """Accepted bursts that later bursts may still explain."""
         self._accepted = AcceptedBursts(self._cells)
         self._foreign = Foreign(self._cells, self._span, self._accepted.guard)
         self._folds = [
@@ -274,7 +274,7 @@ class CodedDetector:
         if found.unlisted < required - IDENTITY.doubt_log:
             return
         over = found.energies.mean(axis=1) - 1.0
-        # Before the tag came and after it went there are none.
+        # There are no bursts before the tag arrived or after it left.
         own = np.flatnonzero(over >= 0.5 * over.mean())
         strong = np.flatnonzero(over >= LIMITS.least_energy)
         for place in strong[(strong >= own[0]) & (strong <= own[-1])].tolist():

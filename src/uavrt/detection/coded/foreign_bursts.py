@@ -27,7 +27,7 @@ class Foreign:
 
     @property
     def per_hour(self) -> float:
-        """Foreign bursts averaged over the last minutes [1/h]."""
+        """Rate of foreign bursts, averaged over the last minutes [1/h]."""
         received_s = min(FOREIGN.memory_s, self._upto * self._cells.column_s) + FOREIGN.start_s
         return FOREIGN.least_per_hour + 3600.0 * self._count / received_s
 
@@ -62,7 +62,7 @@ class Foreign:
         return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
-        """Foreign bursts at a burst [1/h]: averaged, or those within a burst's length."""
+        """Rate of foreign bursts around a burst [1/h]: averaged, or from within its length."""
         near = self._columns >= burst.columns[0] - self._span
         near &= self._columns <= burst.columns[-1] + self._span
         near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin

@@ -18,7 +18,7 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of ranges of steps tried, of which the best is used."""
+"""Log of the number of ranges of steps that are tried, because the best is used."""
 
 
 def in_step(
@@ -28,7 +28,7 @@ def in_step(
     timing_s: float,
     most: int = IDENTITY.steps,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Find bursts at whole burst intervals before and after one.
+    """Find bursts at whole multiples of the burst interval before and after a burst.
 
     `tag`: gives the interval. Returns (expected_s, gains, which), each (2 most,): expected
     times; log odds that a burst found there is the tag's, 0 for none; the nearest other burst.
@@ -53,7 +53,7 @@ def likeliest(
     searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Decide which of several tags sent a burst, by their intervals.
+    """Decide which of several tags sent a burst, from their burst intervals.
 
     `others_s`: times of the other bursts that each tag may have sent. `searched_s`: start and
     end of the search. Returns indices of possible tags, the likeliest first.
@@ -73,23 +73,23 @@ def likeliest(
 
 @dataclass(slots=True, kw_only=True)
 class Sighting:
-    """A burst found by itself, until its sender is identified."""
+    """A burst found singly, until its sender is identified."""
 
     tags: tuple[Tag, ...]
     """Possible tags, the likeliest first."""
     hit: tuple[int, ...]
-    """Ids of tags whose bursts overlap too many of its pulses."""
+    """Ids of tags whose bursts overlap too many pulses of this burst."""
     start_ns: int
     starts_ns: list[int]
     """Start times of the received pulses [ns]."""
     energies: NDArray[np.float64]
-    """Energies of these pulses over the noise [noise energies]."""
+    """Energies of the received pulses relative to the noise [noise energies]."""
     offset_hz: float
     noise: float
     row: int
     score: float
     alone: NDArray[np.float64]
-    """Log-likelihood ratio of each of the code's pulses against noise or another's pulse."""
+    """Log-likelihood ratio of each pulse of the code against noise or another burst's pulse."""
     good: NDArray[np.bool_]
     unlisted: float
     """Log-likelihood ratio of the listed code against unlisted codes."""
@@ -97,14 +97,14 @@ class Sighting:
     """Log-likelihood ratio required for an identification."""
     reported: bool = False
     tag_id: int | None = None
-    """Id of the sender, once identified."""
+    """Id of the sender; None until it is identified."""
 
     def seconds_to(self, time_ns: int) -> float:
-        """Time from the burst's start [s]."""
+        """Time from the burst's start to a given time [s]."""
         return (time_ns - self.start_ns) / NANOSECONDS_PER_SECOND
 
     def age_in_intervals(self, now_ns: int) -> float:
-        """Time since the burst, in the longest interval of its possible tags."""
+        """Time since the burst, in units of the longest interval of its possible tags."""
         return self.seconds_to(now_ns) / max(tag.pulse_intervals_s[0] for tag in self.tags)
 
     def may_be(self, tag: Tag) -> bool:
@@ -113,7 +113,7 @@ class Sighting:
 
 
 class Sightings:
-    """The bursts of the last few intervals, and their senders."""
+    """The bursts of the last few burst intervals, and their senders."""
 
     def __init__(self) -> None:
         self._by_tag: dict[int, list[Sighting]] = {}
@@ -200,7 +200,7 @@ class Sightings:
                 one,
                 *(others[place] for place in which[near][gains[near] > 0.0].tolist()),
             ]
-            # One unlisted tag is in step by chance, or the bursts of several are.
+            # Either one unlisted tag is in step by chance, or bursts of several tags are.
             by_one = evidence_in_step(
                 np.stack([each.alone for each in summed]),
                 np.stack([each.good for each in summed]),

@@ -2,7 +2,7 @@
 
 The sum of n cells of noise has Erlang's distribution. Of the sums tried in an hour only some
 are independent, a number that was measured (docs/explanation/coded-tags.md). Several bursts are
-judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and Rice (1980).
+tested by their sum of Rayleigh amplitudes; its tail is that of Lugannani and Rice (1980).
 """
 
 import math
@@ -15,7 +15,7 @@ from uavrt.detection.coded.tuning import LIMITS
 
 @lru_cache(maxsize=256)
 def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
-    """Sum of cells that noise reaches at this rate [noise energies]."""
+    """Sum of cells that noise reaches at a given hourly rate [noise energies]."""
     return float(special.gammainccinv(pulses, min(0.5, false_per_hour / tests_per_hour)))
 
 
@@ -30,7 +30,7 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Least sum of cells that identifies a tag [noise energies].
+    """Minimum sum of cells that identifies a tag [noise energies].
 
     `pulses`: number of cells in the sum. `false_per_hour`: allowed identifications from noise.
     """
@@ -42,7 +42,7 @@ def sum_limit(
 def amplitude_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Least sum of amplitudes of several refined bursts; parameters as of `sum_limit`."""
+    """Minimum sum of amplitudes of several refined bursts; parameters as for `sum_limit`."""
     share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return rayleigh_limit(
@@ -69,7 +69,7 @@ def rayleigh_limit(count: int, chance: float) -> float:
 
 
 def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
-    """A sum of amplitudes by its saddle point, and the chance that noise exceeds it."""
+    """Saddle point for a sum of amplitudes, and probability that noise exceeds the sum."""
     half_root_pi = 0.5 * math.sqrt(math.pi)
     h = math.exp(0.25 * s * s) * (1.0 + float(special.erf(0.5 * s)))
     slope = 0.5 * s * h + 1.0 / math.sqrt(math.pi)
@@ -86,5 +86,5 @@ def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
 
 
 def longest(tag: Tag, kept_s: float) -> int:
-    """Most bursts that are summed: at most K, and within the kept cells on both sides."""
+    """Maximum number of bursts in a sum: K at most, within the stored cells."""
     return max(1, min(tag.k, 1 + math.floor(0.5 * kept_s / tag.pulse_intervals_s[0])))

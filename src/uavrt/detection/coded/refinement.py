@@ -31,7 +31,7 @@ class Refined:
 def refine(
     cells: Cells, tag: Tag, *, row: int, part: float, begins: NDArray[np.float64], most: float
 ) -> Refined:
-    """Find the position between cells with the largest sum.
+    """Find the largest sum at positions between the cells.
 
     `part`: stretch of all gaps, as a share of the tolerance. `most`: largest that counts.
     """

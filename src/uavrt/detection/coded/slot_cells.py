@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 from uavrt.detection.coded.tuning import CELLS
 
 STEP = 0.25
-"""Step of the cells stored as bytes [noise energies]."""
+"""Resolution of cells stored as bytes [noise energies]."""
 CLIP = 63
-"""Largest stored cell [steps]: the sum of four fits a byte."""
+"""Maximum stored value of a cell [steps]; the sum of four fits a byte."""
 NEUTRAL = round(1.0 / STEP)
 """Stored value of a cell with the mean energy of noise."""
 UNIT = 16.0
-"""Amplitude of the noise in stored samples, which are clipped at eight times that."""
+"""Amplitude of the noise in stored samples; samples are limited to eight times that."""
 
 
 class Cells:
-    """Computes and stores the cells of one channel.
+    """Computes and stores the energy cells of one channel.
 
-    `kept_s`, `recent_s`: durations for which cells are kept as bytes, and in full precision.
+    `kept_s`, `recent_s`: durations for which cells are stored as bytes, and in full precision.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Cells:
         """Number of samples in a pulse."""
         self.sample_rate_hz = sample_rate_hz
         self.hop = max(1, int(pulse_width_s * sample_rate_hz / CELLS.columns_per_pulse))
-        """Number of samples from column to column."""
+        """Number of samples from one column to the next."""
         self.column_s = self.hop / sample_rate_hz
         self.pulse = max(1, round(pulse_width_s / self.column_s))
         """Number of columns in a pulse."""
@@ -49,19 +49,19 @@ class Cells:
         rows = max(1, math.ceil((high_hz - low_hz) / spacing_hz)) + 1
         self.offsets_hz = np.linspace(low_hz, high_hz, rows)
         self.rows_of_a_bin = min(rows - 1, math.ceil(1.0 / CELLS.row_spacing))
-        """Number of rows on either side in which a pulse is visible: one over its width."""
+        """Number of rows on either side in which a pulse is visible: those within 1/width."""
         self._turns = -2j * np.pi * self.offsets_hz[:, None] / sample_rate_hz
         self._kept = math.ceil(kept_s / self.column_s)
         self._recent = math.ceil(recent_s / self.column_s)
         self.restart()
 
     def restart(self) -> None:
-        """Clear all cells; the columns count from zero."""
+        """Clear all cells; columns count from zero again."""
         rows = len(self.offsets_hz)
         self.base = 0
         """Column of the first stored byte."""
         self.end = 0
-        """Column after the last computed one."""
+        """Column after the newest one."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
         """Samples from column `base` on, real and imaginary, relative to the noise."""
@@ -75,7 +75,7 @@ class Cells:
 
     @property
     def recent_from(self) -> int:
-        """First column with full precision."""
+        """First column stored in full precision."""
         return self.end - self.recent.shape[1]
 
     def push(self, samples: NDArray[np.complex64]) -> int:

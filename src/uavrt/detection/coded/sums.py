@@ -1,8 +1,8 @@
-"""Sum cells at the gaps of many codes: the search of all codes of a channel.
+"""Sum cells at the gaps of many codes to search all codes of a channel.
 
 A burst is the noncoherent sum of the cells of its pulses at the gaps of its code. The tag's
 crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
-burst interval around a seed, a sum that stands out, as one of three bursts nearly always does.
+burst interval around a seed, a sum that stands out; nearly always one of three bursts has one.
 """
 
 from dataclasses import dataclass
@@ -126,8 +126,8 @@ def fold(
 ) -> NDArray[np.int32]:
     """Sum the bursts around seeds at the burst interval.
 
-    `bursts`: number of consecutive ones, including the seed. `reach`: columns by which the
-    interval may be off. `steps`: number of intervals tried on either side. Returns (n, 3): sum,
+    `bursts`: number of consecutive bursts, including the seed. `reach`: largest error of the
+    interval [columns]. `steps`: number of intervals tried on either side. Returns (n, 3): sum,
     index of the interval (from -steps), position of the first burst (0: the seed).
     """
     own = np.ascontiguousarray(seeds, np.int32).copy()
@@ -164,13 +164,13 @@ def _fold_in_numpy(
     base = column + np.floor(places * interval + 0.5).astype(np.int64)
     at = base[None] + np.floor(places[None] * off[:, None] + 0.5).astype(np.int64)
     where = at[:, :, None] + own
-    # A burst whose search does not lie within the cells counts nothing.
+    # A burst whose search is partly outside the cells counts as zero.
     half = (reach * np.abs(places)).astype(np.int64) + 2
     inside = (base - half >= 0) & (base + half + 1 + own[-1] <= kept.shape[1])
     picked = np.minimum(kept[row, np.clip(where, 0, kept.shape[1] - 1)], clip)
     sums = picked.sum(axis=2, dtype=np.int64) * inside
     total = np.concatenate((np.zeros((len(off), 1), np.int64), np.cumsum(sums, axis=1)), axis=1)
     windows = total[:, bursts:] - total[:, :-bursts]
-    # The first of equals by place, then by interval, as the kernel has it.
+    # Of equal sums the first by position, then by interval, as in the kernel.
     first, which = np.unravel_index(int(windows.T.argmax()), windows.T.shape)
     return int(windows[which, first]), int(which) - steps, int(first) + 1 - bursts

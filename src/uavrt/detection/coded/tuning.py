@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellTuning:
-    """Constants for computing and keeping the energies of a channel."""
+    """Constants for computing and storing the energies of a channel."""
 
     row_spacing: float = 0.3125
     """Spacing of the frequencies [1 / pulse width]: 125 Hz for 2.5 ms, 0.3 dB lost half-way."""
@@ -18,16 +18,16 @@ class CellTuning:
     noise_pieces: int = 25
     """Number of pieces of samples whose medians give the noise: 10 s."""
     least_rise: float = 0.85
-    """Least noise as a share of the present noise, so that a rise does not look like bursts."""
+    """Minimum noise as a share of the newest estimate; a rise must not look like bursts."""
     kept_s: float = 130.0
-    """Duration of the cells from which several bursts are summed [s]."""
+    """Duration for which cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
-    """Duration of the samples gathered before the search continues [s]."""
-    # Cells that are hidden from sums of several bursts.
+    """Duration of the samples collected before the search continues [s]."""
+    # Limits for cells that are excluded from sums of several bursts.
     tall: float = 25.0
-    """Energy above which a cell is not of a tag that only several bursts show."""
+    """Maximum energy of a cell that may be part of a sum of several bursts [noise energies]."""
     echoing: float = 200.0
-    """Energy above which a cell leaves an echo of the filters."""
+    """Energy above which a cell is followed by an echo of the filters [noise energies]."""
     echo_widths: int = 5
     """Duration of an echo of the filters [pulse widths]."""
 
@@ -41,23 +41,23 @@ class SumTuning:
     apart_columns: int = 4
     """Range in which a seed is the largest sum of its row and code [columns]."""
     most_cell: float = 10.0
-    """Largest cell that counts [noise energies]: three times that of a tag found only so."""
-    # Mean cell of a seed. Three of four sums of bursts at the limit contain one so large; noise
-    # has few.
+    """Largest value of a cell in a sum of several bursts [noise energies]."""
+    # Mean cell of a seed. Three of four sums of bursts at the limit contain a cell of this
+    # size; noise has few.
     seed_of_many: float = 3.5
     seed_of_three: float = 4.3
     columns_per_step: float = 2.0
     """Shift of the last burst from one tried interval to the next [columns]."""
     few_bursts: int = 3
-    """Number of bursts of the shorter sum."""
+    """Number of bursts in the shorter of the two sums."""
     examined_share: float = 0.88
-    """Share of the least sum from which a sum is refined."""
+    """Share of the minimum sum above which a sum is refined."""
     clear_lead: float = 20.0
-    """Least lead of a sum over that of another code with the same pulses [noise energies]."""
+    """Minimum excess over the sum of another code with the same pulses [noise energies]."""
     box_columns: int = 2048
     """Range within which waiting seeds are grouped [columns]."""
     same_columns: int = 10
-    """Largest distance between equal pulses of two codes [columns]."""
+    """Maximum distance between equal pulses of two codes [columns]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ class RefineTuning:
     """Constants for refining nearly sufficient sums of bursts on the samples."""
 
     turns_hz: tuple[float, ...] = (-42.0, 0.0, 42.0)
-    """Offsets tried from the frequency of the row [Hz]: a third of the rows' spacing."""
+    """Offsets tried from the row's frequency [Hz]: a third of the row spacing."""
     stretches: tuple[float, ...] = (-0.25, 0.0, 0.25)
     """Stretches tried in addition to the seed's, as shares of the tolerance."""
     shifts: tuple[float, ...] = (-1.0, -0.5, 0.0, 0.5, 1.0)
@@ -73,9 +73,9 @@ class RefineTuning:
     drifts: tuple[float, ...] = (-1.0, 0.0, 1.0)
     """Shifts tried of the last burst against the first [columns]."""
     near_columns: int = 3
-    """Largest shift of a pulse [columns]; it must not reach a hidden signal."""
+    """Maximum shift of a pulse [columns], which keeps it away from a hidden signal."""
     hidden_energy: float = 0.25 * math.pi
-    """Energy assumed of a hidden pulse [noise energies]: that of noise of mean amplitude."""
+    """Energy assumed for a hidden pulse [noise energies]: that of noise of mean amplitude."""
     margin_columns: int = 6
     """Number of columns on each side of a pulse whose samples are read."""
 
@@ -90,17 +90,17 @@ class LimitTuning:
     share_of_one: float = 0.4
     share_of_three: float = 0.2
     per_cell: float = 60.0
-    """Independent sums for each pulse width and its inverse: cells overlap, gaps stretch."""
+    """Independent sums per pulse width and its inverse: cells overlap, gaps stretch."""
     per_interval: float = 1.0
-    """Independent burst intervals per pulse width of the last burst's uncertainty."""
+    """Number of independent burst intervals per pulse width of the last burst's uncertainty."""
     per_refinement: float = 14.0
     """Number of independent sums in a refinement."""
     expected_false: float = 1e-6
-    """Chance of noise in a cell where a burst of an identified tag is expected."""
+    """Probability of noise in a cell where a burst of an identified tag is expected."""
     expected_log: float = 6.0
-    """Log odds of an identified tag's burst at its expected time over any other time."""
+    """Log odds of an identified tag's burst at its expected time against any other time."""
     least_energy: float = 0.25
-    """Least mean energy of a reported burst's pulses over the noise [noise energies]."""
+    """Minimum mean energy of a reported burst's pulses over the noise [noise energies]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,68 +108,68 @@ class LikelihoodTuning:
     """Assumptions of the evidence that pulses are those of a listed code."""
 
     fading: float = 0.12
-    """Standard deviation of the amplitude within a burst, relative, without the noise's."""
+    """Relative standard deviation of the amplitude within a burst, without noise."""
     coincidence: float = 0.05
-    """Chance that a pulse of another code's burst lies at a place: 3 ms of a gap of 57 ms."""
+    """Probability that another code's pulse lies at a position: 3 ms of a gap of 57 ms."""
     least_hit: float = 1e-3
-    """Least chance that a pulse of any sender lies at a place."""
+    """Minimum probability that a pulse of any sender lies at a position."""
     hiding_amplitude: float = 0.5
-    """Least amplitude of a signal that hides a pulse, relative to the pulse."""
+    """Minimum amplitude of a signal that hides a pulse, relative to the pulse."""
     place_s: float = 1e-3
-    """Largest deviation of a pulse from its place [s]."""
+    """Maximum deviation of a pulse from its expected time [s]."""
     sums_tried: float = 20.0
-    """Number of independent sums of several bursts, of which the best is used."""
+    """Number of independent sums of several bursts that are tried; the best is used."""
     strengths_log: float = 5.0
     """Log of the ratio of the largest to the smallest possible amplitude of a pulse."""
     alignments: float = 16.0
-    """Number of alignments of a pulse of a burst of four with one of four places."""
+    """Number of alignments of a pulse of a burst of four with one of four positions."""
     least_log: float = 4.0
-    """Least log-likelihood ratio of the listed code against unlisted ones."""
+    """Minimum log-likelihood ratio of the listed code against unlisted ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapeTuning:
-    """Constants that decide whether the pulses of a sum are a burst."""
+    """Constants that decide if the pulses of a sum are a burst."""
 
     pool_columns: int = 1
-    """Range around the place of a pulse in which its cell is the largest [columns]."""
+    """Range around a pulse's expected column in which its cell is the largest [columns]."""
     leak_amplitude: float = 0.35
-    """Largest amplitude that may be leakage, relative to the strongest at any frequency."""
+    """Maximum amplitude that may be leakage, relative to the strongest at any frequency."""
     loud_energy: float = 20.0
-    """Least energy of a signal whose leakage is considered [noise energies]."""
+    """Minimum energy of a signal whose leakage is considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
-    """Share of the least sum below which seeds are dropped early; 1 but for rounding."""
+    """Share of the minimum sum below which seeds are dropped early; 1 except for rounding."""
     least_amplitude: float = 0.33
-    """Least amplitude of a pulse relative to another of the same burst."""
+    """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5
-    """Least amplitude at which another signal hides a pulse, relative to the usual one."""
+    """Minimum amplitude of a signal that hides a pulse, relative to the usual amplitude."""
     higher_amplitude: float = 2.3
-    """Excess that noise may give a cell near a pulse [noise amplitudes]."""
+    """Excess that noise may add to a cell near a pulse [noise amplitudes]."""
     beside_amplitude: float = 0.6
-    """Largest amplitude at an end of a pulse, relative to it, without noise."""
+    """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
     """Distances at which a pulse must have ended, at one of the two [pulse widths]."""
     aside_s: float = 0.75e-3
-    """Largest deviation of a strong pulse from its place, relative to the burst's others [s].
-    At 20 dB the flanks of a code matched one whose gaps differ by 4.5 ms in total."""
+    """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB the
+    flanks of a code matched one whose gaps differ by 4.5 ms in total."""
     aside_noise_s: float = 3e-3
-    """Deviation that noise adds to `aside_s`, over the pulse's amplitude [s]."""
+    """Deviation that noise adds to `aside_s`, divided by the pulse's amplitude [s]."""
     flank_amplitude: float = 0.8
-    """Largest amplitude of a flank relative to its pulse; a larger one is a pulse."""
+    """Maximum amplitude of a flank relative to its pulse; a larger signal is a pulse."""
     guard_s: float = 0.5e-3
     """Duration of the filters' ringing beyond a pulse width [s]."""
     clear_log: float = 10.0
-    """Log-likelihood by which a code must exceed all that share pulses with it."""
+    """Minimum log-likelihood lead of a code over all codes with the same pulses."""
     most_swaps: int = 3
-    """Most replacements of codes that explain pulses by others that explain more."""
+    """Maximum number of rounds that replace bursts by others that explain more pulses."""
     sure_pulses: int = 2
-    """Least number of undisturbed pulses of a burst that is reported without identification."""
+    """Minimum number of undisturbed pulses in a burst reported without identification."""
     sure_energy: float = 12.0
-    """Least energy of pulses of a burst reported without identification [noise energies]."""
+    """Minimum pulse energy of a burst reported without identification [noise energies]."""
     nowhere: int = -(2**40)
-    """Column that stands for no pulse."""
+    """Column number used for a missing pulse."""
     saturated_energy: float = 12.0
-    """Energy at which stored cells no longer show the maximum of a pulse [noise energies]."""
+    """Energy at which stored cells no longer show a pulse's maximum [noise energies]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,21 +181,21 @@ class IdentityTuning:
     missed_log: float = 1.0
     """Log-likelihood lost by an interval for a missing burst; most bursts are detected."""
     clear_log: float = 3.0
-    """Log-likelihood by which one interval must fit better than the others."""
+    """Minimum log-likelihood lead of one tag's interval over the other intervals."""
     timing_s: float = 1e-3
     """Error of the measured start of a burst [s]."""
     wait_intervals: float = 2.2
-    """Wait of an ambiguous burst for later ones [intervals]."""
+    """Time for which an ambiguous burst waits for later ones [intervals]."""
     doubt_log: float = math.log(100.0)
-    """Evidence that a reported burst may lack; it is then not confirmed."""
+    """Missing evidence up to which a burst is reported, as unconfirmed [log]."""
     rows: int = 1
-    """Largest difference in frequency between bursts of one tag [rows]."""
+    """Maximum difference in frequency between bursts of one tag [rows]."""
     most_missed: int = 8
-    """Most bursts that may be missed before a tag must be identified again."""
+    """Maximum number of bursts missed before a tag must be identified again."""
     own_error: float = 5e-6
     """Relative error of a measured interval: a crystal's drift with temperature."""
     same_burst_s: float = 0.02
-    """Largest difference between the start times of one burst [s]."""
+    """Maximum difference between the start times of one burst [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,13 +209,13 @@ class ForeignTuning:
     start_s: float = 10.0
     """Time added to the time since the start [s], so that one early burst is no high rate."""
     weakest_energy: float = 10.0
-    """Least energy of a foreign pulse with two others [noise energies]."""
+    """Minimum energy of a foreign pulse with two others [noise energies]."""
     sure_energy: float = 14.0
-    """Least energy of a single foreign pulse [noise energies]."""
+    """Minimum energy of a single foreign pulse [noise energies]."""
     beside_share: float = 0.25
-    """Least energy of a foreign pulse that contradicts a burst, relative to its mean."""
+    """Minimum energy of a foreign pulse that contradicts a burst, over the burst's mean."""
     rows: int = 2
-    """Largest difference in frequency between pulses of one sender [rows]."""
+    """Maximum difference in frequency between pulses of one sender [rows]."""
 
 
 CELLS = CellTuning()

@@ -34,17 +34,17 @@ class AnchorSearch(RateSearch):
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
-        """(places, k - 1, intervals): columns of pulses from their first possible one."""
+        """(places, k - 1, intervals) columns of the pulses after their earliest column."""
         self.lows = first[:, :, 0] - reach
-        """(places, k - 1): columns from the anchor to the first column searched for a pulse."""
+        """(places, k - 1) columns from the anchor to the first column searched for a pulse."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Number of columns searched for one other pulse."""
         self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns
-        """Number of columns kept in the ring buffer; column c is at c modulo this."""
+        """Number of columns stored in the ring buffer; column c is at c modulo this number."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
-        """Number of columns of the ring buffer, including the repeated ones."""
+        """Number of columns of the ring buffer, with the columns repeated behind its end."""
         self.base = 0
-        # Its own when it is first needed: of a hundred tags in a group 48 MB never are.
+        # Separate memory only when first needed: in a group of a hundred tags 48 MB never are.
         self.memory = np.zeros(0, np.float32)
         self.cells = self.memory.reshape(0, self.width)
         self.pushed = 0
@@ -56,7 +56,7 @@ class AnchorSearch(RateSearch):
         """(places,) number of anchors tested at each place."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
-        """Count groups at intervals that no tag has; the excess raises the threshold."""
+        """Count groups at intervals that no tag has; an excess raises the threshold."""
         if self.k > 1:
             self.null = NullLattices(
                 lows=self.lows,
@@ -74,7 +74,7 @@ class AnchorSearch(RateSearch):
         return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream, with this number for the first column."""
+        """Begin in mid-stream; the first column gets this number."""
         super().begin_at(column)
         self.pushed = column
 
@@ -117,7 +117,7 @@ class AnchorSearch(RateSearch):
         count, cells, length = power.shape[1], self.cells, self.length
         at = self.pushed % length
         cells[:, at : at + count] = power
-        # What lies twice is written twice.
+        # Repeated columns are written twice.
         if at + count > length:
             cells[:, : at + count - length] = power[:, length - at :]
         spare = cells.shape[1] - length
@@ -146,7 +146,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Collect the anchors whose last pulse is complete, for each place in a group."""
+        """Collect the anchors with a complete last pulse, for each place in a group."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return
@@ -159,7 +159,7 @@ class AnchorSearch(RateSearch):
                 due.powers += self.anchor_powers[done:upto]
                 due.places += [place] * (upto - done)
                 tested[place] = upto
-        # Those tested as the first of K, which waits longest, are done with.
+        # Anchors tested as the first of K, which takes longest, are finished.
         keep = tested[0]
         if keep:
             if self.pass_on is not None:
@@ -173,7 +173,7 @@ class AnchorSearch(RateSearch):
     ) -> list[Candidate]:
         """Make candidates of the tested anchors in `part`, all of this search.
 
-        `least`: least sum of a candidate. `shorter`: columns by which intervals were shortened.
+        `least`: minimum sum of a candidate. `shorter`: reduction of the intervals [columns].
         """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
@@ -181,7 +181,7 @@ class AnchorSearch(RateSearch):
         strengths = (cells[hits].sum(axis=1) + power[hits][:, np.newaxis]) / level[hits][
             :, np.newaxis
         ]
-        # Of the intervals that the limit makes equal, the one with the most power.
+        # Of intervals made equal by the limit, take the one with the most power.
         totals = tested.totals[part][hits] / level[hits][:, np.newaxis]
         strengths[totals < best[hits][:, np.newaxis] - 0.01] = 0.0
         strength = strengths.max(axis=1)
@@ -246,7 +246,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tested:
-    """Sums of some anchors, along the first axis, in the units of the cells."""
+    """Sums of some anchors (first axis), in the units of the cells."""
 
     column: NDArray[np.intp]
     row: NDArray[np.intp]
@@ -258,7 +258,7 @@ class _Tested:
     totals: NDArray[np.float32]
     """(anchors, intervals): sums of the limited powers."""
     best: NDArray[np.float32]
-    """(anchors,) largest sum of each anchor [noise powers]."""
+    """(anchors,) maximum sum of each anchor [noise powers]."""
 
 
 def search_together(
@@ -371,7 +371,7 @@ def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) 
         needed = np.float32(search.threshold / search.k) * level
         np.greater_equal(search.cells[:, at : at + fresh], needed[:, np.newaxis], out=strong)
         places.append((search.base, search.width, search.length, at, first))
-    # In one dimension: for two NumPy walks through all cells, at 40 times the price.
+    # In one dimension: in two, NumPy visits all cells, at 40 times the cost.
     cells = mask.reshape(-1).nonzero()[0]
     if not len(cells):
         return

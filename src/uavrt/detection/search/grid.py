@@ -23,7 +23,7 @@ from uavrt.detection.search.tuning import GRID
 HOPS_PER_PULSE = 8
 """Number of columns per pulse width."""
 ROWS_PER_BIN = 4
-"""Number of rows per bin, the inverse of the pulse width."""
+"""Number of rows per frequency bin; a bin is the inverse of the pulse width."""
 OUTPUTS_PER_ROW = 8
 """Number of narrow-band samples in one row of the filter's matrix product."""
 
@@ -146,7 +146,7 @@ def power_by_halves(
     first: int,
     take: Callable[[str, tuple[int, ...]], NDArray[np.float32]],
 ) -> None:
-    """Compute rows at ± f together: a quarter of the multiplications, and real ones.
+    """Compute rows at ± f together, with a quarter of the multiplications, all real.
 
     With e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n) around a window's middle the transform at
     ± f is A ∓ jB, A the sum of e cos and B that of o sin. `parts` (2, tags, samples): real and
@@ -175,7 +175,7 @@ def power_by_halves(
     a = np.matmul(cosines, even, out=take("a", shape))
     b = np.matmul(sines, odd, out=take("b", shape))
     one, two = take("one", shape[1:]), take("two", shape[1:])
-    # Written to last: strided rows are slow, everything else is contiguous.
+    # Write the power last: strided rows are slow, all other accesses are contiguous.
     for out, join, part in (
         (power[:, middle::-1], np.subtract, np.add),
         (power[:, middle:], np.add, np.subtract),
@@ -200,11 +200,11 @@ class Spectrogram:
 
     @property
     def begun(self) -> int:
-        """Number of the next column."""
+        """Number of columns computed so far, which is the number of the next column."""
         return (self.consumed - len(self.band)) * self.grid.decimation // self.grid.hop
 
     def needed(self) -> int:
-        """Index of the first channel sample of the next call; may be negative."""
+        """Index of the first channel sample needed by the next call; may be negative."""
         return self.consumed * self.grid.decimation - self.grid.reach
 
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
@@ -216,7 +216,7 @@ class Spectrogram:
         return power
 
     def lengthened(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Narrow-band samples not used yet, extended by those of new channel samples."""
+        """Append new channel samples to the unused narrow-band samples."""
         grid, native = self.grid, kernels()
         if native is None or grid.filter is None or grid.pairs is None:
             return np.concatenate((self.band, self.decimate(samples)))
@@ -287,7 +287,7 @@ def make_grid(
     hop = max(1, round(samples / decimation / HOPS_PER_PULSE))
     step_hz = sample_rate_hz / (length * decimation) / ROWS_PER_BIN
     if circular:
-        # The band is a circle: a whole number of rows, none of them twice.
+        # The band is circular: use a whole number of rows, without repetition.
         count = round(sample_rate_hz / step_hz)
         offsets = (np.arange(count) - (count - 1) // 2) * (sample_rate_hz / count)
     else:
@@ -367,7 +367,7 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Band-pass around the tag whose aliases fall outside ± `pass_hz`, shape (odd,).
+    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
 
     Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
     decimation; the rows of the transform are folded alike.
@@ -402,7 +402,7 @@ def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float3
     """
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous
-    # As one long row: what runs from a row's end into the next is cut off with the margins.
+    # As one long row: values that cross into the next row are cut off with the margins.
     result = power.T.reshape(-1) if side_by_side else power
     width = 2 * reach + 1
     covered = 1

@@ -1,6 +1,6 @@
-"""Likelihood ratio of a candidate, summed over its unknown parameters.
+"""Compute the likelihood ratio of a candidate, summed over its unknown parameters.
 
-For speed the search takes the best cell at each place, but the best cells do not give the best
+For speed the search takes the best cell for each pulse, but the best cells do not give the best
 sum. In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
 pulse of ENR E as without. The product over K places, averaged over each pulse's time and summed
 over the lattices and frequencies around a candidate, is a Bayes factor. In noise its mean is
@@ -22,7 +22,7 @@ from uavrt.detection.search.tuning import EVIDENCE, THRESHOLDS
 
 
 def gate(k: int) -> float:
-    """Least score of a candidate of K pulses, as a share of the search's threshold."""
+    """Minimum score of a candidate of K pulses, as a share of the search's threshold."""
     return EVIDENCE.gate if k == EVIDENCE.tested_k else 1.0
 
 
@@ -40,7 +40,7 @@ class Evidence:
         self._side = max(2, math.ceil(reach / self._step))
         self._spread = _kernel(self._side, round(sigma, 3))
         self._lattices = _lattices(tag.k, self._side)
-        # Of a lattice's middle, of its ends against that, and of the frequency.
+        # Steps of a lattice's middle, of its ends relative to that, and of the frequency.
         self._cell = math.log((self._step / grid.window) ** 2 * EVIDENCE.row_bins)
         rates = len(tag.pulse_intervals_s)
         self._bounds = [self._bounds_of(rate) for rate in range(1, rates + 1)]
@@ -48,13 +48,13 @@ class Evidence:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if a candidate is less likely noise than the tag's false-alarm rate allows."""
+        """True if noise causes such a candidate less often than the tag's false-alarm rate."""
         share = gate(search.k)
         if share == 1.0 or candidate.score >= EVIDENCE.sure_score:
             return True
         steady, first = self._bounds[candidate.rate - 1]
         bound = steady if search.steady else first
-        # What the margin of a young noise adds to the threshold, in the tail's exponent.
+        # Increase of the threshold by the margin for uncertain noise, in the tail's exponent.
         bound += search.threshold * max(0.0, search.margin / share - 1.0)
         starts = np.array([self._grid.start(column) for column in candidate.columns])
         offset = float(self._grid.offsets_hz[candidate.row])
@@ -63,7 +63,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Least log evidence of a group: normally, and within the first decision interval."""
+        """Minimum log evidence of a group: normally, and within the first decision interval."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
@@ -84,7 +84,7 @@ class Evidence:
         level: float | NDArray[np.float64],
         strength: float,
     ) -> float:
-        """Log-likelihood ratio of pulses around a candidate's to noise.
+        """Log-likelihood ratio of a candidate's pulses to noise, summed over nearby parameters.
 
         `starts` (K,): index of the first sample of each pulse; missing samples count neither
         for nor against it. `level` (K,): noise power of a sample, common or per pulse.
@@ -132,7 +132,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
-    """Point of each place for each lattice around the candidate, shape (K, lattices).
+    """Position of each pulse for each lattice around the candidate, shape (K, lattices).
 
     Lattices are shifted at their middle, and at their ends against that.
     """

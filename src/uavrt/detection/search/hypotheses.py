@@ -1,6 +1,6 @@
-"""The search for K pulses of one rate in the power of the grid's cells.
+"""Search for K pulses of one rate in the power of the grid's cells.
 
-A hypothesis is a row, an anchor cell, the anchor's place among the K pulses, and an interval.
+A hypothesis is a row, an anchor cell, the anchor's number among the K pulses, and an interval.
 Its statistic is the anchor's power plus, for each other place, the largest power within the
 jitter around the expected pulse; all relative to the row's noise and none above a limit. A sum
 of K terms that reaches T has a term that reaches T/K, so only cells above T/K need be anchors:
@@ -23,12 +23,12 @@ Anchors = tuple[list[int], list[int], list[float]]
 
 
 class Candidate(NamedTuple):
-    """A hypothesis whose statistic reached the threshold."""
+    """Hypothesis (row, anchor, interval) with a statistic above the threshold."""
 
     score: float
-    """Statistic over the threshold."""
+    """Ratio of the statistic to the threshold."""
     strength: float
-    """Sum without the limit on a cell [noise powers]: decides between equal scores."""
+    """Sum without the limit on a cell [noise powers]; decides between equal scores."""
     rate: int
     row: int
     columns: tuple[float, ...]
@@ -43,7 +43,7 @@ def best_first(found: list[Candidate]) -> list[Candidate]:
 
 
 class RateSearch(ABC):
-    """Search of one rate over a sliding range of columns; implemented twice.
+    """Search of one rate over a sliding range of columns; two classes implement it.
 
     `uncertainty_s`, `jitter_s`: bounds of the interval's constant error and of each pulse's
     own.
@@ -95,16 +95,16 @@ class RateSearch(ABC):
         """Number of columns whose maxima over the jitter are known."""
         self.piece = max(16, math.ceil(GROUPS.piece_s / hop_s))
         self.best = 0.0
-        """Largest statistic over the threshold since the last reset."""
+        """Maximum ratio of statistic to threshold since the last reset."""
         self.own_margin = 1.0
-        """Factor on the threshold while the noise estimate is young."""
+        """Factor on the threshold while the noise estimate is still inaccurate."""
         self.known: KnownPulses | None = None
         """Known pulses; candidates that they explain are not returned."""
         self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None
-        """Receives strong cells that the search has finished with: columns, rows and powers."""
+        """Callback for strong cells that the search has finished: columns, rows, powers."""
 
     def open_anchors(self) -> Anchors:
-        """Return the strong cells that the search has not finished with."""
+        """Return the strong cells that are not tested completely."""
         return [], [], []
 
     @property
@@ -114,11 +114,11 @@ class RateSearch(ABC):
 
     @property
     def steady(self) -> bool:
-        """True once the threshold is no longer that of the first decision."""
+        """True once the threshold of the first decision no longer applies."""
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream, with this number for the first column."""
+        """Begin in mid-stream; the first column gets this number."""
         self.columns = column + self.reach
         self._first_columns = 0
 

@@ -1,4 +1,4 @@
-"""Pulses already known, and the search candidates that they explain."""
+"""Find the search candidates that already known pulses explain."""
 
 import math
 
@@ -36,7 +36,7 @@ class KnownPulses:
         bin_hz = grid.sample_rate_hz / grid.window
         near = (reach + 1) * grid.hop + 0.75 * grid.window
         starts = columns * grid.hop - (grid.decimation - 1) / 2.0
-        # Of a tag that was heard for long, few are of the candidates' time.
+        # Of a tag received for long, few pulses are near the candidates in time.
         low, high = float(starts.min()) - near, float(starts.max()) + near
         meeting = [
             (m.start, m.offset_hz, m.power) for m in self._pulses if low < m.start < high

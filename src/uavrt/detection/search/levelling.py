@@ -1,12 +1,12 @@
-"""Follow sudden changes of the noise: throttle, a transmitter near by.
+"""Follow sudden changes of the noise level, as from throttle or a transmitter nearby.
 
 A rise common to many rows is detected within a tenth of a second. Cells are divided by the
-level before any sum, so that pulses in quiet and in loud noise get their proper weight.
+level before any sum, so that pulses in weak and in strong noise get their proper weight.
 
 A slot of time is half a pulse, a band of frequency one bin. A level is a mean over the longest
 stretch of slots that agrees with all shorter ones (the intersection of confidence intervals:
 Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997), backward and forward
-separately. Where they disagree there is a step, and the louder one is used.
+separately. Where they disagree there is a step, and the higher one is used.
 """
 
 import math
@@ -21,7 +21,7 @@ from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
 from uavrt.detection.search.tuning import LEVEL
 
 SLOT = HOPS_PER_PULSE // 2
-"""Number of columns in a slot."""
+"""Number of columns in a slot, the time step of the level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
 """Mean of a unit exponential that is limited to `LEVEL.most_power`."""
 
@@ -33,35 +33,35 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) level of each band over the common one; None where bands do not differ."""
+    """(bands, slots) ratio of each band's level to the common one; None if all are equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Changing noise levels: for dividing cells, and for measuring pulses."""
+    """Changing noise levels, to divide cells by and to measure pulses with."""
 
     divisor: NDArray[np.float32]
     """(new slots,) common level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) level of each band over `divisor`; None where bands do not differ."""
+    """(bands, new slots) ratio of each band's level to `divisor`; None if all are equal."""
     measured: NDArray[np.float32]
-    """(slots,) common level for measuring pulses."""
+    """(slots,) common level used to measure pulses."""
     measured_bands: NDArray[np.float32] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Noise levels of some slots."""
+    """Noise levels of several slots."""
 
     common: NDArray[np.float32]
     margin: NDArray[np.float32]
     """(slots,) factor on `common` for the search, because the level is uncertain."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) level of each band over `common`; None where bands do not differ."""
+    """(bands, new slots) ratio of each band's level to `common`; None if all are equal."""
 
 
 class _LevelRecord:
-    """Noise levels of the last columns. `keep`: number of columns kept."""
+    """Noise levels of the last columns; `keep` is the number of columns stored."""
 
     def __init__(self, band_of: NDArray[np.intp], keep: int) -> None:
         self._band_of, self._keep = band_of, keep
@@ -119,7 +119,7 @@ class Leveller:
         self._usual = np.ones(count, np.float32)
         """(bands,) level of each band, averaged since its last change."""
         self._stayed = 0
-        # The rows' noise was just learnt from what came before.
+        # The noise of the rows was just estimated from earlier columns.
         self._past = np.ones((count, LEVEL.learnt_slots), np.float32)
         self._whole = np.ones(LEVEL.learnt_slots, np.float32)
         """(past slots,) 1 for slots without lost samples, else 0."""
@@ -237,13 +237,13 @@ class Leveller:
         both: NDArray[np.float32],
         past: int,
     ) -> NDArray[np.float32]:
-        """(bands, slots) means of each band's new cells, limited by neighbouring ones."""
+        """(bands, slots) means of each band's new cells, which neighbouring cells limit."""
         width, most = LEVEL.median_slots, np.float32(LEVEL.most_power)
         half = width // 2
         lead = min(past, half)
         cells = slots / noise[:, np.newaxis]
         x = self._sums @ cells
-        # What is usual is not known yet for the newest: what a quarter of the bands exceed.
+        # The usual level of the newest slots is unknown: use the quartile of the bands.
         newest = np.zeros_like(x)
         last = LEVEL.beside_slots[0]
         newest[:, -last:] = np.quantile(x[:, -last:], 0.75, axis=0)
@@ -313,7 +313,7 @@ class Leveller:
         begin, end = _agreed(back, begin, ahead, len(common) - end, scale, total)
         n = total[end] - total[begin]
         level = np.where(n > 0.0, (sums[end] - sums[begin]) / np.maximum(n, 1e-9), back)
-        # Where little lies ahead a stretch takes in too much from before a rise.
+        # Near the newest slot a stretch includes too much from before a rise.
         level[-LEVEL.newest_slots :] = np.maximum(level, least)[-LEVEL.newest_slots :]
         level = np.maximum(level, LEVEL.least_level)
         margin = 0.5 * self._steepness * scale**2 / np.maximum(n, 1.0)
@@ -347,12 +347,12 @@ def _take_out_bursts(
     """Set the weights of strong pulses to zero; return which newest slots may be pulses."""
     near, far = LEVEL.beside_slots
     width = far - near + 1
-    # Nothing is known of what comes; before the first slot it was as after it.
+    # Later slots are unknown; before the first slot assume the same level.
     padded = np.pad(common, (0, far), mode="edge")
     padded = np.pad(padded, (far, 0), mode="reflect")
     medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
     before, after = medians[: len(common)], medians[far + near : far + near + len(common)]
-    # Of three slots together weaker pulses are seen, where the rows are many.
+    # Three slots together show weaker pulses, if there are many rows.
     three = np.convolve(np.pad(common, 1, mode="edge"), np.full(3, 1.0 / 3.0), "valid")
     burst = min(
         1.0 + LEVEL.pulse_sigmas * math.sqrt(LEVEL.slot_variance / bins), LEVEL.pulse_ratio
@@ -373,7 +373,7 @@ def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
 def _longest(
     common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Mean over the longest stretch back from each slot that agrees with all shorter ones.
+    """Mean over the longest stretch before each slot that agrees with all shorter stretches.
 
     Returns (mean, begin, least), each (slots,): the mean; the first slot of the stretch; the
     largest of the agreeing means less their errors.
@@ -395,7 +395,7 @@ def _longest(
         high = np.minimum(high, here * (1.0 + error))
         going &= low <= high
         mean, first = np.where(going, here, mean), np.where(going, begin, first)
-        # Not of a longer one: it may reach back to before a fall.
+        # Not of a longer stretch, which may reach back to before a fall.
         least = np.where(going, np.maximum(least, surely), least)
     return mean, first, least
 
@@ -408,7 +408,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Stretch of each slot: past and future where they agree; else the louder."""
+    """Join the past and future stretch of each slot if they agree; else take the higher."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -421,7 +421,7 @@ def _agreed(
 def _segments(
     ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
 ) -> NDArray[np.float32]:
-    """Split the bands where their levels differ, and widen the louder side by one band.
+    """Split the bands where their levels differ, and widen the stronger side by one band.
 
     The likeliest split comes first: fitting two means of exponentials instead of one raises the
     log-likelihood by the sum of cells × ln(mean). `ratio` (bands, slots): mean of each band
@@ -522,7 +522,7 @@ def _level_alike(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Level searches with the same bands and the same number of past slots."""
+    """Level several searches that have the same bands and the same number of past slots."""
     one = levellers[0]
     columns = power.shape[2]
     cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]

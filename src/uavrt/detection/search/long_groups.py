@@ -29,7 +29,7 @@ class LongSearch(RateSearch):
         self._searched = 0
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream: this is the number of the first column."""
+        """Begin in mid-stream; the first column gets this number."""
         super().begin_at(column)
         self._searched = self.columns
 
@@ -38,7 +38,7 @@ class LongSearch(RateSearch):
         if self.pass_on is not None:
             self._pass_on(power, noise)
         if not self.columns and not tail.size:
-            # The very first columns have no past: zeros stand for it.
+            # The first columns have no past: use zeros.
             tail = np.zeros((self.rows, reach), np.float32)
         block = np.concatenate((tail, power), axis=1)
         columns = block.shape[1]
@@ -59,7 +59,7 @@ class LongSearch(RateSearch):
         return self._search_dense(noise)
 
     def _pass_on(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> None:
-        """Pass new strong cells on: the maxima in time of their rows."""
+        """Report new strong cells to `pass_on`: the maxima in time of their rows."""
         row, column = np.nonzero(power >= THRESHOLDS.least_power * noise[:, np.newaxis])
         if not len(row):
             return
@@ -90,7 +90,7 @@ class LongSearch(RateSearch):
         least = self.threshold * self.margin
         if not (largest >= least).any():
             return []
-        # At the limit all places and rows around a strong tag are alike: power decides.
+        # At the limit all cells around a strong tag are equal: the power decides.
         strengths = self._totals(done, upto, noise, math.inf)
         column = np.empty(largest.shape, np.intp)
         strength = np.empty_like(largest)
@@ -104,7 +104,7 @@ class LongSearch(RateSearch):
             choice = int(best[row])
             at = int(column[choice, row])
             if at == upto - done - 1:
-                # Maybe on the way to its top, 6 ms early: the next step looks at it again.
+                # Possibly before the maximum, 6 ms early: examine it again in the next step.
                 self._searched = upto - 1
                 continue
             interval = float(self.intervals[choice])

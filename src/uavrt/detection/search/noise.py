@@ -1,4 +1,4 @@
-"""Noise power of each row, estimated from the same statistic that is searched.
+"""Estimate the noise power of each row from the same statistic that is searched.
 
 The original estimates noise in whole bins and interpolates to the half bins. A carrier on a
 whole bin then raises the half bins but not their threshold, and every segment gives a false
@@ -27,7 +27,7 @@ _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Fixed-point step of the truncated mean, and the share of cells kept."""
+    """Fixed-point iteration of the truncated mean, and the share of cells below the limit."""
     kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
         np.float32
     )
@@ -49,7 +49,7 @@ def _neighbours(rows: int, reach: int, mode: Literal["wrap", "reflect"]) -> NDAr
 def _noise_near_edge(
     noise: NDArray[np.float32], around: NDArray[np.intp], error: float
 ) -> NDArray[np.float32]:
-    """Noise of rows where the spectrum is steep.
+    """Estimate the noise of rows where the spectrum is steep.
 
     At a corner, the median of both sides is the lowest of the flat side: 2 to 3.5 times the
     nominal false alarms. If one side is flat and includes the row, only that side is used; on
@@ -59,7 +59,7 @@ def _noise_near_edge(
     reach = windows.shape[1] // 2
     own = windows[:, reach]
     near = np.log(windows[:, max(0, reach - 2) : reach + 3]).mean(axis=1)
-    # Five rows a quarter of a bin apart know as much as one and a half.
+    # Five rows a quarter of a bin apart are worth one and a half independent rows.
     result = np.exp(near) * (1.0 + 0.5 * NOISE.usual_threshold * error**2 / 1.5)
     flattest = np.full(len(own), NOISE.edge_flat_ratio * error)
     for side in (windows[:, : reach + 1], windows[:, reach:]):
@@ -87,18 +87,18 @@ class RowNoise:
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
-        """True while rows rise differently: estimates, biased near edges, may only rise."""
+        """True while rows rise unequally; estimates, biased near edges, may only rise."""
         self.ragged = False
-        """True while many carriers are removed: the rows between exceed the median."""
+        """True while many carriers are removed; the rows between them exceed the median."""
 
     @property
     def ready(self) -> bool:
-        """True once there is an estimate."""
+        """True once the noise was estimated."""
         return self._long is not None
 
     @property
     def level(self) -> NDArray[np.float32]:
-        """(rows,) noise power of each row by which the search divides."""
+        """(rows,) noise power of each row; the search divides by it."""
         return self._level
 
     @property
@@ -106,7 +106,7 @@ class RowNoise:
         """Relative standard deviation of a row's level in white noise."""
         seconds = min(self._seen_s, 2.0 * NOISE.long_s)
         pooled = 1.0 if self._long is None else 2.0 * self._reach(len(self._long)) + 1.0
-        # Rows a quarter of a bin apart and their median: measured, as good as one in five.
+        # Rows a quarter of a bin apart and their median: worth one independent row in five.
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds * pooled / 5.0, 1.0))
 
     def start(self, power: NDArray[np.float32]) -> None:
@@ -140,7 +140,7 @@ class RowNoise:
         *,
         risen: bool,
     ) -> bool:
-        """Store new averages; return whether the level must be recomputed."""
+        """Store new averages; returns True if the level must be recomputed."""
         self._long, self._exceeding = long, exceeding
         self._seen_s += span_s
         if not risen:
@@ -157,7 +157,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Replace a row's estimate by its neighbours' median where it does not stand out."""
+        """Replace a row's estimate by the median of the rows around it unless it stands out."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
@@ -168,7 +168,7 @@ class RowNoise:
         assert self._long is not None
         self._settled_s = self._seen_s
         if self._seen_s < NOISE.young_s and self._is_flat(smooth):
-            # No more structure than chance makes: all rows together know the noise better.
+            # No more structure than by chance: all rows together give the better estimate.
             smooth = np.full_like(smooth, np.median(self._long))
         else:
             smooth = self._shaped(smooth, reach)
@@ -183,7 +183,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """Padding beyond the last row: mirrored, as a repeated row is its own median."""
+        """Padding mode beyond the last row: mirrored; a repeated row is its own median."""
         return "wrap" if self._circular else "reflect"
 
     @property
@@ -192,7 +192,7 @@ class RowNoise:
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
     def _shaped(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-        """Noise of a spectrum that is not flat, from the medians of the neighbours."""
+        """Estimate the noise of a sloped spectrum: for each row, from medians nearby."""
         assert self._long is not None
         straight = self._straight(smooth, reach) if self._seen_s < NOISE.young_s else None
         if straight is not None:
@@ -209,10 +209,10 @@ class RowNoise:
         return smooth
 
     def _straight(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32] | None:
-        """Fit one line in decibels to all rows; None if the medians are not on it."""
+        """Fit one line in decibels to all rows; None if the medians deviate from the line."""
         assert self._long is not None
         rows = np.arange(len(smooth), dtype=np.float64)
-        # At the ends of a channel the medians take in what lies across the edge.
+        # At the ends of a channel the medians include rows across the edge.
         inner = slice(reach, len(smooth) - reach) if self._circular else slice(None)
         if len(rows[inner]) < 2 * reach:
             return None
@@ -221,7 +221,7 @@ class RowNoise:
         if float((smooth[inner] / line[inner]).std()) > NOISE.flat_ratio * self.relative_error:
             return None
         line *= np.median(self._long / line)
-        # Noise puts six rows in a thousand there; rows behind a filter's edge are more.
+        # Noise puts six rows in a thousand there; more rows mean a filter's edge.
         below = self._long < line * np.float32(1.0 - 2.5 * self._row_error)
         return line if float(below.mean()) < 0.03 else None
 

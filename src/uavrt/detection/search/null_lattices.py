@@ -1,4 +1,4 @@
-"""Count the groups that the present noise makes at intervals no tag has.
+"""Count the groups that the present noise forms at intervals that no tag has.
 
 Thresholds are computed for white noise. Other noise (mains bursts, a keyed transmitter, hum)
 makes more groups. The excess is counted at intervals shorter than the tag's by more than its
@@ -15,8 +15,8 @@ from uavrt.detection.search.tuning import NULL
 
 _WHITE_K = np.log(NULL.ks)
 Test = Callable[[NDArray[np.intp], int], bool]
-"""Tests whether present anchors make a group at a shorter interval: `lows` of the other pulses,
-and columns by which the interval is shorter than the tag's."""
+"""Function that tests if present anchors form a group at a shorter interval: `lows` of the
+other pulses, and reduction of the tag's interval [columns]."""
 
 
 class NullLattices:
@@ -45,12 +45,12 @@ class NullLattices:
         white = float(np.interp(math.log(k), _WHITE_K, NULL.white_ratios))
         self._white_per_column = white * expected_per_column
         self.coloured = False
-        """True while the noise is known to be coloured."""
+        """True while the noise is coloured: it forms more groups than white noise."""
         self._awaited = 0.0
         """Number of false groups allowed since the noise became coloured."""
         self._most = max(0.0, NULL.most_share * k * limit - threshold)
         self._more = 0.0
-        """Rise of the threshold by counted groups [noise powers], part of it by chance."""
+        """Rise of the threshold by counted groups [noise powers], including chance."""
 
     def count(self, columns: int, test: Test | None) -> None:
         """Count the groups that new columns complete, and adjust the threshold.

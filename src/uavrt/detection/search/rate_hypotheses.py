@@ -1,4 +1,4 @@
-"""Make the searches for a tag's rates, each with its thresholds."""
+"""Create the searches for a tag's rates, each with its thresholds."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Time, frequency and energy of single pulses, by local maximum likelihood on the samples.
+"""Measure time, frequency and energy of single pulses, by local maximum likelihood.
 
 For a rectangular pulse of unknown phase in white noise the likelihood is the squared magnitude
 of the matched filter. It is evaluated at every sample and, around the best, at a continuous
@@ -25,7 +25,7 @@ class Measured:
     """Time, frequency and power of one pulse, as measured in the samples."""
 
     start: float
-    """Index of its first sample."""
+    """Index of the first sample of the pulse."""
     offset_hz: float
     """Frequency from the channel's centre [Hz]."""
     power: float
@@ -35,11 +35,11 @@ class Measured:
     contrast: float
     """Power over the mean power of the windows 1.5 to 3 pulse widths away."""
     received: float = 1.0
-    """Share of its samples that were not lost; `power` refers to these."""
+    """Share of the pulse's samples that were not lost; `power` refers to these."""
 
     @property
     def enr(self) -> float:
-        """Energy of the whole pulse over noise density, without noise; at least 0.1."""
+        """Energy of the whole pulse without noise, over the noise density; at least 0.1."""
         return max((self.power - 1.0) / self.received, 0.1)
 
 
@@ -58,7 +58,7 @@ class Refiner:
         self.upto = 0
         """Index after the last clean sample."""
         self.leveller: Leveller | None = None
-        """Changes of the noise level; None: it is constant."""
+        """Tracker of the noise level; None if the level is constant."""
         self._moments = _moments(grid.window)
         self._bin_hz = grid.sample_rate_hz / grid.window
         offsets = grid.offsets_hz
@@ -67,10 +67,10 @@ class Refiner:
 
     def noise_at(self, offset_hz: float, noise: NDArray[np.float32], start: float) -> float:
         """Noise power of one sample at a frequency, in the window that begins at `start`."""
-        # Rows lie equally far apart; numpy.interp, which must search for them, takes ten times.
+        # Rows are evenly spaced; numpy.interp, which must search, takes ten times as long.
         at = (offset_hz - self._lowest_hz) / self._row_hz
         if not 0.0 <= at < len(noise):
-            # Beyond an edge of the channel lies the other, if that is searched.
+            # Beyond one edge of the channel continues the other, if that is searched.
             around = at % (self._grid.sample_rate_hz / self._row_hz)
             at = around if around < len(noise) else at
         below = min(max(int(at), 0), len(noise) - 2) if len(noise) > 1 else 0
@@ -123,12 +123,12 @@ class Refiner:
             power -= (0.5 * level)[:, np.newaxis, np.newaxis] * away[:, np.newaxis] ** 2
             np.maximum(power, 0.0, out=power)
         best = power.max(axis=2) / level[:, np.newaxis]
-        # The root keeps one strong pulse from choosing alone for all.
+        # The root keeps one strong pulse from deciding for all.
         common = int(np.sqrt(best).sum(axis=0).argmax())
         at = power[:, common].argmax(axis=1)
         edge = (at == 0) | (at == power.shape[2] - 1)
         if climb and edge.any():
-            # The peak may lie beyond: a limited cell is as good on the flank of a strong pulse.
+            # The peak may be farther: a limited cell scores the same on a strong pulse's flank.
             moved = first + np.where(at == 0, -lead, np.where(edge, lead, 0))
             if int(moved.min()) >= buffer.start and int(moved.max()) + length <= self.upto:
                 first = moved
@@ -150,7 +150,7 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse in whose middle samples are missing, so that its phase breaks there.
+        """Find a pulse with missing samples in its middle, where its phase breaks.
 
         Parameters as in `search`. Returns the pulse at the given frequency, since its own
         cannot be measured, with its power reduced by the gain from the free phase.
@@ -205,7 +205,7 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power at many starts and some frequencies.
+        """Matched-filter power of pulses at many start times and some frequencies.
 
         `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
         frequencies, count), or None if fewer samples are kept than needed for one pulse;
@@ -339,7 +339,7 @@ class Refiner:
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_around(self, pulse: Measured) -> float:
-        """Mean power around a pulse; if before and after differ, that at the pulse."""
+        """Mean power around a pulse; if it differs before and after, that at the pulse."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):
@@ -354,7 +354,7 @@ class Refiner:
                 sides.append(float(np.median(power)) / math.log(2.0))
         if not sides:
             return 0.0
-        # The first moment of a rise, measured by the level before it, is an impulse.
+        # The first moment of a rise, relative to the level before it, looks like an impulse.
         return max(min(sides), min(max(sides), pulse.noise))
 
     def _looks_like_impulse(self, pulse: Measured, floor: float) -> bool:

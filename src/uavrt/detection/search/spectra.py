@@ -1,4 +1,4 @@
-"""Spectrograms of several tags at once.
+"""Compute spectrograms of several tags at once.
 
 Tags with equal pulse width and search window share the transform, since their narrow bands are
 shifted to put each tag at zero. Where rows are not symmetric, at a channel's edge or for the

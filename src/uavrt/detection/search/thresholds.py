@@ -1,4 +1,4 @@
-"""Thresholds from a formula with a calibrated factor, available at the first sample.
+"""Compute thresholds from a formula with a calibrated factor; valid from the first sample on.
 
 The expected number of false groups in a decision interval is the number of effective hypotheses
 times the chance that one of them passes. The chance is the tail of a sum of one exponential
@@ -15,7 +15,7 @@ from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 
 
 def decision_interval_s(tag: Tag, rate: int = 1) -> float:
-    """Time between decisions of the original, the reference for false-alarm rates [s].
+    """Time between decisions of the original detector [s]; false-alarm rates refer to it.
 
     With hops of half a pulse at 3750 S/s a segment is K (N + M) + J + 1 columns of which 2 (K M
     + J) are used again: 3.567 s for the thesis's tag at K = 3.
@@ -36,13 +36,13 @@ def decision_interval_s(tag: Tag, rate: int = 1) -> float:
 
 
 def decision_span_s(tag: Tag, rate: int = 1) -> float:
-    """Length of the samples for one decision of the original, which hold K pulses [s]."""
+    """Duration of the samples for one decision of the original, which contain K pulses [s]."""
     overlap_s = 2.0 * (tag.k * tag.interval_uncertainty_s + tag.interval_jitter_s)
     return decision_interval_s(tag, rate) + overlap_s
 
 
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
-    """Length of the stretch in which a group of the first decision can begin [s].
+    """Duration in which a group of the first decision can begin [s].
 
     The original's steps are whole columns, which for tags with small uncertainties round away
     up to a millisecond per pulse; from K = 60 on nothing would be left.
@@ -68,7 +68,7 @@ def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(total_length) * THRESHOLDS.tail_step, tail
 
 
-@lru_cache(maxsize=8)  # of 20 kB; a threshold looks fifty times, and is then kept itself
+@lru_cache(maxsize=8)  # of 20 kB; a threshold is computed in fifty look-ups, then stored
 def _log_tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
     x, tail = _tail(k, spread, limit)
     return x, np.log(np.maximum(tail, 1e-300))
@@ -137,7 +137,7 @@ def young_margin(threshold: float, noise_error: float) -> float:
 
 
 def weakest_enr_db(k: int, threshold: float) -> float:
-    """ENR [dB] of K equal pulses whose sum reaches a threshold in nine groups of ten.
+    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB].
 
     A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
     """

@@ -11,9 +11,9 @@ class SpectrogramTuning:
     """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
-    """Largest matrix product on one thread in OpenBLAS; two may take 50 times as long."""
+    """Maximum matrix product for one OpenBLAS thread; two may take 50 times as long."""
     least_window: int = 24
-    """Least length of a pulse after decimation [samples]; with less, the hop is too coarse."""
+    """Minimum length of a pulse after decimation [samples]; below it the hop is too coarse."""
     stopband_db: float = 55.0
     """Attenuation of aliases by the band's filter [dB]."""
     kernel_window: int = 254
@@ -27,7 +27,7 @@ class NoiseTuning:
     """Constants for estimating the noise of each row of the grid."""
 
     excluded_ratio: float = 4.0
-    """Power above which cells are excluded: 1.8 % of noise, all of a pulse [noise powers]."""
+    """Power above which cells are excluded [noise powers]: 1.8 % of noise, all of a pulse."""
     step_gain: float = 1.31
     """Factor on a step of the fixed-point iteration: inverse of one minus its slope."""
     long_s: float = 20.0
@@ -35,25 +35,25 @@ class NoiseTuning:
     short_s: float = 1.0
     """Time constant of the average that shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of recent to steady noise at which the recent is used; 3 % of pulses give 1.3."""
+    """Ratio of recent to steady noise above which the recent counts; 3 % pulses give 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row with its neighbours [s]."""
     young_s: float = 8.0
-    """Duration at the start in which the rows are averaged over `young_reach` [s]."""
+    """Duration at the start in which rows are averaged over `young_reach` [s]."""
     young_reach: int = 24
-    """Number of rows averaged on each side at the start; 5 % of error double false alarms."""
+    """Number of rows averaged on each side at the start; 5 % error double the false alarms."""
     reach: int = 8
-    """Number of rows on each side, two bins, from which the broadband noise is taken."""
+    """Number of rows on each side, two bins, used to estimate the broadband noise."""
     flat_ratio: float = 1.2
-    """Spread of the medians over their error up to which a spectrum counts as flat. A tilt of
-    0.4 dB over the band may be missed, no more than the error of the medians."""
+    """Ratio of the medians' spread to their error up to which a spectrum counts as flat. A tilt
+    of 0.4 dB over the band may be missed, no more than the error of the medians."""
     steep_errors: float = 4.0
-    """Difference of the medians on both sides of a row that marks an edge [standard errors].
-    If all rows lie on a line there is none: the median is right there."""
+    """Difference of the medians on both sides of a row that marks an edge [standard errors]. If
+    all rows lie on a line there is no edge: the median is correct there."""
     least_steep: float = 0.15
-    """Least relative difference of the medians on both sides of an edge: 0.7 dB."""
+    """Minimum relative difference of the medians on both sides of an edge: 0.7 dB."""
     edge_flat_ratio: float = 1.5
-    """Spread of the rows on one side over the error of a row up to which that side is flat."""
+    """Ratio of one side's spread to a row's error up to which that side counts as flat."""
     hum_sigmas: float = 0.5
     """Excess over the median at which a row's own noise is used between lines of hum [standard
     deviations]: 3 to 5 % more noise than the median, which gave 3.4 times the false groups."""
@@ -66,47 +66,47 @@ class NoiseLevelTuning:
     """Constants for following sudden changes of the noise, in slots of half a pulse."""
 
     most_power: float = 4.0
-    """Largest power of a cell that counts for a level [noise powers]."""
+    """Maximum power of a cell that counts for a level [noise powers]."""
     past_slots: int = 80
     """Number of past slots from which levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
     """Numbers of slots over which a level is averaged; the shortest locates steps."""
     most_splits: int = 4
-    """Most divisions of the bands into groups of different levels."""
+    """Maximum number of divisions of the bands into groups of different levels."""
     split_log: float = 6.5
-    """Least log-likelihood ratio at which two groups of bands have different levels."""
+    """Minimum log-likelihood ratio for two groups of bands to have different levels."""
     differ_sigmas: float = 2.2
-    """Least difference between the means of different levels [standard deviations]."""
+    """Minimum difference between the means of different levels [standard deviations]."""
     slot_variance: float = 1.5
-    """Variance of a slot in one bin over its squared mean; windows overlap by half."""
+    """Ratio of a slot's variance to its squared mean, in one bin; windows overlap by half."""
     doubt_sigmas: float = 3.0
-    """Deviation of all bands together at which a level has changed [standard deviations]."""
+    """Change of all bands together that marks a new level [standard deviations]."""
     band_doubt_sigmas: float = 3.6
-    """Deviation of single bands at which a level has changed [standard deviations]."""
+    """Change of a single band that marks a new level [standard deviations]."""
     piece_slots: int = 11
     """Number of slots in the shortest piece that is compared with the level."""
     pulse_ratio: float = 1.7
-    """Ratio of a slot to the slots on both sides at which it is a strong pulse, not noise."""
+    """Ratio of a slot to the slots on both sides that marks a strong pulse."""
     pulse_sigmas: float = 2.6
     """Excess of three slots over others that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
     """Distances of the slots compared with a pulse, which takes three or four [slots]."""
     median_slots: int = 11
-    """Number of slots whose median limits the cells of a band."""
+    """Number of slots in the median that limits the cells of a band."""
     newest_slots: int = 10
-    """Number of newest slots in which the level is raised to the surest recent mean."""
+    """Number of newest slots in which the level is raised to the most certain recent mean."""
     most_margin: float = 0.3
-    """Largest share by which the search raises an uncertain level."""
+    """Maximum share added to an uncertain level for the search."""
     same_share: float = 0.12
     """Relative difference below which two levels count as the same."""
     most_averaged: int = 40
-    """Most calls over which an unchanged level is averaged."""
+    """Maximum number of calls over which an unchanged level is averaged."""
     learnt_slots: int = 40
-    """Number of slots with a level of one that are assumed before the first."""
+    """Number of slots with a level of one that are assumed before the first slot."""
     steady_ratio: float = 0.5
-    """Least ratio of the lowest to the highest level at which cells need no new limits."""
+    """Minimum ratio of the lowest to the highest level for the cells' limits to remain."""
     least_level: float = 1e-9
-    """Least level, since a receiver may be silent."""
+    """Minimum level, since a receiver may be silent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,16 +128,16 @@ class GroupTuning:
     anchors_at_once: int = 96
     """Number of anchors tested by one call of NumPy."""
     candidates_at_once: int = 24
-    """Most candidates measured at once: the strongest. Flanks of a neighbour 10 dB above the
-    tag fill eight; 36 pulses were once missed next to it."""
+    """Maximum number of candidates measured at once: the strongest. Flanks of a neighbour 10 dB
+    above the tag fill eight; 36 pulses were once missed next to it."""
     long_from_k: int = 9
-    """Number of pulses of a group from which every cell is tried, not only strong ones."""
+    """Minimum K for trying every cell as the last pulse, not only strong ones."""
     long_candidates_at_once: int = 8
-    """Most candidates of long groups measured at once: each takes up to 10 ms."""
+    """Maximum candidates of long groups measured at once; each takes up to 10 ms."""
     same_bins: float = 1.5
-    """Distance of two frequencies below which a known pulse explains any other [bins]."""
+    """Frequency difference below which a known pulse explains another [bins]."""
     leak_share: float = 0.2
-    """Least leakage of a known pulse that explains a candidate, as a share of its strength."""
+    """Minimum leakage of a known pulse that explains a candidate, over its strength."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +145,7 @@ class ThresholdTuning:
     """Constants of the thresholds for white noise."""
 
     least_power: float = 13.0
-    """Least power of a burst [noise powers]; noise in 3.75 kHz reaches it each six seconds."""
+    """Minimum power of a burst [noise powers]; noise in 3.75 kHz has it every six seconds."""
     tail_step: float = 0.01
     """Resolution of the distribution of a sum [noise powers]."""
     original_rate_hz: float = 3750.0
@@ -153,13 +153,13 @@ class ThresholdTuning:
     nine_of_ten: float = 1.2816
     """Quantile 0.9 of the normal distribution [standard deviations]."""
     least_begun: float = 0.25
-    """Least share of an interval in which a group can begin; it is larger up to K = 40."""
+    """Minimum share of an interval in which a group can begin; it is larger up to K = 40."""
     first_share: float = 0.8
     """Share of groups that lie within the samples of the first decision, calibrated."""
     noise_error: float = 0.033
     """Relative error of the noise after 2.5 s, with which the tables were calibrated."""
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
-    """Numbers of pulses K of `hypotheses` and `interval_powers`."""
+    """Numbers of pulses K for which `hypotheses` and `interval_powers` are given."""
     hypotheses: tuple[float, ...] = (19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0)
     """Effective hypotheses per independent cell and interval, by K."""
     interval_powers: tuple[float, ...] = (1.0, 1.40, 1.40, 1.42, 1.36, 1.57, 1.60, 1.60)
@@ -168,10 +168,10 @@ class ThresholdTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NullTuning:
-    """Constants for counting groups that the present noise makes, which raise the threshold."""
+    """Constants for counting groups formed by the present noise, which raise the threshold."""
 
     counted_share: float = 0.93
-    """Share of the threshold at which groups are counted. They are then frequent enough to
+    """Share of the threshold above which groups are counted. They are then frequent enough to
     count within ten seconds, and close to those that reach the threshold. At 0.85, varying
     sparks made 1.5 times the nominal false groups, because their tail falls slowly."""
     # Range of the intervals tried, relative to the tag's; two of the shortest exceed the tag's.
@@ -195,11 +195,11 @@ class NullTuning:
     """Highest threshold as a share of the largest sum, K cells at their limit. Strong pulses of
     other transmitters are counted, too, and must not hide a strong tag."""
     tolerated_ratio: float = 1.6
-    """Ratio of counted groups to those of white noise up to which the threshold stays."""
+    """Ratio of counted groups to those of white noise up to which the threshold is kept."""
     tolerated_coloured_ratio: float = 1.2
-    """The largest tolerated ratio in coloured noise, where an excess is hardly chance."""
+    """Tolerated ratio in coloured noise, where an excess is hardly due to chance."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)
-    """Numbers of pulses K of `white_ratios`."""
+    """Numbers of pulses K for which `white_ratios` are given."""
     white_ratios: tuple[float, ...] = (0.51, 0.68, 1.03, 1.09)
     """Measured ratio of counted groups in white noise to the computed tail, by K."""
 
@@ -209,23 +209,23 @@ class EvidenceTuning:
     """Constants for testing candidates near the threshold by their likelihood."""
 
     power_limit: float = 16.0
-    """Largest power that counts [noise powers], so that no impulse carries a group."""
+    """Maximum power of a cell that counts [noise powers]; no single impulse carries a group."""
     table_step: float = 0.02
     """Step of the table of likelihood ratios by power [noise powers]."""
     steps_per_pulse: int = 25
-    """Number of starts tried per pulse width; power falls by a twelfth from one to the next."""
+    """Number of starts tried per pulse width; power falls by a twelfth between two."""
     row_bins: float = 0.125
     """Step of the frequencies tried around the candidate's row [bins]."""
     frequencies: int = 5
     """Number of frequencies tried."""
     jitter_share: float = 0.4
-    """Standard deviation of the jitter of a pulse as a share of its bound."""
+    """Standard deviation of a pulse's jitter, as a share of its bound."""
     gate: float = 0.9
-    """Least score of a candidate that is tested, as a share of the threshold."""
+    """Minimum score of a candidate that is tested, as a share of the threshold."""
     sure_score: float = 1.2
-    """Score from which no test is needed: two cells at their limit and a third above noise."""
+    """Score above which no test is needed: two cells at the limit, a third above noise."""
     tested_k: int = 3
-    """Number of pulses of the groups that are tested."""
+    """K of the groups that are tested."""
     factor_log: float = -3.7
     """Log of the number of noise groups at a bound of one per lattice, calibrated at K = 3."""
     slope: float = 1.2
@@ -237,25 +237,25 @@ class MeasureTuning:
     """Constants for measuring single pulses in the samples."""
 
     track_band_hz: float = 20.0
-    """Largest distance of a followed pulse from its track [Hz]."""
+    """Maximum frequency difference between a followed pulse and its track [Hz]."""
     newton_steps: int = 3
-    """Most steps of Newton's method for a frequency."""
+    """Maximum number of steps of Newton's method for a frequency."""
     burst_sigmas: float = 9.0
     """Excess energy of a quarter window that marks an impulse [standard deviations]."""
     burst_share: float = 0.65
-    """Least share of the energy of a window in the quarter that marks an impulse."""
+    """Minimum share of a window's energy in one quarter that marks an impulse."""
     wide_sigmas: float = 6.0
-    """Excess energy of a window at which its spectrum is checked [standard deviations]."""
+    """Excess energy of a window above which its spectrum is checked [standard deviations]."""
     narrow_share: float = 0.35
-    """Least share of a pulse's energy in its strongest row; noise bursts have 0.1 to 0.3."""
+    """Minimum share of a pulse's energy in its strongest row; noise bursts have 0.1 to 0.3."""
     around_widths: float = 4.0
-    """Time around a pulse whose median power is the noise there [pulse widths]."""
+    """Time around a pulse over which the median power gives the noise [pulse widths]."""
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
-    """Places in a pulse at which its phase may break, as shares of its width."""
+    """Positions in a pulse at which its phase may break, as shares of its width."""
     break_gain: float = 3.5
-    """Power that noise gains by a free break of the phase; subtracted [noise powers]."""
+    """Power that noise gains by a free break of the phase [noise powers]; subtracted."""
     losing_s: float = 0.3
-    """Distance of lost samples within which the phase of a pulse may break [s]."""
+    """Distance from lost samples within which a pulse's phase may break [s]."""
 
 
 GRID = SpectrogramTuning()

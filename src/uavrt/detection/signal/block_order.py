@@ -40,9 +40,9 @@ class Intake:
         longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
         span_s = (tag.k - 1) * longest
         if len(tag.pulse_intervals_s) > 1:
-            # The other rate is followed from the last pulse heard, maybe two intervals ago.
+            # The other rate is followed from the last received pulse, up to two intervals ago.
             span_s += 2.0 * longest
-        # Batch, block, filter and the windows around a pulse: a group is judged 0.7 s late.
+        # Batch, block, filter and the windows around a pulse: a group is tested 0.7 s late.
         keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 0.8
         self._slow_clock_s = tag.pulse_width_s / 8.0
         self.buffer = SampleBuffer(

@@ -23,17 +23,17 @@ class LineCanceller:
         self._window = _window(self._length)
         self._block = max(1, round(CARRIERS.block_s * sample_rate_hz))
         self._past: NDArray[np.complex64] | None = None
-        """Newest samples before carriers were removed; None: nothing was removed."""
+        """Newest samples before carriers were removed; None: no carrier was removed."""
         self.frequencies_hz = np.zeros(0)
         """(lines,) frequencies of the subtracted carriers from the channel's centre [Hz]."""
         self._ratios = np.zeros(0)
         """(lines,) power of each carrier over the median of the bins around it."""
         self._searches_left = np.zeros(0, np.intp)
-        """(lines,) number of calls for which a carrier not found is still subtracted."""
+        """(lines,) number of further calls in which a carrier not found is still subtracted."""
 
     @property
     def idle(self) -> bool:
-        """True if there is no carrier to subtract, and was none in the last samples."""
+        """True if there is no carrier to subtract, now or in the last samples."""
         return not self.frequencies_hz.size and self._past is None
 
     @property
@@ -56,7 +56,7 @@ class LineCanceller:
             power.reshape(-1, CARRIERS.group_bins), CARRIERS.floor_rank, axis=1
         )[:, CARRIERS.floor_rank]
         floor *= CARRIERS.floor_scale
-        # Near an edge of the noise the group on its louder side counts.
+        # Near an edge of the noise the group on the stronger side counts.
         floor = np.maximum(floor, np.maximum(np.roll(floor, 1), np.roll(floor, -1)))
         least = np.finfo(np.float32).tiny
         over = power > np.maximum(
@@ -114,7 +114,7 @@ class LineCanceller:
     def _steady(
         self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True where the median of 20 ms pieces is near their mean power, as pulses' is not."""
+        """True where the median of 20 ms pieces is near their mean power, unlike for pulses."""
         length = round(0.02 * self._rate)
         pieces = samples[: len(samples) // length * length].reshape(-1, length)
         turns = np.exp((-2j * np.pi / self._rate) * np.outer(np.arange(length), frequencies))

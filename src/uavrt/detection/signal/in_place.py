@@ -1,4 +1,4 @@
-"""Keep the unfiltered neighbours of samples that a filter replaces step by step."""
+"""Store unfiltered samples that a filter applied in place needs as neighbours."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,10 @@ class Surroundings:
 
     def __init__(self) -> None:
         self._past: Samples | None = None
-        """Newest samples before the filter; None: nothing was filtered."""
+        """Newest samples before the filter; None: no sample was filtered."""
 
     def of(self, before: Samples, samples: Samples, after: Samples, reach: int) -> Samples:
-        """Join `reach` neighbours to either side of new samples.
+        """Join new samples with `reach` unfiltered neighbours on either side.
 
         `before`: earlier samples, as the last call left them. `samples` (n,): those after the
         last call's. `after`: later samples. Returns shape (n + 2 reach,), zero where missing.
@@ -25,7 +25,7 @@ class Surroundings:
         return np.concatenate((past, samples, np.concatenate((after, zeros))[:reach]))
 
     def filtered(self, whole: Samples, reach: int) -> None:
-        """Keep the unfiltered samples that the next call of `of` needs."""
+        """Store the unfiltered samples that the next call of `of` needs."""
         self._past = whole[-2 * reach : -reach].copy()
 
     def unfiltered(self) -> None:

@@ -1,6 +1,6 @@
 """Measure the share of time in which a tag's frequency is free of other signals.
 
-An instant is occupied if it is louder than the quiet instants of the same frequency, or than
+An instant is occupied if it is stronger than the quiet instants of the same frequency, or than
 the quietest frequencies of the channel: a steady transmitter leaves no quiet instant.
 """
 
@@ -26,7 +26,7 @@ class Occupancy:
         bin_hz = sample_rate_hz / self._length
         offsets = offset_hz + OCCUPANCY.apart_bins * bin_hz * np.array([-1.0, 0.0, 1.0])
         turn = np.arange(self._length)[:, np.newaxis] * offsets / sample_rate_hz
-        # Side lobes would show a neighbour.
+        # Side lobes would show a neighbouring signal.
         self._taper = np.hanning(self._length + 2)[1:-1].astype(np.float32)
         self._filters = (self._taper[:, np.newaxis] * np.exp(-2j * np.pi * turn)).astype(
             np.complex64
@@ -35,7 +35,7 @@ class Occupancy:
         self._usable = self._looked = self._calls = 0
 
     def count(self, samples: NDArray[np.complex64]) -> None:
-        """Count the free instants of new samples without carriers; lost samples are zero."""
+        """Count the free instants in new samples without carriers; lost samples are zero."""
         count = len(samples) // self._length
         if not count:
             return

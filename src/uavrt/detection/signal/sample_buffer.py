@@ -22,17 +22,17 @@ from uavrt.dsp.zero_runs import zero_runs
 
 @dataclass(slots=True)
 class Counters:
-    """Counts of a detector since its start, one for each reason of a refusal."""
+    """Counters of a detector since its start, one for each kind of loss or refusal."""
 
     samples: int = 0
     samples_lost: int = 0
-    """Samples missing according to the blocks' times; replaced by zeros."""
+    """Number of samples missing according to the blocks' times; replaced by zeros."""
     samples_blanked: int = 0
-    """Samples blanked as impulses."""
+    """Number of samples blanked as impulses."""
     blocks_stale: int = 0
-    """Refused blocks from before samples already received."""
+    """Number of blocks refused because they precede samples already received."""
     restarts: int = 0
-    """Jumps of time too long to bridge, at which the detector began again."""
+    """Number of restarts of the detector after a jump of time too long to bridge."""
     pulses: int = 0
     groups: int = 0
     tracks: int = 0
@@ -56,17 +56,17 @@ class SampleBuffer:
         self._ns_per_sample = NANOSECONDS_PER_SECOND / sample_rate_hz
         self._keep = keep
         self._tolerance_ns = tolerance_s * NANOSECONDS_PER_SECOND
-        # What is kept moves to the front when the rest is full: a quarter as much, every
+        # Stored samples move to the front when the buffer is full: a quarter as many, every
         # second. With half, 5 MB more for 100 tags, that happens half as often (50 us each).
         self._data = np.zeros(keep + keep // 4 + 1024, np.complex64)
         self.start = 0
-        """Index of the oldest sample kept."""
+        """Index of the oldest stored sample."""
         self.end = 0
         """Index after the newest sample."""
         self._stamp_index: list[int] = []
         self._stamp_ns: list[int] = []
         self.holes: list[tuple[int, int]] = []
-        """Index ranges that no block has filled yet: zeros."""
+        """Index ranges that no block has filled yet and that contain zeros."""
         self.lost: list[tuple[int, int]] = []
         """Index ranges of lost samples: runs of zeros found up to `examined`."""
         self.examined = 0
@@ -88,12 +88,12 @@ class SampleBuffer:
         return self._stamp_index[-1]
 
     def deviation_ns(self, time_ns: int) -> float:
-        """Delay of a block against the time expected from the number of samples [ns]."""
+        """Delay of a block relative to the time expected from the number of samples [ns]."""
         ahead = self.end - self._stamp_index[-1]
         return (time_ns - self._stamp_ns[-1]) - ahead * self._ns_per_sample
 
     def time_ns(self, index: float) -> int:
-        """Time of a sample at the antenna [ns]; also between samples, and a little beyond."""
+        """Time of a sample at the antenna [ns]; valid between samples, and slightly beyond."""
         at = max(0, bisect.bisect_right(self._stamp_index, index) - 1)
         return self._stamp_ns[at] + round((index - self._stamp_index[at]) * self._ns_per_sample)
 
@@ -110,7 +110,7 @@ class SampleBuffer:
         return np.array(self._stamp_index, np.float64)[at] + behind
 
     def view(self, first: int, last: int) -> NDArray[np.complex64]:
-        """Samples of indices [first, last), all of which must be kept."""
+        """Samples with indices [first, last), all of which must be stored."""
         return self._data[first - self.start : last - self.start]
 
     def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
@@ -143,7 +143,7 @@ class SampleBuffer:
         return added
 
     def append(self, samples: NDArray[np.complex64], time_ns: int) -> None:
-        """Add samples whose first one has the given time."""
+        """Add samples; the time is that of the first one."""
         self._stamp_index.append(self.end)
         self._stamp_ns.append(time_ns)
         self._write(samples)
@@ -181,7 +181,7 @@ class SampleBuffer:
         self.examined = 0
 
     def examine(self, upto: int) -> None:
-        """Find lost samples up to an index; must precede the blanking of impulses there."""
+        """Find lost samples up to an index; call this before impulses there are blanked."""
         first = max(self.examined, self.start)
         for low, high in zero_runs(self.view(first, upto), self._shortest):
             low, high = first + low, first + high

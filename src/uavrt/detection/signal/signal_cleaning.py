@@ -33,7 +33,7 @@ class Cleaner:
         self._whitener: Whitener | None = None
         self._limiter: SparkLimiter | None = None
         self.occupancy: Occupancy | None = None
-        """Measures how much of the time the band's middle is free of other signals."""
+        """Counter of the time in which the band's middle is free of other signals."""
         self._ahead = self._steady_ahead = 0
         if band_hz is not None:
             offset_hz, half_width_hz = band_hz
@@ -57,7 +57,7 @@ class Cleaner:
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
         self._every = round(CARRIERS.search_every_s * sample_rate_hz)
         self._search_from = 0
-        """Index from which carriers are searched again."""
+        """Index at which carriers are searched next."""
         self.floor = 0.0
         """Median power of a sample; zero before the first call."""
         self.mean_floor = 0.0
@@ -65,18 +65,18 @@ class Cleaner:
 
     @property
     def margin(self) -> int:
-        """Number of samples after a stretch that are needed to clean it."""
+        """Number of samples after a stretch that the cleaning of the stretch requires."""
         ahead = self._whitener.reach if self._whitener is not None and self.whitening else 0
         return self._beyond + self._ahead + ahead
 
     @property
     def _beyond(self) -> int:
-        """Number of samples after a stretch that the search for impulses needs."""
+        """Number of samples after a stretch that the search for impulses requires."""
         return self.flank + self._short
 
     @property
     def many_lines(self) -> bool:
-        """True if so many carriers are removed as mains hum has."""
+        """True if many carriers are removed, as with mains hum."""
         return self._lines.frequencies_hz.size > CARRIERS.few_lines
 
     @property
@@ -149,7 +149,7 @@ class Cleaner:
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Blank impulses in [first, last), examining a flank on either side.
 
-        White noise is examined, where a strong neighbour's peaks of power are no impulses.
+        In whitened samples power peaks of a strong neighbour are no impulses.
         """
         margin = self._beyond
         low = max(buffer.start, first - margin)
@@ -182,7 +182,7 @@ class Cleaner:
 
 
 def _median_power(samples: NDArray[np.complex64]) -> float:
-    """Median power of some samples that are not lost (zero); 0: all are lost."""
+    """Median power of the samples that are not lost (zero); 0 if all are lost."""
     some = samples[:: CHANNEL.floor_stride]
     power = some.real**2 + some.imag**2
     power = power[power > 0.0]

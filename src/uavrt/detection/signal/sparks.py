@@ -1,8 +1,8 @@
-"""Divide the samples by the level of their instant where noise comes in bursts.
+"""Divide the samples by the noise level of their instant if the noise comes in bursts.
 
 Power lines spark at twice the mains frequency: noise for one to five milliseconds of each ten.
-It makes several times the false groups of steady noise. In noise whose power changes the
-matched filter weighs each sample by its noise.
+This noise makes several times the false groups of steady noise. In noise whose power changes
+the matched filter weighs each sample by its noise.
 
 The level of an instant is the harmonic mean of those of the frequencies on both sides of the
 searched band: neither a tag's pulse nor a neighbour on one side is a burst.
@@ -16,7 +16,7 @@ from uavrt.detection.signal.tuning import SPARKS
 
 
 class SparkLimiter:
-    """Makes noise steady that comes in bursts shorter than a pulse.
+    """Equalises noise that comes in bursts shorter than a pulse.
 
     `offset_hz`, `half_width_hz`: the searched band, from the channel's centre.
     """
@@ -44,7 +44,7 @@ class SparkLimiter:
         self._share = 0.0
         self._steps = 0
         self.active = False
-        """True while noise comes in bursts and the samples are divided by its level."""
+        """True while noise comes in bursts and the samples are divided by the noise level."""
 
     def limit(
         self,
@@ -52,7 +52,7 @@ class SparkLimiter:
         samples: NDArray[np.complex64],
         after: NDArray[np.complex64],
     ) -> None:
-        """Divide new samples in place where the noise sparks; see `Surroundings.of`."""
+        """Divide sparking new samples by the noise level, in place; see `Surroundings.of`."""
         self._steps += 1
         idle = not self.active and self._steps % SPARKS.check_every != 1
         if not self._filters or len(samples) <= 2 * self.reach or idle:
@@ -80,12 +80,12 @@ class SparkLimiter:
         )
 
     def _level(self, whole: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power outside the searched band, of all samples but `reach` at both ends."""
+        """Power outside the searched band, for all samples except `reach` at both ends."""
         sides = []
         for taps in self._filters:
             outside = np.convolve(whole, taps, "valid")
             power = outside.real**2 + outside.imag**2
             sides.append(np.convolve(power, self._smooth, "valid"))
-        # Near the lower of the two, and less scattered.
+        # Near the lower of the two levels, with less scatter.
         low, high = sides
         return np.asarray(2.0 * low * high / (low + high + np.float32(1e-30)), np.float32)

@@ -13,18 +13,18 @@ class ChannelTuning:
     reorder_s: float = 0.1
     """Longest wait for a block that one later block has overtaken [s]."""
     recent_blocks: int = 64
-    """Least number of recent blocks from which the greatest length of the next is taken."""
+    """Minimum number of recent blocks whose maximum length is expected for the next block."""
     restart_blocks: int = 3
-    """Number of consecutive blocks with past times after which the stream restarts."""
+    """Number of consecutive blocks with past times before the stream restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
     shortest_loss_samples: int = 4
     least_received: float = 0.45
-    """Least share of a window's samples that must be received to evaluate the window."""
+    """Minimum share of received samples in a window that is evaluated."""
     floor_stride: int = 4
-    """Step between the samples from which the median power is taken [samples]."""
+    """Step between the samples whose median power is taken [samples]."""
     usual_error_hz: float = 500.0
-    """Largest usual error of a tag's frequency [Hz]."""
+    """Maximum usual error of a tag's frequency [Hz]."""
     edge_hz: float = 2.0
     """Distance beyond a channel's edge at which a track moves to the other edge [Hz]: more than
     twice the scatter of a track of 16 dB. A tag 5 Hz inside keeps its frequency."""
@@ -47,32 +47,32 @@ class CarrierTuning:
     """Degree of the polynomial of an amplitude. Of a carrier of 60 dB with 30 % of modulation
     at 1.3 Hz degree 4 left 20 dB, degree 6 0.5 dB."""
     threshold_ratio: float = 40.0
-    """Power of a carrier's bin over the median of the bins around it. Noise reaches this in one
+    """Ratio of a carrier's bin to the median of the bins around it. Noise reaches this in one
     of 10^12 bins, and pulses, 50 Hz wide, reach 4. A carrier of 0 dB in 50 Hz reaches it."""
     group_bins: int = 16
-    """Number of neighbouring bins from which their noise is estimated."""
+    """Number of neighbouring bins used to estimate their noise."""
     floor_rank: int = 4
-    """Rank, in order of power, of the bin of a group that measures its noise. The frame of
-    60 ms of an idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
+    """Rank, by power, of the bin whose power represents a group's noise. The frame of 60 ms of
+    an idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
     floor_scale: float = 2.0
     """Ratio of the median of a group of noise to its bin of `floor_rank`."""
     most_lines: int = 240
-    """Most carriers subtracted: a transmitter's frame of 60 ms has one every 16.7 Hz."""
+    """Maximum number of carriers: a transmitter's frame of 60 ms has one every 16.7 Hz."""
     few_lines: int = 6
-    """Most carriers that are all subtracted at the full degree."""
+    """Maximum number of carriers that are all subtracted at the full degree."""
     many_lines: int = 100
-    """Number of carriers above which weak ones get the least degree."""
+    """Number of carriers above which weak ones get the lowest degree."""
     degree_of_many: int = 3
     """Degree for weak carriers above `few_lines`: 37 polynomials of degree 7 take a tenth of
     the noise, mostly at the newest samples. Degree 3 follows a line 1.5 Hz wide."""
     degree_of_most: int = 1
-    """Degree for weak carriers above `many_lines`: those of an idle transmitter are steady."""
+    """Degree for weak carriers above `many_lines`, as of a steady idle transmitter."""
     most_fit_steps: int = 10
-    """Most steps of conjugate gradients in the common fit of all carriers."""
+    """Maximum number of conjugate-gradient steps in the common fit of all carriers."""
     residual_share: float = 0.02
     """Residual power of the carriers at which the fit ends, as a share of the noise power."""
     strong_ratio: float = 1e4
-    """Least power of a strong carrier over the median around it: 25 dB in a bin."""
+    """Minimum power of a strong carrier over the median around it: 25 dB in a bin."""
     held_searches: int = 40
     """Number of searches, one each 0.44 s or less, for which a carrier is subtracted after it
     was last found. A line of hum fades for seconds: without this its return gave 17 times the
@@ -90,26 +90,26 @@ class WhiteningTuning:
     memory_s: float = 10.0
     """Duration over which the density is averaged [s]."""
     most_weight: float = 6.0
-    """Largest power of a window that counts [densities], since windows may hold pulses."""
+    """Maximum power of a window that counts [noise densities]; windows may hold pulses."""
     rise_ratio: float = 2.2
-    """Ratio of the newest median to the density at which it replaces the density."""
+    """Ratio of the newest median to the averaged density above which the median replaces it."""
     suppressed_ratio: float = 10.0
     """Ratio of a density to that of the tag's band above which the filter divides by its square
     root. The power of a neighbour after the filter is one over this."""
     smoothed_bins: int = 5
     """Number of bins over which the density is averaged."""
     coloured_ratio: float = 3.0
-    """Ratio of the highest density to that of the tag's band at which filtering begins."""
+    """Ratio of the highest density to that of the tag's band above which filtering begins."""
     plain_ratio: float = 2.0
     """Ratio of the highest density to that of the tag's band below which filtering ends."""
     young_s: float = 2.0
     """Duration at the start in which the density is uncertain by a third [s]."""
     young_coloured_ratio: float = 6.0
-    """Ratio of densities at which filtering begins within `young_s` of the start."""
+    """Ratio of densities above which filtering begins within `young_s` of the start."""
     check_every: int = 4
     """Number of steps between checks of white noise, or between new filters."""
     fewest_windows: int = 12
-    """Least number of windows whose median is accurate enough to show a rise."""
+    """Minimum number of windows whose median can show a rise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,20 +123,20 @@ class SparkTuning:
     guard_hz: float = 50.0
     """Distance of the filters on both sides from the searched band [Hz]."""
     least_width_hz: float = 300.0
-    """Least width of the band on each side [Hz]; a millisecond cannot show a narrower one."""
+    """Minimum width of the band on each side [Hz]; a millisecond resolves no narrower one."""
     quiet_quantile: float = 0.2
     """Quantile of the levels that represents the time between bursts."""
     mean_ratio: float = 1.8
-    """Mean level of steady noise over its quiet quantile: 1.79, and a little more."""
+    """Ratio of the mean level of steady noise to its quiet quantile: 1.79, with a margin."""
     high_ratio: float = 5.0
-    """Level of a burst over the quiet quantile. Of steady noise 0.8 % is higher, with the edges
-    of pulses of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
+    """Ratio of a burst's level to the quiet quantile. Of steady noise 0.8 % is higher, with the
+    edges of pulses of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
     sparking_share: float = 0.135
-    """Share of high levels at which limiting begins; ten 5 ms bursts in a second make 0.1."""
+    """Share of high levels above which limiting begins; ten 5 ms bursts a second give 0.1."""
     steady_share: float = 0.11
     """Share of high levels below which limiting ends."""
     check_every: int = 8
-    """Number of steps between checks while nothing sparks: a check takes a third of a step."""
+    """Number of steps between checks in steady noise: a check takes a third of a step."""
     share_gain: float = 0.2
     """Weight of a new share of high levels in their average."""
 
@@ -146,23 +146,23 @@ class OccupancyTuning:
     """Constants for measuring the share of usable time of a frequency."""
 
     apart_bins: float = 1.0
-    """Distance of the examined frequencies on each side of the tag's [bins]."""
+    """Distance from the tag's frequency to those examined on each side [bins]."""
     rise_s: float = 120.0
     """Time constant with which the quiet level rises [s]."""
     loud_ratio: float = 24.0
-    """Power of an occupied instant over the quiet level. The lowest quartile of a minute is
-    about 0.3 of the mean noise, which hardly ever reaches this."""
+    """Ratio of an occupied instant's power to the quiet level. The lowest quartile of a minute
+    is about 0.3 of the mean noise, which hardly ever reaches this."""
     above_channel: float = 4.0
-    """Largest ratio of the quiet level to that of the channel's quietest frequencies, as noise
-    at its edges is lower. More is a steady signal."""
+    """Maximum ratio of the quiet level to that of the channel's quietest frequencies, as noise
+    at its edges is lower. A higher ratio means a steady signal."""
     channel_every: int = 4
     """Number of calls between two measurements of the channel's quietest frequencies."""
     group_bins: int = 8
-    """Number of neighbouring bins whose mean is the level of a frequency."""
+    """Number of neighbouring bins over which a frequency's level is averaged."""
     stride: int = 8
     """Step between the samples that are checked for losses [samples]."""
     least_received: float = 0.5
-    """Least share of a window's samples that are neither lost nor blanked."""
+    """Minimum share of a window's samples that are neither lost nor blanked."""
 
 
 CHANNEL = ChannelTuning()

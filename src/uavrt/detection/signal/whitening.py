@@ -49,7 +49,7 @@ class Whitener:
         return self._taps is not None
 
     def learn(self, samples: Samples) -> None:
-        """Update the density with new samples, and make the filter for them.
+        """Update the noise density with new samples, and make the filter for these samples.
 
         `samples` (n,): without carriers, not filtered; lost samples are zero.
         """
@@ -91,7 +91,7 @@ class Whitener:
             self._choose()
 
     def _choose(self) -> None:
-        """Make the filter for the present density; none for white noise."""
+        """Make the filter for the present noise density; None if the noise is white."""
         density = _smooth(self._density)
         least = float(density[self._searched].min())
         ratio = density / max(least, 1e-30)

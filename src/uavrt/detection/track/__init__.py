@@ -1,4 +1,4 @@
-"""From candidates to reported pulses: judge, track, assign to a tag, report.
+"""From candidates to reported pulses: test, track, assign to a tag, report.
 
 `search_band` searches the band of one tag; `judging` accepts or rejects a candidate group;
 `tracks` and `following` track it. `other_signals/other_bursts`, `chance` and

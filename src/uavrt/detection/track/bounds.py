@@ -1,4 +1,4 @@
-"""Bounds on a tag's signal: the searched frequencies, and its interval."""
+"""Limits on a tag's signal: the searched frequencies, and the tag's interval."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """Bounds within which groups and tracks may be those of one tag.
+    """Limits within which groups and tracks may belong to one tag.
 
     `half_width_hz`: half-width of the search [Hz]; at or above half the sample rate: the whole
     channel. `excluded_hz`: bands without the tag, from the channel's centre [Hz].
@@ -37,7 +37,7 @@ class Bounds:
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
         """Reason why the measured pulses of a group are not the tag's; None if they may be.
 
-        `places`: places among the K, in order of time.
+        `places`: numbers of the pulses among the K, in order of time.
         """
         floor = least_real([pulse.power for _, pulse in places])
         real = [pair for pair in places if pair[1].power >= floor]
@@ -48,17 +48,17 @@ class Bounds:
         return "not the tag's interval" if self._off_interval(times, rate) else None
 
     def left_by(self, track: Track) -> bool:
-        """True if a track has left the bounds of the tag."""
+        """True if a track has left the frequencies or intervals allowed for the tag."""
         times = [(slot.number, slot.time_s, slot.measured.power) for slot in track.received]
         return self.off_frequency(track.offset_hz) is not None or self._off_interval(
             times, track.rate
         )
 
     def most_interval_error_s(self, rate: int) -> float:
-        """Largest deviation from a rate's declared interval, by the samples' clock [s]."""
+        """Maximum deviation from a rate's declared interval, by the samples' clock [s]."""
         nominal_s = self.tag.pulse_intervals_s
         own_s = nominal_s[rate - 1]
-        # One crystal makes both rates: of the longer interval it errs by more.
+        # One crystal determines both rates: the error of the longer interval is larger.
         most_s = self.tag.interval_uncertainty_s * own_s / min(nominal_s)
         return most_s + BOUNDS.clock_error * own_s
 
@@ -72,7 +72,7 @@ class Bounds:
         return None
 
     def on_frequency(self, offsets_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """True for each of many frequencies that may be the tag's, as `off_frequency`."""
+        """(n,) True for frequencies that may be the tag's, by the rules of `off_frequency`."""
         away_hz = offsets_hz - self.home_hz
         away_hz -= self.sample_rate_hz * np.rint(away_hz / self.sample_rate_hz)
         own = np.abs(away_hz) <= self.half_width_hz + BOUNDS.edge_bins / self.tag.pulse_width_s
@@ -93,12 +93,12 @@ class Bounds:
         span = last - first
         if span > 0 and abs((end_s - begin_s) / span - own_s) > most_s + jitter_s / span:
             return True
-        # Of many pulses it is known far better than by the first and the last.
+        # Many pulses give the interval far more accurately than the first and the last.
         interval_s, error_s = self._line(pulses)
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """True if a long group's interval is so uncertain that it may be another train's.
+        """True if a long group's interval is uncertain enough to be another train's.
 
         Of a train that began before the stream, the last pulses may fit a lattice 2 ms off.
         """
@@ -117,7 +117,7 @@ class Bounds:
         )
 
     def _line(self, pulses: list[tuple[int, float, float]]) -> tuple[float, float]:
-        # In plain numbers: of the few pulses of a track NumPy takes four times as long.
+        # In plain Python: for the few pulses of a track NumPy takes four times as long.
         jitter_s = self.tag.interval_jitter_s / math.sqrt(3.0)
         width_s, begin_s = self.tag.pulse_width_s, pulses[0][1]
         weights = [

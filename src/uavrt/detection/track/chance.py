@@ -1,9 +1,9 @@
-"""Log-likelihood ratios for a track: a tag's pulses against bursts there by chance.
+"""Compute log-likelihood ratios for a track: a tag's pulses against bursts by chance.
 
-A track of bursts is one of many that could have begun; each of its places had a burst by
-chance. The product of its places' likelihood ratios exceeds A with a chance of at most 1/A
-(Ville's inequality; J. Ville, Étude critique de la notion de collectif, 1939). The bound is
-therefore the number of expected tracks over the number of false ones allowed.
+A track of bursts is one of many that could have begun; each of its expected pulses was a burst
+by chance. The product of the likelihood ratios exceeds A with a chance of at most 1/A (Ville's
+inequality; J. Ville, Étude critique de la notion de collectif, 1939). The bound is therefore
+the number of expected tracks over the number of false ones allowed.
 """
 
 import math
@@ -17,11 +17,11 @@ class BurstRates:
     """Rates of other transmitters' bursts around an expected pulse [1/s]."""
 
     alike_per_s: float
-    """Rate at the track's frequency, with a power similar to that found [1/s]."""
+    """Rate at the track's frequency, with a power similar to the detection's [1/s]."""
     hiding_per_s: float
-    """Rate at the track's frequency, with at least half that power [1/s]."""
+    """Rate at the track's frequency, with at least half the detection's power [1/s]."""
     begin_per_s: float
-    """Rate in the whole band with similar power, of which each may begin a group [1/s]."""
+    """Rate of bursts of similar power in the whole band; each may begin a group [1/s]."""
 
 
 QUIET = BurstRates(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
@@ -50,10 +50,10 @@ def log_odds(
     beside_hz: float,
     above_db: float,
 ) -> float:
-    """Log-likelihood ratio of a detection at an expected place: a tag's pulse to a burst.
+    """Log-likelihood ratio of a detection at an expected time: a tag's pulse to a burst.
 
     `late_s`, `spread_s`: delay from the expected time, and its standard deviation for a tag.
-    `beside_hz`, `above_db`: distance from the track's frequency, and from the last powers.
+    `beside_hz`, `above_db`: difference from the track's frequency, and from its last powers.
     """
     seen = _seen(rates, width_s)
     likely = math.exp(
@@ -68,7 +68,7 @@ def log_odds(
 
 
 def log_empty(rates: BurstRates, *, width_s: float) -> float:
-    """Log-likelihood ratio of a place without a pulse, or only with a burst."""
+    """Log-likelihood ratio of an expected pulse that is missing, or only a burst."""
     return math.log(1.0 - _seen(rates, width_s))
 
 

@@ -24,7 +24,7 @@ from uavrt.detection.track.two_rates import change_rate, decide_rate, lags, star
 
 
 def _quiet(_track: Track, _found: Measured) -> BurstRates:
-    """Return no bursts; a module-level function, so that detectors can be pickled."""
+    """Return no bursts; a module-level function because detectors are pickled."""
     return QUIET
 
 
@@ -40,12 +40,12 @@ class Follower:
         self._buffer = buffer
         self._refiner = refiner
         self.epoch_ns = 0
-        """Absolute time of zero seconds in the tracks [ns]."""
+        """Absolute time of zero on the time scale of the tracks [ns]."""
         self._tracks: list[Track] = []
         self._around: Callable[[Track, Measured], BurstRates] = _quiet
 
     def seconds(self, index: float) -> float:
-        """Time of a sample in the seconds of the tracks [s]."""
+        """Time of a sample on the time scale of the tracks [s]."""
         return (self._buffer.time_ns(index) - self.epoch_ns) * 1e-9
 
     def follow(
@@ -58,7 +58,7 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Search where the tracks expect their next pulses; drop ended tracks.
+        """Search for the next expected pulses of the tracks; drop ended tracks.
 
         `upto`: index after the last clean sample. `settle`: called after each pulse; assigns
         tags and reports. `floor`: mean power of noise. `around`: rates of bursts at a pulse.
@@ -71,13 +71,13 @@ class Follower:
             while not track.dead and self._step(track, upto, noise=noise, floor=floor):
                 self._follow_other_rate(track, upto, settle, noise=noise, floor=floor)
                 settle()
-            # What the other rate could not yet look at may be there now.
+            # Samples that the other rate still needed may have arrived now.
             self._follow_other_rate(track, upto, settle, noise=noise, floor=floor)
         settle()
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Tracks that continue behind a jump of the clock, to be confirmed again.
+        """Tracks that continue after a jump of the clock; they must be confirmed again.
 
         If samples are missing, they find nothing and end. `tracks`: changed in place: their
         seconds count from the first sample after the jump.
@@ -106,14 +106,14 @@ class Follower:
                     return
         winner = decide_rate(track)
         if winner is not None:
-            settle()  # what it found at the rate it had
+            settle()  # pulses found at the previous rate
             if self._belongs_to_other(track, winner.last_accepted_s):
                 track.dead = True
             else:
                 change_rate(track, winner)
 
     def _belongs_to_other(self, track: Track, time_s: float) -> bool:
-        """True if a pulse, the only one found by a lost track, belongs to another track."""
+        """True if a pulse, the only recent one of a track, belongs to another track."""
         near_s = 0.75 * self._tag.pulse_width_s
         return any(
             abs(slot.time_s - time_s) < near_s
@@ -163,7 +163,7 @@ class Follower:
         was_confirmed = track.confirmed
         track.interval_open = not was_confirmed and self._bounds.leaves_open(track)
         track.step(slot)
-        # Else the flanks of a stronger signal lead it to that one's frequency or interval.
+        # Otherwise a stronger signal's flanks pull the track to its frequency or interval.
         if self._bounds.left_by(track):
             track.slots.pop()
             track.confirmed &= was_confirmed
@@ -178,7 +178,7 @@ class Follower:
         found: Measured,
         noise: NDArray[np.float32],
     ) -> Measured:
-        """Pulse found where samples are being lost, or a stronger one with missing samples."""
+        """Pulse found where samples are being lost; the stronger of two measurements."""
         if found.power < FOLLOW.whole_power:
             spread = track.spread_s() * self._grid.sample_rate_hz
             offset_hz, band_hz = track.offset_hz, MEASURE.track_band_hz

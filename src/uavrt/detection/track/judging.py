@@ -1,4 +1,4 @@
-"""Measure a candidate on the samples and decide whether it is a group of the tag.
+"""Measure a candidate on the samples and decide if it is a group of the tag.
 
 If the energy of a window is six standard deviations above the noise, one row must have 0.35 of
 it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. Blanking
@@ -41,7 +41,7 @@ class Judge:
         self._intervals = Intervals(bounds, grid=grid, refiner=refiner)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
-        """Pulses of confirmed tracks, which need not be found again; None without any."""
+        """Pulses of confirmed tracks, which need not be found again; None if there are none."""
         pulses = [slot.measured for t in tracks if t.confirmed for slot in t.slots]
         return KnownPulses(self._grid, pulses) if pulses else None
 
@@ -62,7 +62,7 @@ class Judge:
     def is_new(
         self, candidate: Candidate, search: RateSearch, taken: list[list[Measured]]
     ) -> bool:
-        """True if the groups just found do not explain a candidate of a search."""
+        """True if a candidate is not explained by the groups just found."""
         pulses = [pulse for group in taken for pulse in group]
         known = KnownPulses(self._grid, pulses) if pulses else None
         return bool(self.unexplained([candidate], search, known))
@@ -70,7 +70,7 @@ class Judge:
     def measure(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> list[tuple[int, Measured]] | None:
-        """Measure a candidate's pulses, with their places among the K."""
+        """Measure a candidate's pulses and return them with their numbers among the K."""
         grid = self._grid
         starts = np.array([grid.start(column) for column in candidate.columns])
         half = (search.reach + 1) * grid.hop
@@ -78,7 +78,7 @@ class Judge:
         kept = (starts >= self._buffer.start) & (starts < self._refiner.upto - margin)
         if not kept.any():
             return None
-        # At the stream's first sample the stretch looked at is moved, not given up.
+        # At the stream's first sample the examined stretch is moved, not omitted.
         starts = np.maximum(starts, self._buffer.start + math.ceil(half) + 1)
         starts, offset = starts[kept], float(grid.offsets_hz[candidate.row])
         bin_hz = grid.sample_rate_hz / grid.window
@@ -100,7 +100,7 @@ class Judge:
             elif abs(strongest.offset_hz - offset) < JUDGE.off_row_hz:
                 break
             else:
-                # The limit on a cell lets noise choose among the rows of a strong pulse.
+                # Because cells are limited, noise decides among the rows of a strong pulse.
                 offset = strongest.offset_hz
         assert found is not None
         places = zip(np.flatnonzero(kept).tolist(), found, strict=True)
@@ -116,10 +116,10 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Distinguish a tag's group from other signals, and its pulses from others'.
+        """Distinguish a tag's group from other signals, and the tag's pulses from others'.
 
         Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: it is left out, and the group must suffice without it. If this
+        signal is stronger: it is excluded, and the group must suffice without it. If this
         affects more than one pulse in four, or one without which the group fails, the group is
         rejected. `places`: places among the K, in order of time. `floor`: mean power of noise.
         Returns (own, reason): the tag's pulses; why the group is rejected.
@@ -200,7 +200,7 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if the tag's other rate has pulses between those of the group.
+        """True if the pulses between those of a group show the tag's other rate.
 
         Every second pulse of a rate is a train of twice the interval.
         """
@@ -214,7 +214,7 @@ class Judge:
         strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
         width = self._grid.window
         half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
-        # The best of many cells counts: noise has one that is likelier than none.
+        # The best of many cells counts: even noise has a likely one.
         half_s = half / self._grid.sample_rate_hz
         cells = independent_cells(half_s, MEASURE.track_band_hz, self._tag.pulse_width_s)
         price = math.log(FOLLOW.more_cells * cells)
@@ -242,7 +242,7 @@ class Judge:
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Upper bound of a rectangular pulse's leakage at this distance, also of a part of one.
+    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance.
 
     At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
     """
@@ -250,10 +250,10 @@ def _leak(power: float, apart_bins: float) -> float:
 
 
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
-    """True if pulses of a group are missing: every second one, if it has another rate.
+    """True if pulses of a group are missing, such as every second one at the other rate.
 
-    Of few pulses each is compared with the strongest. Of many weak ones some are always low:
-    there every second place is tested as a whole, a pulse of the same strength against none.
+    Of few pulses each is compared with the strongest. Of many weak pulses some are always low:
+    then all second slots are tested together, a pulse of the same strength against none.
     """
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:

@@ -35,7 +35,7 @@ class Reporter:
         self._sequence = dict.fromkeys(range(1, len(tag.pulse_intervals_s) + 1), 0)
         self._last_times: list[int] = []
         self._given: list[tuple[int, int | None, int]] = []
-        """Rate, group and place of the last reported pulses."""
+        """Rate, group and pulse number of the last reported pulses."""
         self._reported_ns: int | None = None
 
     def drain(self) -> list[Pulse]:
@@ -49,7 +49,7 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the track of the tag: of active ones the one nearest the nominal frequency.
+        """Find the tag's track: of the active tracks, that nearest to the nominal frequency.
 
         Strength does not matter; of tracks at one frequency, the last to receive a pulse.
         """
@@ -103,7 +103,7 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if bursts alone make more tracks like it than the false-alarm rate allows.
+        """True if bursts alone form such tracks more often than the false-alarm rate allows.
 
         A track once in doubt waits for confirmation: all its pulses are reported as confirmed.
         """
@@ -138,7 +138,7 @@ class Reporter:
         del self._reports[:-3600]
 
     def _place(self, track: Track) -> None:
-        """Choose the alias of a track's frequency, first and after it has crossed an edge."""
+        """Choose the alias of a track's frequency, at first and after crossing a band edge."""
         place_hz = in_channel_hz(
             track.steady_hz,
             nominal_hz=self._tag.frequency_hz - self._center_hz,
@@ -146,7 +146,7 @@ class Reporter:
             margin_hz=CHANNEL.edge_hz if track.placed else 0.0,
         )
         track.placed = True
-        # Everything that it measures from now on lies near it.
+        # All later measurements are near this frequency.
         track.offset_hz += place_hz - track.steady_hz
         track.steady_hz = place_hz
 
@@ -160,8 +160,8 @@ class Reporter:
         group = slot.number // tag.k
         index = slot.number % tag.k + 1
         known = (track.rate, track.sequences.get(group), index)
-        # Without a lock two pulses may claim one place of a lattice, one of them a neighbour's:
-        # the later one begins a group of its own.
+        # Without a lock two pulses may have the same lattice number, one of them a neighbour's:
+        # the later pulse begins a group.
         if known[1] is None or known in self._given:
             self._sequence[track.rate] += 1
             track.sequences[group] = self._sequence[track.rate]

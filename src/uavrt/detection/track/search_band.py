@@ -29,7 +29,7 @@ NOISE_STRIDE = SLOT
 
 
 class _LostColumns:
-    """Finds the columns that lost samples and impulses have changed."""
+    """Finds the columns affected by lost samples and impulses."""
 
     def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
         self._grid, self._buffer = grid, buffer
@@ -52,8 +52,8 @@ class _LostColumns:
         """True for the columns from `begin` on that are used for the noise."""
         weights = self._weights(begin, count)
         received = np.ones(count, np.bool_) if weights is None else weights > 0.0
-        # A window with 7 ms taken out has a third of its noise less: five such in a second
-        # gave 3 % too little, two and a half times the false groups.
+        # A window with 7 ms removed has a third less noise: five such in a second gave 3 % too
+        # little noise, and 2.5 times the false groups.
         clean = self._without(self._buffer.lost, begin, count)
         clean &= self._without(self._buffer.blanked, begin, count)
         return clean if clean.sum() > BAND.least_clean * received.sum() else received
@@ -67,13 +67,13 @@ class _LostColumns:
         for low, high in reversed(stretches):
             end = (high + grid.reach) // grid.hop + 1 - begin
             if end <= 0:
-                break  # they lie in order of time
+                break  # stretches are in order of time
             whole[max(0, (low - grid.window - grid.reach) // grid.hop - begin) : end] = False
         return whole
 
 
 class SearchBand:
-    """The search of one stream in one band.
+    """Search of one stream in one band of frequencies.
 
     `batch_s`: longest piece of samples [s].
     """
@@ -116,7 +116,7 @@ class SearchBand:
             self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
         self._excluded = bounds.excluded_rows(grid.offsets_hz)
         self._unsure = False
-        """True while the noise is uncertain: for ten seconds in a narrow band."""
+        """True while the noise estimate is uncertain: for ten seconds in a narrow band."""
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
         self._received_s = 0.0
@@ -174,7 +174,7 @@ class SearchBand:
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
         """Properties that bands in one call of `advance_together` must share.
 
-        None: this one must advance alone.
+        None: this band must advance alone.
         """
         spectrogram = self._spectrogram
         first = spectrogram.needed()
@@ -226,7 +226,7 @@ class SearchBand:
         return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
 
     def take_over(self, other: "SearchBand", upto: int) -> None:
-        """Begin at an index in mid-stream with the noise of a band that includes this one."""
+        """Begin at an index in mid-stream with the noise estimate of a wider band."""
         grid = self._grid
         column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
         self._column = self._begun = column
@@ -241,7 +241,7 @@ class SearchBand:
     def _columns(
         self, spectrogram: Spectrogram, upto: int, *, last: bool
     ) -> NDArray[np.float32]:
-        """The next columns, up to a sample index; zeros follow the last sample."""
+        """Next columns up to a sample index; zeros follow the last sample."""
         first = spectrogram.needed()
         if first >= upto:
             return np.zeros((0, self._grid.rows), np.float32)
@@ -255,7 +255,7 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """All columns so far, recomputed, which saves 0.3 MB before the noise is known."""
+        """All columns so far, computed again; this saves 0.3 MB until the noise is known."""
         grid, at = self._grid, self._buffer.start
         spectrogram = Spectrogram(grid)
         if at:
@@ -295,7 +295,7 @@ class SearchBand:
                 self._learnt.clear()
 
     def _trust_noise(self, *, always: bool = False) -> None:
-        """Raise the threshold by the noise's error until that is no more than usual."""
+        """Raise the threshold by the noise estimate's error while that is larger than usual."""
         if not (self._unsure or always):
             return
         error = self._noise.relative_error
@@ -374,7 +374,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """Earliest time at which a group can reach a threshold, and the noise is needed [s].
+    """Earliest time at which a group can reach a threshold and the noise is needed [s].
 
     A cell adds at most the limit, so a threshold needs several pulses.
     """

@@ -1,4 +1,4 @@
-"""The tracks of one detector, from candidates to the pulses that are reported."""
+"""Manage the tracks of one detector, from candidates to reported pulses."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from uavrt.detection.track.unlocked import drop_old, join_group
 
 
 class SearchWindow:
-    """The search around one frequency: its band, its judge, and what follows its tracks.
+    """Search around one frequency: its band, test of candidates, following of tracks.
 
     `batch_s`: longest piece in which samples come [s].
     """
@@ -69,7 +69,7 @@ class Tracking:
         self.restart(window)
 
     def restart(self, window: SearchWindow, tracks: Sequence[Track] = ()) -> None:
-        """Begin with some tracks in a window."""
+        """Begin again with the given tracks in a window."""
         self._window, self.tracks = window, list(tracks)
         self._bursts: Bursts | None = None
         self._suppresses = False
@@ -87,7 +87,7 @@ class Tracking:
     def conclude(
         self, results: list[tuple[RateSearch, list[Candidate]]], upto: int, *, floor: float
     ) -> None:
-        """Judge the candidates of the band, follow the tracks and report.
+        """Test the candidates of the band, follow the tracks and report pulses.
 
         `upto`: index up to which it was searched. `floor`: mean power of the noise.
         """
@@ -175,7 +175,7 @@ class Tracking:
         track.begin(pulses, self._around)
         track.clashing = held
         if self.senders is not None:
-            track.held = True  # until they have decided
+            track.held = True  # until the assignment is decided
         elif self._mode is not OperatingMode.ALL_NEVER_LOCK:
             track.held = held or self.owner() is not None
         self._counters.tracks += 1
@@ -211,7 +211,7 @@ class Tracking:
     def _settle(self) -> None:
         if self.senders is not None:
             for track in self.tracks:
-                # Of what has just been confirmed they decide first whose it is.
+                # Groups just confirmed are assigned to tags first.
                 if track.confirmed == track.confirmed_at_assignment:
                     self._reporter.report(track)
         elif self.tracks:

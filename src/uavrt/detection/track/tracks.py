@@ -1,4 +1,4 @@
-"""Tracks: a tag followed from pulse to pulse through misses.
+"""Track a tag from pulse to pulse, also through missed pulses.
 
 A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
 slots of the lattice. The next pulse is expected in so small a volume that its threshold is far
@@ -27,15 +27,15 @@ class Slot:
     """One expected pulse of a track and the detection there."""
 
     number: int
-    """Place in the lattice, from 0 at the track's first pulse."""
+    """Number of the pulse in the lattice, from 0 at the track's first pulse."""
     time_s: float
     time_ns: int
     measured: Measured
     volume: float
-    """Number of independent cells in which the pulse was searched."""
+    """Number of independent cells searched for the pulse."""
     state: SlotState = "open"
     disputed: bool = False
-    """True if it is uncertain at which of two rates the pulse was sent."""
+    """True if the pulse may belong to either of two rates."""
     bursts: BurstRates = QUIET
     """Rates of other transmitters' bursts around the pulse."""
     burst_odds: float = 0.0
@@ -68,49 +68,49 @@ class Track:
     variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     """Covariance of phase and interval: phase, cross, interval [s^2]."""
     number: int = 0
-    """Place in the lattice of the last slot."""
+    """Number of the last slot in the lattice."""
     slots: list[Slot] = field(default_factory=list)
     """Recent slots, oldest first."""
     past_ns: list[int] = field(default_factory=list)
     """Times [ns] of accepted pulses before `slots`, for tracks of longer intervals."""
     confirmed: bool = False
     held: bool = False
-    """True if it is not reported until confirmed, because another track is the tag's."""
+    """True if the track is not reported until confirmed, because another track is the tag's."""
     clashing: bool = False
-    """True if it began with a pulse of another track."""
+    """True if the track began with a pulse of another track."""
     alternatives: tuple[int, ...] = ()
-    """Ids of other listed tags that it may be (senders.py)."""
+    """Ids of other listed tags that the track may be (train_senders.py)."""
     confirmed_at_assignment: bool = False
-    """True if it was confirmed when it was last assigned to a tag."""
+    """True if the track was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None
-    """Id of the stronger tag of which it is a ghost (ghosts.py)."""
+    """Id of the stronger tag if the track is its ghost (ghosts.py); otherwise None."""
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
-    """Number of slots tested since the group that began it."""
+    """Number of slots tested since the group that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Group sequence number by group of K lattice places."""
+    """Group sequence number by group of K lattice numbers."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
-    """Log odds that it is no chance series of bursts, among all that may begin so."""
+    """Log odds that the track is a tag and not a chance series of bursts."""
     best_odds: float = 0.0
     in_doubt: bool = False
     """True if a series of bursts was ever more likely than reporting allows."""
     stands_out: bool = False
-    """True if noise alone is unlikely to have brought it so far."""
+    """True if noise alone is unlikely to have brought the track so far."""
     interval_open: bool = False
-    """True if its pulses are too few to distinguish its interval from others'."""
+    """True if the pulses are too few to distinguish the interval from others."""
     trust: float = FOLLOW.most_trust
-    """Log odds that a confirmed track is a tag: raised by pulses, lowered by empty places."""
+    """Log odds that a confirmed track is a tag: pulses raise it, missing pulses lower it."""
     at_other_rate: "list[Track]" = field(default_factory=list)
-    """The same transmitter at the tag's other rate, if it has switched (two_rates.py)."""
+    """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
     """Time of the last pulse before which the rate is known [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at even and at odd places; old evidence decays."""
+    """Log odds that the tag sends at even and at odd numbers; old evidence decays."""
     certain_s: float = math.inf
-    """Time until which the rate is certain [s]; later pulses wait for their rate."""
+    """Time until which the rate is certain [s]; later pulses are not reported yet."""
 
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
@@ -139,7 +139,7 @@ class Track:
                 self.odds = log_begin(around(self, measured).begin_per_s)
             if not real or number == first:
                 continue
-            # Noise in a place says nothing of the phase: it would bend the interval.
+            # A noise peak contains no phase information and would bias the interval.
             while self.number < number:
                 self._predict()
                 self.number += 1
@@ -181,7 +181,7 @@ class Track:
     ) -> None:
         """Add the new pulses of a group that was found independently of this track.
 
-        `base`: place in the lattice of the group's place 0. `around`: rates of bursts.
+        `base`: lattice number of the group's first pulse. `around`: rates of bursts.
         """
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
@@ -202,8 +202,8 @@ class Track:
                 self.last_accepted_s = time_s
                 self.tested += 1
         self._keep_slots(max(2 * self.tag.k, 6))
-        # A second group on the lattice of the first is no accident of noise; which of two
-        # rates it has is open.
+        # A second group on the lattice of the first is not noise; which of two rates it has is
+        # undecided.
         one_rate = len(self.tag.pulse_intervals_s) == 1
         if self.tested >= self.tag.k and one_rate and self.odds >= 0.0:
             self.confirmed = True
@@ -216,7 +216,7 @@ class Track:
 
     @property
     def sure(self) -> bool:
-        """True if its pulses are certainly no bursts."""
+        """True if the pulses of the track are certainly no bursts."""
         return self.confirmed and not self.dead and self.trust > FOLLOW.sure_trust
 
     def expected(self) -> tuple[float, float]:
@@ -233,7 +233,7 @@ class Track:
         return math.sqrt(max(0.0, phase + 2.0 * cross + interval) + own)
 
     def step(self, slot: Slot) -> None:
-        """Process the result at the next expected pulse."""
+        """Process the search result for the next expected pulse."""
         self._predict()
         self.number += 1
         self.offset_hz += self.drift_hz
@@ -257,13 +257,13 @@ class Track:
             self.since_accepted += 1
             self.drift_hz *= 0.8
             if self.confirmed and power > 4.0 and slot.state != "missed":
-                # Too weak to report, good enough to keep the phase from wandering.
+                # Too weak to report, but sufficient to stabilise the phase.
                 self._correct(slot.time_s, power * 0.3)
             if self.since_accepted > FOLLOW.most_missed or self.trust <= 0.0:
                 self.dead = True
 
     def skip(self) -> None:
-        """Skip an expected pulse whose samples are lost."""
+        """Skip an expected pulse with lost samples."""
         self._predict()
         self.number += 1
         self.offset_hz += self.drift_hz
@@ -272,7 +272,7 @@ class Track:
             self.dead = True
 
     def doubt(self, since_s: float) -> None:
-        """Require a new confirmation; the seconds of the track then count from `since_s`."""
+        """Require a new confirmation; the track's times then count from `since_s`."""
         self.confirmed = False
         self.tested = self.since_accepted = 0
         self.gained, self.trust = 0.0, FOLLOW.most_trust
@@ -320,7 +320,7 @@ class Track:
         elif not self.stands_out:
             self.dead = self.tested >= tests
         else:
-            # Noise it is not; of what else is on air it may yet be an accident.
+            # It is not noise, but may still be a chance series of other bursts.
             self.dead = self.odds < self.best_odds - FOLLOW.odds_lost
             self.dead |= self.tested >= FOLLOW.most_tests
             if slot.tag_odds > 0.0:
@@ -334,12 +334,12 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True for a place half-way between the pulses of a tag with twice the interval."""
+        """True for a lattice number without a pulse if the tag has twice the interval."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 
     def against_bursts(self, slot: Slot) -> float:
-        """Log odds that the detection at the next expected place is no burst."""
+        """Log odds that the next expected detection is not a burst."""
         phase, cross, interval = self.variance
         phase += 2.0 * cross + interval
         return self._odds(slot, self.time_s + self.interval_s, phase)
@@ -362,7 +362,7 @@ class Track:
         )
 
     def _weighed(self, slot: Slot) -> float:
-        """Log odds that the detection at the expected place is neither noise nor a burst."""
+        """Log odds that the next expected detection is neither noise nor a burst."""
         noise = _against_noise(slot.measured.power, slot.volume)
         empty = log_empty(slot.bursts, width_s=self.tag.pulse_width_s)
         slot.burst_odds = self._odds(slot, self.time_s, self.variance[0])
@@ -397,8 +397,8 @@ class Track:
                 continue
             if self._sends_nothing(weak):
                 continue
-            # Its fellows vouch for a weak pulse no further than to twice its own power:
-            # between strong ones it is the noise in a null of the antenna.
+            # Other pulses support a weak one only up to twice its own power: between strong
+            # pulses a weaker peak is noise in a null of the antenna.
             total = own + sum(min(power, FOLLOW.joint_ratio * own) for power in others)
             if total >= limit:
                 weak.state = "accepted"
@@ -449,7 +449,7 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Least power of a group's pulse that stands out from noise.
+    """Minimum power of a group's pulse that stands out from noise.
 
     A pulse far weaker than the others and not certain by itself counts as noise. In a long
     group most may be noise, so the strongest quarter is the reference.

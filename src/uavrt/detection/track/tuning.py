@@ -1,4 +1,4 @@
-"""Constants of judging groups and following tags: one frozen record for each step.
+"""Constants for testing groups and following tags: one frozen record for each step.
 
 Powers are in units of the noise power, odds are natural logarithms (explanation/detection.md).
 """
@@ -12,23 +12,23 @@ class BandTuning:
     """Constants for searching the columns of a band, and estimating its noise."""
 
     noise_batches: int = 3
-    """Number of batches after which the noise is updated: a call costs more than its data."""
+    """Number of batches between updates of the noise; a call costs more than its data."""
     least_noise_s: float = 0.35
-    """Least duration from which the noise is estimated [s]."""
+    """Minimum duration used to estimate the noise [s]."""
     least_clean: float = 0.2
-    """Least share of columns without impulses from which alone the noise is estimated. With
-    denser impulses nearly all columns contain some, and are about equal."""
+    """Minimum share of columns without impulses for the noise to be estimated from these alone.
+    With denser impulses nearly all columns contain some, and are about equal."""
     delay_s: float = 0.07
     """Delay of the newest columns behind the samples [s]: a window and a filter."""
     kept_s: float = 4.0
-    """Time beyond the span of a group for which noise levels are kept [s], for measurements."""
+    """Time beyond a group's span for which noise levels are stored [s], for measurements."""
     young_s: float = 2.5
     """Duration at the start in which each batch estimates the noise from all columns [s]."""
     many_lines_margin: float = 1.025
     """Factor on a threshold while many carriers are removed: their residuals vary over the
     channel, which gave 1.6 times the nominal false groups."""
     most_tracks: int = 12
-    """Most tracks of one detector; the least certain one is dropped."""
+    """Maximum number of tracks of one detector; the least certain one is dropped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,31 +36,31 @@ class JudgeTuning:
     """Constants for distinguishing a candidate's pulses from other signals."""
 
     uniformity: float = 0.3
-    """Least power of a pulse of a short group, as a share of the strongest."""
+    """Minimum power of a pulse in a short group, as a share of the strongest."""
     few_pulses: int = 3
-    """Number of pulses of a group up to which a weak one counts as missing."""
+    """Maximum K of a group in which a weak pulse counts as missing."""
     strong_power: float = 30.0
-    """Power from which a pulse may be the flank of a stronger one nearby [noise powers]."""
+    """Minimum power of a pulse that may be a stronger pulse's flank [noise powers]."""
     off_row_hz: float = 8.0
     """Distance of a measured frequency from the searched one that ends the refinement [Hz]."""
     flank_ratio: float = 2.0
-    """Largest power half a pulse or 35 Hz away over that of a pulse; more is another tag's."""
+    """Maximum ratio of the power half a pulse or 35 Hz away to the pulse's own power."""
     lobe_ratio: float = 3.0
-    """Least power of a stronger signal of which a pulse is a side lobe, over the pulse's."""
+    """Minimum ratio of a stronger signal's power to that of a pulse in its side lobe."""
     weak_power: float = 4.0
     """Power below which the surroundings of a pulse are no evidence [noise powers]."""
     loud_power: float = 8.0
-    """Power above which a pulse is tested for being an impulse [noise powers]."""
+    """Minimum power of a pulse that is tested for being an impulse [noise powers]."""
     most_flanks: float = 6.0
-    """Largest excess on the flanks of a group's pulses [noise powers]. Noise reaches it in one
+    """Maximum excess on the flanks of a group's pulses [noise powers]. Noise reaches it in one
     window of 300 000, pulses of a tag with another interval often."""
     pulses_per_foreign: int = 4
-    """Least number of a group's pulses for each pulse that may be another sender's."""
+    """Minimum number of a group's pulses for each pulse that may be another sender's."""
     flank_bins: float = 1.9
-    """Distance within which the maximum of a strong pulse is searched [bins]: cells at their
-    limit hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
+    """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
+    hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Difference of intervals tried beyond the bound [pulse widths]; larger ones meet twice."""
+    """Difference of intervals tried beyond the bound [pulse widths]; more matches twice."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
     loses more than it gains by noise 0.375 ms beyond."""
@@ -68,7 +68,7 @@ class JudgeTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundTuning:
-    """Largest deviations of a group or track from what its tag declares."""
+    """Maximum deviations of a group or track from a tag's declared values."""
 
     clock_error: float = 3.0e-4
     """Relative error of the sample clock, in addition to the tag's uncertainty."""
@@ -79,13 +79,13 @@ class BoundTuning:
     line_sigmas: float = 3.0
     """Tolerance for the interval of a line through many pulses [standard deviations]."""
     known_share: float = 0.5
-    """Largest error of a long group's interval at its confirmation, as a share of its bound."""
+    """Maximum error of a long group's interval at its confirmation, as a share of its bound."""
     same_transmitter_hz: float = 40.0
-    """Distance below which two tracks are of the same transmitter [Hz]."""
+    """Maximum frequency difference between two tracks of one transmitter [Hz]."""
     same_group_hz: float = 100.0
-    """Largest difference between untracked groups of one tag [Hz]; the original's bound."""
+    """Maximum frequency difference between untracked groups of one tag [Hz]."""
     active_intervals: float = 5.0
-    """Time since the last pulse for which a track is active [intervals]."""
+    """Maximum time since the last pulse of an active track [intervals]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,37 +93,37 @@ class BurstRateTuning:
     """Constants for counting bursts of other transmitters."""
 
     noise_sigmas: float = 3.0
-    """Excess over noise at which bursts are counted [standard deviations]."""
+    """Excess over noise above which bursts are counted [standard deviations]."""
     memory_s: float = 30.0
-    """Time for which a burst is kept [s]; radio calls last some seconds."""
+    """Time for which a burst is stored [s]; radio calls last some seconds."""
     most_kept: int = 3000
-    """Most bursts that are kept, enough for their rate."""
+    """Maximum number of stored bursts, sufficient to measure their rate."""
     most_pending: int = 6000
-    """Most strong cells kept between two updates."""
+    """Maximum number of strong cells stored between two updates."""
     windows_s: tuple[float, float, float] = (4.0, 10.0, 30.0)
-    """Durations of which the highest rate counts [s], so that a recent start counts, too."""
+    """Durations over which the rate is measured; the highest rate counts [s]."""
     pooled_s: float = 2.0
-    """Weight of the rate of the whole band, as time at the track's own frequencies [s]."""
+    """Weight of the whole band's rate, as a duration at the track's own frequencies [s]."""
     similar_db: float = 8.0
-    """Largest difference in strength of bursts that may be taken for a pulse [dB]."""
+    """Maximum level difference of a burst that may be taken for a pulse [dB]."""
     near_rows: float = 2.6
-    """Largest distance of a burst that may be taken for a track's pulse [rows]: 30 Hz."""
+    """Maximum frequency difference of a burst that may be taken for a pulse [rows]: 30 Hz."""
     pair_s: float = 0.012
     """Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
     least_phases: int = 3
-    """Least number of phases at which bursts are an interval apart; fewer are a tag's."""
+    """Minimum number of phases with bursts an interval apart; fewer are a tag's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChanceTuning:
-    """Assumptions of the odds that a track is a tag and no chance series of bursts."""
+    """Assumptions for the odds that a track is a tag and no chance series of bursts."""
 
     received_share: float = 0.75
-    """Share of the places of a tag with a detected pulse: one in four is faded."""
+    """Share of a tag's pulses that are detected: one in four is faded."""
     period_s: float = 200.0
     """Decision period of a track [s]."""
     confirmed_falsely: float = 1e-3
-    """Tracks of bursts that may be confirmed per decision period."""
+    """Number of burst tracks that may be confirmed per decision period."""
     frequency_hz: float = 7.0
     """Scatter of a tag's pulses around its track, for pulses of 14 dB with drift [Hz]."""
     power_db: float = 7.0
@@ -132,7 +132,7 @@ class ChanceTuning:
     """Distance within which a stronger burst hides a pulse [pulse widths]."""
     quiet_per_s: float = 1e-4
     """Assumed rate of bursts at a frequency where none were received [1/s], and ten times that
-    in a band: two pulses on a lattice outweigh it."""
+    in a band; two pulses on a lattice outweigh it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,34 +140,34 @@ class FollowTuning:
     """Constants for confirming, following and ending a track."""
 
     confirm_false: float = 0.0005
-    """Chance that noise confirms a tentative track, per test; 0.2 to 0.6 % of noise groups."""
+    """Probability that noise confirms a tentative track, per test: 0.2 to 0.6 % in all."""
     confirm_long_false: float = 0.002
-    """Chance that noise confirms a track of more than `most_alone` pulses, per test."""
+    """Probability that noise confirms a track with K above `most_alone`, per test."""
     more_tests: int = 2
     """Number of tests beyond K: at 9 dB they confirm three tracks in four instead of two."""
     follow_false: float = 0.01
-    """Chance that noise is accepted as a pulse of a confirmed track, per K intervals."""
+    """Probability that noise is accepted as a confirmed track's pulse, per K intervals."""
     most_tests: int = 40
-    """Most tests of a track that stands out from noise and may be a series of bursts."""
+    """Maximum number of tests of a track that stands out from noise but may be bursts."""
     odds_lost: float = 4.0
-    """Fall of the log odds from their maximum at which a track ends: three empty places."""
+    """Fall of the log odds from their maximum that ends a track: three missing pulses."""
     most_missed: int = 10
-    """Most consecutive missed pulses of a track."""
+    """Maximum number of consecutive missed pulses of a track."""
     first_trust: float = 3.0
-    """Log odds of a track just confirmed: three places without a pulse end it."""
+    """Log odds of a track just confirmed; three missing pulses end the track."""
     most_trust: float = 15.0
-    """Largest log odds of a track: ten places without a pulse end it, as `most_missed`."""
+    """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
     trust_lost: float = 1.4
-    """Largest loss of log odds by a place without a pulse: one pulse in four is faded."""
+    """Maximum loss of log odds by a missing pulse: one pulse in four is faded."""
     trust_won: float = 4.0
-    """Largest gain of log odds by a pulse."""
+    """Maximum gain of log odds by a pulse."""
     joint_trust: float = 6.0
-    """Log odds from which a weak pulse is accepted by its sum with others. The peaks that began
-    a track of noise are the largest of many: with them a third of all noise places passed."""
+    """Log odds above which a weak pulse is accepted by its sum with others. The peaks that
+    began a track of noise are the largest of many: with them a third of all noise passed."""
     sure_trust: float = 10.0
     """Log odds above which the pulses of a track are certainly no bursts."""
     most_alone: int = 8
-    """Most pulses of a group of which a single one is evidence; for longer groups, sums."""
+    """Maximum K for which a single pulse is evidence; longer groups use sums."""
     # Log-likelihood ratio of a pulse of 9 dB to noise by a cell's power: the line along
     # log I0(2 sqrt(8 P)) - 8 from P = 4 to 14, within 0.6.
     power_slope: float = 0.93
@@ -178,40 +178,40 @@ class FollowTuning:
     weakest_power: float = 3.0
     """Power below which a pulse is mostly noise and is not reported [noise powers]."""
     weakest_share: float = 0.35
-    """Least power of a group's pulse, as a share of the strongest; less may be noise."""
+    """Minimum power of a group's pulse, as a share of the strongest; less may be noise."""
     joint_ratio: float = 2.0
-    """Largest power of other pulses that supports a weak one, over its own."""
+    """Maximum ratio of the power of other pulses that support a weak one to its own."""
     joint_share: float = 0.2
-    """Least power of a weak pulse as a share of the strongest of its group."""
+    """Minimum power of a weak pulse as a share of the strongest of its group."""
     # Log odds at every second place and at the others that mean twice the interval, with noise
     # between the pulses.
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Share of the log odds of even, or odd, places that is kept with each new pulse."""
+    """Share of the log odds of even, or odd, lattice numbers retained at each new pulse."""
     half_false: float = 0.01
-    """Factor on the allowed number of false pulses at places where the tag does not send."""
+    """Factor on the allowed number of false pulses where the tag does not send."""
     sure_power: float = 12.0
-    """Power at which three pulses, an interval apart, are confirmed at once [noise powers]."""
+    """Minimum power of three pulses, an interval apart, confirmed at once [noise powers]."""
     interval_walk: float = 1.5e-4
     """Standard deviation of the interval's change from pulse to pulse, relative."""
     phase_walk_s: float = 0.3e-3
     """Standard deviation of the phase's change from pulse to pulse [s]."""
     most_drift_hz: float = 15.0
-    """Largest change of frequency from pulse to pulse [Hz]; a warming crystal has less."""
+    """Maximum change of frequency from pulse to pulse [Hz]; a warming crystal has less."""
     steady_gain: float = 0.1
-    """Gain of the slow average of the frequency, which scatters a quarter as much as pulses."""
+    """Gain of the slow frequency average, which scatters a quarter as much as pulses."""
     past_pulses: int = 24
-    """Number of past pulse times kept: three times the six slots of another track, and more."""
+    """Number of past pulse times stored: more than three times the six slots of a track."""
     whole_power: float = 20.0
-    """Power below which the middle samples of a pulse may be missing [noise powers]."""
+    """Power below which a pulse may lack its middle samples [noise powers]."""
     broken_weight: float = 0.25
     """Weight of a measured frequency while samples are being lost: a phase break shifts it by
     up to 20 Hz, which once made pulses count as bursts."""
     hiding_ratio: float = 2.0
-    """Power of another track's pulse over a track's own at which it is subtracted."""
+    """Ratio of another track's pulse power to a track's own above which it is subtracted."""
     hiding_bins: float = 0.8
-    """Distance in frequency below which another track may have the same pulses [bins]."""
+    """Frequency difference below which another track may have the same pulses [bins]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,7 +221,7 @@ class RateTuning:
     decisive_log: float = 8.0
     """Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
     patience_intervals: float = 2.5
-    """Longest wait of a pulse for its rate [longer intervals]; then it is only `detected`."""
+    """Maximum wait of a pulse for its rate [longer intervals]; then it is only `detected`."""
     uncertainty_share: float = 0.25
     """Uncertainty of the interval at the other rate, as a share of the tag's."""
     most_starts: int = 8
@@ -233,27 +233,27 @@ class GhostTuning:
     """Constants for recognizing copies of a tag that the receiver makes."""
 
     stronger_ratio: float = 10.0**0.8
-    """Least power of an original over its ghost's. An image is 25 to 40 dB down. The third
-    harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its products.
-    Of a product of two signals, each is stronger by this ratio."""
+    """Minimum ratio of an original's power to its ghost's. An image is 25 to 40 dB down. The
+    third harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its
+    products. Of a product of two signals, each is stronger by this ratio."""
     least_pulses: int = 3
-    """Least number of pulses of a ghost."""
+    """Minimum number of pulses of a ghost."""
     mistaken_share: float = 1e-3
-    """Largest share of real tags mistaken for ghosts, if pulses coincide with another's."""
+    """Maximum share of real tags mistaken for ghosts, if pulses coincide with another's."""
     edge_ratio: float = 100.0
-    """Least power of a pulse over that of its edges far from its frequency."""
+    """Minimum ratio of a pulse's power to that of its edges far from its frequency."""
     edge_noise: float = 2.5
     """Amplitude that the largest noise adds to an edge in a search [noise amplitudes]."""
     edge_widths: float = 0.75
-    """Largest distance of an edge from the start of its pulse [pulse widths]."""
+    """Maximum distance of an edge from the start of its pulse [pulse widths]."""
     edge_share: float = 0.6
-    """Least share of a train's pulses that are edges of another's if it consists of them."""
+    """Minimum share of edge pulses in a train that consists of another train's edges."""
     rounding_ns: int = 1000
     """Bound on the rounding of present times as floating-point numbers [ns]."""
     coincident_share: float = 0.9
     """Share of a ghost's pulses that are received together with their original's."""
     drift_steps: int = 32
-    """Number of differences between two intervals over which a chance is averaged."""
+    """Number of differences between two intervals over which a probability is averaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,36 +261,36 @@ class SenderTuning:
     """Constants for assigning trains of pulses to tags."""
 
     ruled_out_log: float = math.log(20.0)
-    """Log-likelihood ratio at which another tag is ruled out."""
+    """Log-likelihood ratio above which another tag is ruled out."""
     interval_drift: float = 2e-3
     """Relative change of a tag's interval within a flight. The crystals and oscillators of tags
-    keep to 1e-4 and 1e-3 over the temperatures of a day."""
+    vary by 1e-4 and 1e-3 over the temperatures of a day."""
     interval_sigmas: float = 2.5
     """Tolerance of a measured interval beyond a tag's bound [standard deviations]."""
     bound_sigmas: float = 3.0
     """Declared bound of an error [standard deviations of the error]."""
     most_miss: float = 30.0
-    """Largest squared deviation of a frequency that counts [variances]."""
+    """Maximum squared deviation of a frequency that counts [variances]."""
     stay_log: float = 1.0
-    """Log-likelihood ratio at which a train moves from its tag to another."""
+    """Log-likelihood ratio above which a train is assigned to another tag."""
     any_tag_log: float = 50.0
-    """Value of assigning any tag: more than all that distinguishes tags."""
+    """Value of assigning any tag: larger than all differences between tags."""
     relearn_ns: float = 60e9
-    """Time of reception with another interval after which it replaces the learnt one [ns]."""
+    """Time with another interval after which that interval replaces the learnt one [ns]."""
     most_trains: int = 6
-    """Most trains of one band that are assigned: the last received."""
+    """Maximum number of trains of one band that are assigned: the last received."""
     kept_ns: int = 40_000_000_000
-    """Time for which pulses of confirmed trains are kept [ns]: longer than bursts are."""
+    """Time for which pulses of confirmed trains are stored [ns]: longer than bursts are."""
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
     """Ratios of two intervals at which common pulses fit both tags."""
     likely_odds: float = -6.0
     """Log odds below which an unconfirmed track counts as bursts, and is hardly reported."""
     same_train_share: float = 2.0 / 3.0
-    """Least share of common pulses in two tracks of one train; less is a collision."""
+    """Minimum share of common pulses in two tracks of one train; less is a collision."""
     foreign_share: float = 2.0 / 3.0
-    """Share of pulses that belong to other trains from which a train is dropped."""
+    """Share of pulses from other trains above which a train is dropped."""
     foreign_pulses: int = 3
-    """Least number of pulses of a train that is dropped; fewer may coincide by accident."""
+    """Minimum number of pulses of a train that is dropped; fewer may coincide by accident."""
     same_interval_ratio: float = 1.2
     """Ratio below which two intervals are the same, measured with different accuracy."""
 

@@ -29,7 +29,7 @@ def log_evidence(power: float, strength: float) -> float:
 
 
 def start_other_rate(track: Track) -> None:
-    """Start a track at the other rate from each received pulse without one."""
+    """Start a track at the other rate from each received pulse that has no such track."""
     since_s = max((other.settled_s for other in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
     for slot in track.received:
@@ -42,7 +42,7 @@ def _at_other_rate(track: Track, start: Slot) -> Track:
     rate = 3 - track.rate
     nominal_s = track.tag.pulse_intervals_s
     other = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
-    # The crystal's error is the same at both rates; what is left is that of their ratio.
+    # The crystal's error is the same at both rates; the error of their ratio remains.
     scale = track.interval_s / nominal_s[track.rate - 1]
     other.continue_from(
         start, interval_s=nominal_s[rate - 1] * scale, share=RATES.uncertainty_share
@@ -51,7 +51,7 @@ def _at_other_rate(track: Track, start: Slot) -> Track:
 
 
 def lags(track: Track, other: Track) -> bool:
-    """True if the other rate's track expects a pulse no later than the track's last place."""
+    """True if the other rate's track expects a pulse no later than the track's last slot."""
     return other.expected()[0] < track.time_s + _margin_s(track)
 
 
@@ -91,9 +91,9 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate depends on when the tag switched.
+    """Mark the pulses whose rate depends on the time of the switch.
 
-    The switch is certain, but a noise peak where only one rate has a place can make a wrong
+    The switch is certain, but a noise peak where only one rate expects a pulse can make a wrong
     pulse the likelier one. `starts_s`: times of pulses that may be the last before the switch.
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
@@ -105,7 +105,7 @@ def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
 
 
 def change_rate(track: Track, other: Track) -> None:
-    """Continue a track at the rate of another one of the same tag."""
+    """Continue a track at the rate of another track of the same tag."""
     track.rate = other.rate
     track.time_s, track.interval_s = other.time_s, other.interval_s
     track.variance, track.number = other.variance, other.number
@@ -128,7 +128,7 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio for a pulse in each of some places, against noise.
+    """Log-likelihood ratio of a pulse, against noise, in each of some slots.
 
     The largest of V cells replaces the mean of their likelihoods: hence the logarithm of V.
     """

@@ -1,4 +1,4 @@
-"""The mode that never locks: every group is found independently.
+"""Detect in the mode that never locks: every group is found independently.
 
 No track predicts the next pulse; every pulse is in a group that reached the threshold of the
 search. Groups of common pulses are joined and numbered: K places of the lattice that the first
@@ -16,7 +16,7 @@ from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BOUNDS
 
 FoundPulse = tuple[int, float, int, Measured]
-"""Place among the K, time [s], time [ns], and measurement of a pulse."""
+"""Number of a pulse among the K, time [s], time [ns], and measurement."""
 
 
 def join_group(
@@ -27,7 +27,7 @@ def join_group(
     sample_rate_hz: float,
     around: Callable[[Track, Measured], BurstRates],
 ) -> Track | None:
-    """Join a group to the one that it continues, if any."""
+    """Join a group to the track that it continues, if any."""
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:
         return None
@@ -39,7 +39,7 @@ def join_group(
 def _continued(
     tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
 ) -> tuple[Track, int] | None:
-    """Find the track that a group continues, and the place in its lattice of place 0."""
+    """Find the track that a group continues, and the lattice number of its first pulse."""
     strongest = max((pulse[3] for pulse in pulses), key=lambda measured: measured.power)
     for track in tracks:
         if track.rate != rate:

@@ -1,1 +1,1 @@
-"""Pulse logs of other systems, each read into one record (`pulse_log`)."""
+"""Read pulse logs of other systems; each reader returns a `PulseLog`."""

@@ -19,15 +19,15 @@ LogKind = Literal[
 ]
 
 WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
-"""Kinds of logs without headings: a whip is assumed unless an antenna is named, and bearings
+"""Kinds of logs without headings: a whip antenna is assumed unless one is named, and bearings
 are impossible."""
 NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
-"""Kinds of logs without a tag list: one number can be different tags in different logs."""
+"""Kinds of logs without a tag list: one number can mean different tags in different logs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotationMark:
-    """Place where the original's ground station started or stopped a rotation."""
+    """Position where the original's ground station started or stopped a rotation."""
 
     kind: Literal["start", "stop"]
     latitude_deg: float
@@ -45,9 +45,9 @@ class PulseLog:
     pulse_poses: tuple[PulsePose, ...]
     marks: tuple[RotationMark, ...] = ()
     warnings: tuple[str, ...] = ()
-    """Sentences on limitations that users of these pulses must know."""
+    """Sentences on limitations of these pulses, to be shown to the user."""
     passed_over: int = 0
-    """Number of rows without a pulse: rotation slices in which nothing was found."""
+    """Number of rows without a pulse: rotation slices without a detection."""
 
 
 def heard_pulse(

@@ -1,7 +1,7 @@
-"""Read the signal CSV of pyradiotracking: a row for each signal, semicolons between the cells.
+"""Read the signal CSV of pyradiotracking: one row per signal, semicolons between the cells.
 
 Times are ISO 8601 or seconds since 1970; durations are seconds, or ``0:00:00.020``. Stations
-stand still and report no place, so the pulses have no pose. That system's SNR is average power
+are fixed and report no position, so the pulses have no pose. That system's SNR is average power
 over noise power in its FFT bin, and is not converted. Tags are numbered by frequency.
 """
 
@@ -24,7 +24,7 @@ from uavrt.formats.text import (
 NAMES = ("device", "time", "frequency", "duration", "max", "avg", "std", "noise", "snr")
 _OTHER_NAMES = {"ts": "time", "timestamp": "time", "freq": "frequency"}
 SAME_TAG_HZ = 2_000.0
-"""Largest difference of one tag's frequencies [Hz]: two FFT bins of 300 kHz over 256."""
+"""Maximum difference between the frequencies of one tag [Hz]: two FFT bins of 300 kHz / 256."""
 _REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
 
 

@@ -37,14 +37,14 @@ from uavrt.formats.text import (
 )
 
 SAME_TAG_HZ = 2_000.0
-"""Largest difference between one tag's frequencies, unless a code identifies it [Hz]."""
+"""Maximum difference between the frequencies of one tag without a code [Hz]."""
 DETECTION_NAMES = {"ts", "id", "sig"}
 _PORT = re.compile(r"p[A-Za-z]?(\d+)")
 _PULSE_NS = ns_from_s(0.0025)
 _TUNED = ("-m", "frequency", "freq")
 _NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
 _LONGEST_NS = ns_from_s(60.0)
-"""Age above which a position is not used [ns]; a SensorGnome records one every five minutes."""
+"""Maximum age of a position that is used [ns]; a SensorGnome records one every five minutes."""
 _REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
 NO_HEADINGS = (
     "This log has no headings: positions follow from strength alone, as with a monopole. "
@@ -162,7 +162,7 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float
 ) -> Pose | None:
-    """Pose without a heading, interpolated between positions or copied from a near one."""
+    """Pose without a heading, interpolated between positions or copied from a recent one."""
     after = bisect_left(times_ns, time_ns)
     near = [
         place

@@ -59,7 +59,7 @@ PLACEHOLDER_DB = -9999.0
 STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
 """Detection statuses by their number; 3, integrated, is uavrt's own."""
 _NORM_TOLERANCE = 2e-3
-"""Largest deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but the
+"""Maximum deviation of a quaternion's length from 1. Six decimals keep it to 1e-6, but the
 original computed in single precision."""
 _MARKS = {"10": "start", "11": "stop"}
 _REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"
@@ -78,7 +78,7 @@ class _Layout:
         return 15 + self.noise + (4 if self.quaternion else 3)
 
     def fits(self, cells: Sequence[str]) -> bool | None:
-        """True if a row can have this layout; None if its attitude is unknown."""
+        """True if a row fits this layout; None if its attitude is unknown."""
         try:
             states = [finite(cell) for cell in cells[10 + self.noise : 12 + self.noise]]
             attitude = self.attitude(cells)
@@ -193,7 +193,7 @@ def _line(pulse: Pulse, pose: Pose) -> str:
 
 
 def _zero_for_nan(value: float) -> float:
-    """Replace NaN by 0, which the original writes for an unknown frequency, noise or height."""
+    """Replace NaN by 0, the original's value for an unknown frequency, noise or height."""
     return 0.0 if math.isnan(value) else value
 
 
@@ -207,7 +207,7 @@ def is_heading(cells: Sequence[str]) -> bool:
 
 
 def row_kind(cell: str) -> str:
-    """Command number of a row, as the original writes it or as a table's ``7.000000``."""
+    """Command number of a row, written as the original does or as a table's ``7.000000``."""
     try:
         number = float(cell)
     except ValueError:
@@ -303,7 +303,7 @@ def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -
 def _pose(
     cells: Sequence[str], time_ns: int, vehicle: Quaternion | None, offset_deg: float
 ) -> Pose | None:
-    """Antenna's pose from latitude, longitude and height; None for zeros: no telemetry yet."""
+    """Antenna pose from latitude, longitude and height; None if all are zero (no telemetry)."""
     place = place_or_none(cells[0], cells[1])
     if place is None or place == (0.0, 0.0) or vehicle is None:
         return None
@@ -325,7 +325,7 @@ def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion | None:
 
 
 def _snr(cell: str) -> float:
-    """SNR [dB]; minus infinity is a power equal to the noise's, the placeholder is unknown."""
+    """SNR [dB]; minus infinity means a power equal to the noise, the placeholder unknown."""
     value = float(cell)
     return math.nan if value in (PLACEHOLDER_DB, math.inf) else value
 

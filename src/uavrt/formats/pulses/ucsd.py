@@ -1,4 +1,4 @@
-"""Read ping and estimate CSV files of UCSD's Radio Telemetry Tracker, one row for each.
+"""Read CSV files of UCSD's Radio Telemetry Tracker, with one ping or one estimate per row.
 
 Timestamps are seconds since 1970, or ISO 8601. The amplitude is a level in decibels over an
 unknown reference, so only its differences have a meaning, that of SNR differences. A target is
@@ -22,7 +22,7 @@ PING_COLUMNS = (
 )
 ESTIMATE_COLUMNS = ("run", "timestamp", "frequency", "easting", "northing", "epsg code")
 SAME_TARGET_HZ = 500.0
-"""Largest difference between one target's frequencies [Hz]; crystals drift by less."""
+"""Maximum difference between the frequencies of one target [Hz]; crystals drift by less."""
 _REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, Easting, …"
 
 

@@ -1,4 +1,4 @@
-"""Magnetic declination, for the few logs whose headings are magnetic.
+"""Compute magnetic declination, for the few logs with magnetic headings.
 
 Autopilots report true headings: PX4 and ArduPilot add the declination themselves. NMEA's HDG
 and HDM are compass headings. The package pygeomag has the World Magnetic Model for 2010 to
@@ -18,9 +18,9 @@ def declination_deg(
 ) -> float:
     """Angle from true to magnetic north [deg], east positive.
 
-    It changes by 0.01° over a kilometre or a month. So places are rounded to 0.01°, heights to
-    a kilometre, times to a day. Raises `UsageError` without the extra ``uavrt[analysis]``, and
-    `FormatError` if no model is valid at that date.
+    Declination changes by 0.01° over a kilometre or a month. So positions are rounded to 0.01°,
+    heights to a kilometre, times to a day. Raises `UsageError` without the extra
+    ``uavrt[analysis]``, and `FormatError` if no model is valid at that date.
     """
     return _declination_deg(
         round(latitude_deg, 2),

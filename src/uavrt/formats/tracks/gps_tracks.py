@@ -58,7 +58,7 @@ def read_nmea(path: Path) -> VehicleTrack:
             elif fields[0].endswith("GGA") and day_ns is not None and fields[6] != "0":
                 new_ns = day_ns + nmea.clock_ns(fields[1])
                 if time_ns is not None and new_ns < time_ns - _DAY_NS // 2:
-                    new_ns += _DAY_NS  # midnight passed since the last RMC
+                    new_ns += _DAY_NS  # midnight has passed since the last RMC
                 time_ns = new_ns
                 found = position(time_ns, *nmea.place_in(fields[2:6]), float(fields[9]))
                 if found is not None:
@@ -77,7 +77,7 @@ def read_nmea(path: Path) -> VehicleTrack:
 
 
 def _true_heading_deg(fields: list[str], place: PositionSample) -> float:
-    """True heading of HDG or HDM: deviation and variation are added, east positive.
+    """Convert an HDG or HDM heading to true [°]: add deviation and variation, east positive.
 
     If the sentence has no variation, the World Magnetic Model's is used.
     """

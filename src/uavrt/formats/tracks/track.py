@@ -23,14 +23,14 @@ S = TypeVar("S", AttitudeSample, PositionSample)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleTrack:
-    """Attitudes and positions of a vehicle, each in order of time [ns, UTC of the logger]."""
+    """Attitudes and positions of a vehicle, in order of time [ns, UTC of the logger]."""
 
     kind: str
     attitudes: tuple[AttitudeSample, ...]
     positions: tuple[PositionSample, ...]
     warnings: tuple[str, ...] = ()
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """Pairs of first and last times on the ground; empty if not logged."""
+    """Start and end of times on the ground [ns]; empty if not logged."""
 
     def shifted(self, offset_ns: int) -> "VehicleTrack":
         """Copy of the track with an offset added to all times."""
@@ -42,7 +42,7 @@ class VehicleTrack:
         )
 
     def on_ground(self, time_ns: int) -> bool:
-        """True while the log says that the vehicle was on the ground."""
+        """True if the vehicle was on the ground at a time, by the log."""
         return any(first <= time_ns <= last for first, last in self.on_ground_ns)
 
 
@@ -75,7 +75,7 @@ def position(
 
 
 def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample, ...]:
-    """Sort positions by time, and fill unknown relative altitudes from the first position."""
+    """Sort positions by time; compute unknown relative altitudes from the first position."""
     ordered = in_order(positions)
     base_m = ordered[0].altitude_amsl_m if ordered else 0.0
     return tuple(
@@ -87,13 +87,13 @@ def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample,
 
 
 def in_order(samples: Iterable[S]) -> tuple[S, ...]:
-    """Sort samples by time, and keep one of each time."""
+    """Sort samples by time; of samples with equal times one is used."""
     by_time = {one.time_ns: one for one in samples}
     return tuple(by_time[time] for time in sorted(by_time))
 
 
 def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
-    """Level attitudes whose heading is the course over ground."""
+    """Level attitudes with the course over ground as heading."""
     found: list[AttitudeSample] = []
     heading = None
     for before, after in pairwise(positions):
@@ -111,7 +111,7 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
 
 
 def filled(track: VehicleTrack) -> VehicleTrack:
-    """Fill gaps of up to 15 s between sparse points; pose interpolation bridges only 2 s."""
+    """Fill gaps of up to 15 s between sparse points, as pose interpolation bridges only 2 s."""
     return replace(
         track,
         attitudes=tuple(_filled(track.attitudes, _between_attitudes)),

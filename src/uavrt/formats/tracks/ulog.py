@@ -31,7 +31,7 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Most damaged bytes, or pieces of 512 bytes, skipped before the file counts as ended."""
+"""Maximum damaged bytes, or pieces of 512 bytes, skipped before the file counts as ended."""
 _ARMED = 2
 _SANE_UNIX_US = 1_400_000_000_000_000
 
@@ -42,7 +42,7 @@ def read_ulog(path: Path) -> VehicleTrack:
         from pyulog import ULog
     try:
         TRACK.check_size(size_of(path), path)
-        # Opened here: pyulog leaves a file open that it cannot read; and it prints.
+        # Open the file here: pyulog leaves an unreadable file open, and prints.
         with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
             _check_formats(file)
             log = ULog(_Damaged(file), _TOPICS)
@@ -92,7 +92,7 @@ def read_ulog(path: Path) -> VehicleTrack:
 
 
 class _Damaged:
-    """A log file that reports its end after too much damage.
+    """A log file that reports its end after too many damaged bytes.
 
     Without it, pyulog skips unknown data byte by byte, which takes hours for gigabytes of
     zeros.
@@ -107,7 +107,7 @@ class _Damaged:
         return b"" if self._steps > _MOST_STEPS else self._file.read(size)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Move the read position; steps back, which only damage causes, are counted."""
+        """Move the read position; backward steps, which only damage causes, are counted."""
         if whence == 1 and offset < 0:
             self._steps += 1
         return self._file.seek(offset, whence)
@@ -165,7 +165,7 @@ def _states(
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:
-    """UTC at boot [µs]: the least difference of GPS time and boot time, at the least delay."""
+    """UTC at boot [µs]: smallest difference of GPS and boot time, that with the least delay."""
     for name in _GPS:
         data = topics.get(name)
         if data is not None and "time_utc_usec" in data:

@@ -1,4 +1,4 @@
-"""Bearings from switched antennas: phase or mode within one pulse.
+"""Estimate bearings from switched antennas: phase or mode within one pulse.
 
 A switch between receiver and antennas, stepped at known samples, lets one receiver measure
 several elements, or the sum and the difference of two, during a pulse of 20 ms. Comparing their
@@ -83,7 +83,7 @@ def switched_bearing(
     for amplitude, count, yaw, noise in zip(amplitudes, counts, yaw_deg, noises, strict=True):
         weight = np.sqrt(count / noise)
         expected = steering(GRID_DEG - yaw) * weight
-        # Strength and phase of the pulse are unknown: what is left is the projection.
+        # Strength and phase of the pulse are unknown, so only the projection counts.
         matched = np.abs(expected.conj() @ (amplitude * weight)) ** 2
         log_density += matched / np.sum(np.abs(expected) ** 2, axis=1)
     return described(log_density, method=method, pulses=len(yaw_deg))
@@ -101,7 +101,7 @@ def amplitude_monopulse(
     The tag's strength and its fading are the same for all antennas at a pulse and cancel.
 
     `boresight_deg` (a,): direction of each antenna, clockwise from true north.
-    `snr_db` (p, a): SNR of each pulse at each antenna; NaN is a miss.
+    `snr_db` (p, a): SNR of each pulse at each antenna; NaN: not received.
     `fading_db`: standard deviation of other differences between antennas.
     Raises `UsageError`: no pulse was received by two antennas.
     """

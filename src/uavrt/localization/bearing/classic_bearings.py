@@ -20,14 +20,14 @@ _SCAN_DEG = np.arange(0.0, 360.0, SIMPLE.scan_step_deg)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainBearing:
-    """Bearing of a published method, and its own measure of confidence."""
+    """Bearing of a published method, with the method's own measure of confidence."""
 
     bearing_deg: float
     confidence: float | None
 
 
 def strongest(yaw_deg: NDArray[np.float64], power: NDArray[np.float64]) -> PlainBearing:
-    """Bearing by the heading of the strongest pulse."""
+    """Estimate the bearing as the heading of the strongest pulse."""
     top = float(yaw_deg[int(np.argmax(power))])
     return PlainBearing(bearing_deg=wrap_degrees_360(top), confidence=None)
 
@@ -38,7 +38,7 @@ def pca(
     *,
     scale: Literal["linear", "log", "amplitude"] = "linear",
 ) -> PlainBearing:
-    """Principal axis of the pulses drawn as vectors (Shafer 2019, as uavrt_bearing has it).
+    """Principal axis of the pulses drawn as vectors (Shafer 2019, as in uavrt_bearing).
 
     Each pulse is a vector along its heading, as long as its power over the weakest one's. The
     bearing is the first principal axis, on the side of the mean vector; the confidence is
@@ -99,7 +99,7 @@ def pearson(
 def ls_db(
     yaw_deg: NDArray[np.float64], level_db: NDArray[np.float64], pattern: AntennaPattern
 ) -> PlainBearing:
-    """Bearing by least squares in decibels with unknown level; the best one at high SNR."""
+    """Bearing by least squares in decibels with unknown level; the best method at high SNR."""
     gain = pattern.gain_db(_SCAN_DEG[:, None] - yaw_deg[None, :])
     difference = level_db[None, :] - gain
     cost = np.sum((difference - difference.mean(axis=1, keepdims=True)) ** 2, axis=1)

@@ -1,4 +1,4 @@
-"""`estimate_bearing`: the entry point to all bearing estimators."""
+"""Entry point to all bearing estimators: `estimate_bearing`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BearingData:
-    """Input of a bearing estimator that another installed package adds."""
+    """Input of a bearing estimator from another installed package."""
 
     yaw_deg: _Floats
     """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
     matched_power: _Floats
-    """(n,) power at the pulse's time over the noise power, noise included; NaN is a miss."""
+    """(n,) matched power over noise power at each pulse's time, noise included; NaN: missed."""
     noise_psd: _Floats
     """(n,) noise density at each pulse, up to a common factor."""
     pattern: AntennaPattern

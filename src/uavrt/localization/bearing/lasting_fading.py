@@ -1,4 +1,4 @@
-"""Loss of information in a turn when fading is correlated from pulse to pulse.
+"""Compute the information lost in a turn when fading is correlated from pulse to pulse.
 
 Ground and plants keep a pulse's fading for some degrees of the turn, so pulses are not
 independent. The fit absorbs some of the correlation, so the residuals show too little of it.
@@ -18,7 +18,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whitened:
-    """A turn's residuals after the best fit, each over its standard deviation."""
+    """Residuals of a turn after the best fit, each divided by its standard deviation."""
 
     residual: _Floats
     """(n,) residuals in order of time [standard deviations]."""
@@ -31,7 +31,7 @@ class Whitened:
 
 
 def variance_factor(turn: Whitened) -> float:
-    """Variance of a bearing under correlated fading, over that without; 1 or more."""
+    """Ratio of a bearing's variance with correlated fading to that without; 1 or more."""
     kept = slice(0, PATTERN.most_pulses)
     design = np.stack([turn.level_slope[kept], turn.bearing_slope[kept]], axis=1)
     residual, part = turn.residual[kept], turn.fading_part[kept]

@@ -26,7 +26,7 @@ class TurnPulses:
     yaw_deg: _Floats
     """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
     matched_power: _Floats
-    """(n,) power of each pulse over the noise power, noise included; NaN is a miss."""
+    """(n,) power of each pulse over the noise power, noise included; NaN: missed."""
 
 
 def learn_pattern(
@@ -39,7 +39,7 @@ def learn_pattern(
 
     `turns`: three or more for a useful result; tags may differ.
     `antenna`: the table to correct; its plane across the elements is kept.
-    `threshold_db`: SNR above which a missed pulse would have been heard.
+    `threshold_db`: SNR above which a missed pulse would have been detected.
     Raises `UsageError`: no turn was given.
     """
     if not turns:
@@ -58,7 +58,7 @@ def learn_pattern(
             normal += rows.T @ rows
             right += rows.T @ values
         correction = np.asarray(np.linalg.solve(normal, right), np.float64)
-        # A constant is no correction but the level: the boresight keeps its 0 dB.
+        # A constant would be the level and no correction: the boresight stays at 0 dB.
         shape = _basis(angles) @ correction
         learnt = AntennaPattern(
             name=f"{antenna.name}, learnt",
@@ -86,7 +86,7 @@ def _equations(
         threshold_db=threshold_db,
     )
     if not found.accepted:
-        # Noise shows no pattern.
+        # Pulses in the noise contain no information about the pattern.
         return np.zeros((0, LEARNED_PATTERN.harmonics)), np.zeros(0)
     heard = ~np.isnan(turn.matched_power)
     off = found.bearing_deg - turn.yaw_deg[heard]
@@ -97,7 +97,7 @@ def _equations(
     residual = measured - 10.0 * np.log10(1.0 + s)
     sigma = np.sqrt(18.86 * (1.0 + 2.0 * s) / (1.0 + s) ** 2 + (fading * follow) ** 2)
     rows = _basis(off) * (follow / sigma)[:, None]
-    # The residual is what the present correction leaves; the equations are for the whole one.
+    # The residual is after the present correction; the equations are for the total one.
     values = np.clip(residual / sigma, -3.0, 3.0) + rows @ correction
     level = follow / sigma
     level = level / np.linalg.norm(level)

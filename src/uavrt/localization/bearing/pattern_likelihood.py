@@ -1,4 +1,4 @@
-"""Likelihood of a bearing given the powers of a rotation, level and fading integrated out."""
+"""Likelihood of a bearing given the powers of a rotation; level and fading integrate out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class BearingLikelihood:
 def bearing_likelihood(
     tables: PowerTables, gain: Gain, noise_db: NDArray[np.float64]
 ) -> BearingLikelihood:
-    """Likelihood of all bearings on a coarse grid, and of those near the peak on a fine one.
+    """Likelihood of bearings on a coarse grid, and of those near the peak on a fine grid.
 
     `gain`: the antenna's gain at each pulse towards a bearing.
     `noise_db` (n,): noise of each pulse over the median noise [dB].
@@ -62,7 +62,7 @@ def bearing_likelihood(
     kept = coarse_marginal > coarse_marginal.max() - PATTERN.refined_nats
     best_level = every[np.argmax(_log_mean(coarse), axis=1)]
 
-    # Few pulses leave the level wide: longer steps then, so that the window holds it.
+    # With few pulses the level is uncertain: use longer steps, so that the window contains it.
     level_step = 1 if pulses >= 30 else 2 if pulses >= 10 else 4
     spread = level_step * np.arange(2 * PATTERN.levels_each_side + 1)
     part = max(1, round(12 * min(1.0, 30.0 / np.count_nonzero(kept))))
@@ -118,7 +118,7 @@ def _summed(
     total = np.zeros((len(starts), len(steps), tables.shape[2]), np.float64)
     below = np.floor(places)
     parts = (places - below).astype(np.float32)[:, :, None, None]
-    # Bearings share rows: what is needed from each first row on is laid side by side once.
+    # Bearings share rows: the needed columns of each first row are copied once.
     firsts = below.astype(np.intp) + starts
     lowest = firsts.min()
     rows = np.clip(np.arange(lowest, firsts.max() + 1)[:, None] + steps, 0, last)

@@ -1,7 +1,7 @@
-"""The default bearing estimator: posterior over bearing from pattern and power law.
+"""Default bearing estimator: posterior over bearing from pattern and power law.
 
-It takes each pulse's power at its known time and computes its probability for each bearing,
-with unknown tag strength and fading. No threshold is needed; missed pulses count as "below the
+It computes the probability of each pulse's power at its known time for each bearing, with
+unknown tag strength and fading. No threshold is needed; missed pulses count as "below the
 threshold".
 """
 
@@ -96,12 +96,12 @@ class _Fit:
     best_deg: float
     misfit: "_Misfit"
     lasting: float
-    """Variance factor of the bearing due to correlated fading; 1 or more."""
+    """Factor on the bearing's variance due to correlated fading; 1 or more."""
     double: TwoPaths | None
 
 
 def _fitted(turn: _Turn) -> _Fit:
-    """Fit a turn with one path and with two; pulses may be those of other senders."""
+    """Fit a turn with one path and with two; some pulses may be those of other senders."""
     known, heard = turn.fading_db, turn.heard
     tables = power_tables(
         turn.matched_power,
@@ -161,7 +161,7 @@ def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
         sigma_deg=sigma,
         interval90_deg=shortest_arc(density, 0.9),
         second_lobe_probability=second,
-        # A misfit makes the odds less certain just as it does the direction.
+        # A misfit makes the odds less certain, as well as the direction.
         evidence=(directional - found.log_flat) / inflation,
         reduced_chi2=misfit.reduced_chi2,
         multipath_suspected=paths_deg is not None or misfit.marked,
@@ -180,7 +180,7 @@ class _Misfit:
     sure: NDArray[np.bool_]
     """(n,) True for received pulses too strong to be missed."""
     correlation: float
-    """Correlation of neighbouring deviations, 0 to 0.9, less chance's standard deviation."""
+    """Correlation of neighbouring deviations, 0 to 0.9, reduced by its chance level."""
     reduced_chi2: float | None
 
     @property
@@ -191,7 +191,7 @@ class _Misfit:
 
     @property
     def inflation(self) -> float:
-        """Variance factor of the bearing due to a significant correlation; 1 without one."""
+        """Factor on the bearing's variance due to a significant correlation; otherwise 1."""
         return (1.0 + self.correlation) / (1.0 - self.correlation) if self.marked else 1.0
 
 
@@ -257,7 +257,7 @@ def _residuals(
 
 
 def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
-    """Correlation of neighbouring residuals, 0 to 0.9, less chance's standard deviation."""
+    """Correlation of neighbouring residuals, 0 to 0.9, reduced by its chance level."""
     count = len(residual)
     if count < PATTERN.correlation_pulses:
         return 0.0

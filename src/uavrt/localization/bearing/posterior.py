@@ -1,4 +1,4 @@
-"""Bearing and uncertainty from a log-density over the circle."""
+"""Compute bearing and uncertainty from a log-density over the circle."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ def described(log_density: NDArray[np.float64], *, method: ArrayMethod, pulses: 
 
 
 def lobe_moments(density: NDArray[np.float64], best_deg: float) -> tuple[float, float]:
-    """Standard deviation in the lobe around a direction [deg], and probability outside it."""
+    """Standard deviation in a direction's lobe [deg], and probability outside the lobe."""
     off = np.abs(difference_deg(GRID_DEG, best_deg))
     lobe = off <= PATTERN.lobe_deg
     variance = np.sum(density[lobe] * off[lobe] ** 2) / density[lobe].sum()
@@ -38,7 +38,7 @@ def lobe_moments(density: NDArray[np.float64], best_deg: float) -> tuple[float, 
 
 
 def lobe_mean_deg(density: NDArray[np.float64], best_deg: float) -> float:
-    """Mean direction of the lobe around a direction, with the least squared error [0, 360)."""
+    """Mean direction of the lobe around a direction [deg], in [0, 360)."""
     off = difference_deg(GRID_DEG, best_deg)
     weight = np.where(np.abs(off) <= PATTERN.lobe_deg, density, 0.0)
     return float(wrap_degrees_360(best_deg + weight @ off / weight.sum()))

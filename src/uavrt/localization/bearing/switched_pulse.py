@@ -27,7 +27,7 @@ class SwitchSchedule:
     settle_samples: int = 0
     """Number of samples ignored after each switching."""
     first_sample: int = 0
-    """Number of a sample at which the switch changes to position 0."""
+    """Index of a sample at which the switch changes to position 0."""
 
     def __post_init__(self) -> None:
         if self.positions < 2 or not 0 <= self.settle_samples < self.dwell_samples:

@@ -5,38 +5,38 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TurnTuning:
-    """How turns in place are recognised in the poses of a flight."""
+    """Constants for recognising turns in place from the poses of a flight."""
 
     speed_window_s: float = 3.0
     """Window over which speed and climb rate are averaged [s]; GNSS noise averages out."""
     path_window_s: float = 15.0
-    """Time before and after a pose over which its change of place is measured [s]."""
+    """Time before and after a pose over which its displacement is measured [s]."""
     window_shift_m: float = 3.0
-    """Least change of place within the time before, and after, a pose on a path [m]."""
+    """Minimum displacement within this time, before and after a pose on a path [m]."""
     path_m: float = 7.5
-    """Least distance between the ends of a path [m]: half the radius of a turn in place."""
+    """Minimum distance between the ends of a path [m]: half the radius of a turn in place."""
     drift_spans_deg: tuple[float, ...] = (45.0, 90.0)
     """Spans of yaw over which drift is measured [°]; turns with stops need the longer."""
     drift_step_deg: float = 5.0
     """Step between the starts of the spans over which drift is measured [°]."""
     one_turn_deg: float = 450.0
-    """Largest yaw of a single turn [°]; more may be two turns with a path between them."""
+    """Maximum yaw of a single turn [°]; more may be two turns with a path in between."""
     reversal_deg: float = 25.0
-    """Least yaw back that ends a turn [°]; less is hovering or overshoot."""
+    """Minimum yaw back that ends a turn [°]; less is hovering or overshoot."""
     stop_deg: float = 4.0
-    """Largest change of heading during a stop [°]."""
+    """Maximum change of heading during a stop [°]."""
     stop_s: float = 2.0
-    """Least duration of a stop [s]."""
+    """Minimum duration of a stop [s]."""
     least_rate_deg_s: float = 0.5
-    """Least rate of a turn [°/s]; a slower change of heading is drift."""
+    """Minimum rate of a turn [°/s]; a slower change of heading is drift."""
     least_rate_share: float = 0.1
-    """Least rate of a part of a turn, as a share of the turn's median rate."""
+    """Minimum rate of a part of a turn, as a share of the turn's median rate."""
     rate_window_s: float = 4.0
-    """Window for the rate of turn [s]: a compass with 0.5° of error gives it to 0.15°/s."""
+    """Window for measuring the rate of turn [s]; 0.5° compass error gives 0.15°/s."""
     climb_m_s: float = 0.4
-    """Least vertical speed of a climb or descent [m/s]."""
+    """Minimum vertical speed of a climb or descent [m/s]."""
     climb_m: float = 4.0
-    """Least change of height of a climb or descent [m]; gusts cause less."""
+    """Minimum change of height of a climb or descent [m]; gusts cause less."""
     ground_share: float = 0.15
     """Height below which the drone is on the ground, as a share of its usual height."""
     ground_m: tuple[float, float] = (2.0, 6.0)
@@ -47,41 +47,41 @@ class TurnTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PatternTuning:
-    """Posterior of a bearing from pulse powers and the antenna's pattern."""
+    """Constants for a bearing's posterior from pulse powers and the antenna's pattern."""
 
     grid_step_deg: float = 0.25
     """Step between two bearings of the posterior [°]."""
     coarse_step_deg: float = 3.0
-    """Step between two bearings of the coarse grid that is evaluated first [°]."""
+    """Step between two bearings of the coarse grid, evaluated first [°]."""
     coarse_level_steps: int = 6
     """Step between two levels of the coarse grid [steps of the power tables]: 1.5 dB."""
     levels_each_side: int = 10
     """Number of fine levels on each side of the best coarse one."""
     lowest_level_db: float = -6.0
-    """Level over noise at boresight below which a tag cannot be detected [dB]."""
+    """Minimum SNR on boresight of a detectable tag [dB]."""
     refined_nats: float = 18.0
     """Log-density below the best beyond which bearings are not refined [nats]."""
     lobe_deg: float = 25.0
     """Half-width of a lobe of the posterior [°]."""
     correlation_pulses: int = 12
-    """Least number of pulses from which the correlation of their fading is estimated."""
-    # Fading that lasts from pulse to pulse.
+    """Minimum number of pulses for estimating the correlation of fading."""
+    # Fading that is correlated from pulse to pulse.
     correlations: tuple[float, ...] = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
     """Candidate correlations of neighbouring pulses' fading."""
     variance_factors: tuple[float, ...] = (1.0, 2.0, 4.0)
-    """Candidate fading variances, over the estimate for independent pulses. Fading correlated
-    over more than a quarter turn looks like the pattern."""
+    """Candidate ratios of the fading variance to that estimated for independent pulses. Fading
+    correlated over more than a quarter turn looks like the pattern."""
     correlated_share: float = 0.2
     """Prior share of turns with correlated fading."""
     most_pulses: int = 240
-    """Largest number of pulses for which correlation is evaluated: a limit on work."""
+    """Maximum number of pulses for which correlation is evaluated: a limit on work."""
     least_pulses: int = 12
-    """Least number of pulses for which correlation is evaluated."""
+    """Minimum number of pulses for which correlation is evaluated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoPathTuning:
-    """Search for a second path, such as a reflection, that explains a rotation better."""
+    """Constants for finding a second path, such as a reflection, in a rotation."""
 
     apart_deg: tuple[int, ...] = (20, 35, 50, 65, 80, 100, 120, 150, 180)
     """Candidate angles between the two paths [°]."""
@@ -92,14 +92,14 @@ class TwoPathTuning:
     exact_fit: float = 1e-9
     """Residual below which a fit counts as exact, as a share of the levels' sum of squares."""
     least_pulses: int = 12
-    """Least number of pulses in a rotation that is examined."""
+    """Minimum number of pulses in a rotation that is examined."""
     least_gain_nats: float = 8.0
-    """Least rise of log-likelihood over one path [nats]; noise exceeds it in 1 % (B6)."""
+    """Minimum rise of log-likelihood over one path [nats]; noise exceeds it in 1 % (B6)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedPatternTuning:
-    """How an antenna's pattern is learned from a flight's turns."""
+    """Constants for learning an antenna's pattern from a flight's turns."""
 
     harmonics: int = 6
     """Number of cosine harmonics in the correction of the pattern."""
@@ -113,12 +113,12 @@ class LearnedPatternTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimpleBearingTuning:
-    """Bearings by correlation with the pattern, by antenna arrays, and by switched antennas."""
+    """Constants for bearings by correlation, antenna arrays, and switched antennas."""
 
     scan_step_deg: float = 0.5
     """Step between two trial bearings of the correlation with the pattern [°]."""
     array_fading_db: float = 2.0
-    """Difference between levels of adjacent antennas that is not due to direction, rms [dB]."""
+    """Rms level difference of adjacent antennas that is not due to direction [dB]."""
     carrier_step_hz: float = 0.5
     """Step of the carrier search within a switched pulse [Hz]: 0.01 of a turn over 20 ms."""
 

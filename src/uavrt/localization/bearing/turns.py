@@ -1,7 +1,6 @@
-"""Find turns in place in a flight, which bearings are estimated from.
+"""Find turns in place in a flight, from which bearings are estimated.
 
-The poses show them: clockwise or counter-clockwise, with pauses, at 8 or 16 stops or without
-any.
+The poses show turns clockwise or counter-clockwise, with pauses, with 8, 16 or no stops.
 """
 
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
 _DRIFT_M_PER_DEG = TURNS.path_m / 90.0
-"""Largest drift of a turn in place [m/°]; a whole turn then stays within its radius."""
+"""Maximum drift of a turn in place [m/°]; a whole turn then stays within its radius."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,13 +29,13 @@ class Turn:
     start_time_ns: int
     end_time_ns: int
     turned_deg: float
-    """Angle of the whole turn [deg], positive clockwise."""
+    """Total angle of the turn [deg], positive clockwise."""
     stops: int
     """Number of stops; 0 is a continuous turn."""
     widest_gap_deg: float
     """Widest arc of headings without a pose [deg]."""
     latitude_deg: float
-    """Median latitude during the turn."""
+    """Median latitude during the turn [deg]."""
     longitude_deg: float
 
 
@@ -119,7 +118,7 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Median latitude and longitude, exactly independent of the rest of the flight."""
+    """Median latitude and longitude; exactly independent of the rest of the flight."""
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
@@ -149,7 +148,7 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
 
 
 def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """True for poses during a permanent change of place, however slow."""
+    """True for poses during a permanent displacement, however slow."""
     before = np.searchsorted(seconds, seconds - TURNS.path_window_s)
     after = np.searchsorted(seconds, seconds + TURNS.path_window_s, side="right") - 1
 
@@ -164,7 +163,7 @@ def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """Keep the stretches of True whose ends are at least the length of a path apart."""
+    """Select stretches of True whose ends are at least the length of a path apart."""
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
@@ -183,7 +182,7 @@ def _walking(
 
 
 def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """True for poses during a rotation with little change of place."""
+    """True for poses during a rotation with little displacement."""
     found = np.zeros(len(yaw), bool)
     for start, stop in _legs(yaw):
         way = np.sign(yaw[stop] - yaw[start])
@@ -205,7 +204,7 @@ def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _legs(yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of rotations in one sense; small reversals are ignored."""
+    """First and last index of rotations in one direction; small reversals are ignored."""
     legs, start, best = [], 0, 0
     way = 0.0
     for index in range(1, len(yaw)):
@@ -253,7 +252,7 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
         if seconds[index - 1] - seconds[start] >= TURNS.stop_s:
             held = float(np.median(yaw[start:index]))
             before = stops[-1] if stops else None
-            # A stop that begins with the end of a turn is cut in two by its own drift.
+            # A stop that begins with the end of a turn is divided by its own drift.
             if (
                 before
                 and abs(held - np.median(yaw[before[0] : before[1] + 1])) <= TURNS.stop_deg
@@ -268,7 +267,7 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
 def _without_long_pauses(
     seconds: _Floats, yaw: _Floats, longest_pause_s: float
 ) -> list[tuple[int, int]]:
-    """Cut a stretch of rotation at long pauses; omit rest and drift before and after it.
+    """Cut a rotation at long pauses; omit rest and drift before and after the rotation.
 
     The first and the last stop keep the length of the longest one between them, so that a turn
     of eight stops has eight. A turn without stops keeps only its moving part.

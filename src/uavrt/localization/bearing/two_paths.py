@@ -1,4 +1,4 @@
-"""Test whether a direct wave and a reflection explain a rotation's levels better than one wave.
+"""Test if a direct wave and a reflection explain a rotation's levels better than one wave.
 
 A reflection by a wall or a slope adds to the direct wave with some strength and phase. It turns
 a bearing by tens of degrees without a visible sign: one lobe, good signal. Only the shape of
@@ -45,7 +45,7 @@ def two_paths(
     fading_db: float,
     folds: int,
 ) -> TwoPaths | None:
-    """Fit two paths to a rotation; None where one path explains the levels, or with few pulses.
+    """Fit two paths to a rotation; None if one path explains the levels, or with few pulses.
 
     `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
     noise over its median, of received pulses.
@@ -55,7 +55,7 @@ def two_paths(
     """
     if len(yaw_deg) < TWO_PATHS.least_pulses:
         return None
-    # The level stays what it was: a fit with two paths has the same strongest pulses.
+    # The level is unchanged: a fit with two paths has the same strongest pulses.
     shapes = 10.0 * np.log10(1.0 + 10.0 ** (level_db / 10.0) * _powers(pattern))
     floor = np.maximum(matched_power, 0.1)
     s = np.maximum(matched_power - 1.0, 0.0)
@@ -80,7 +80,7 @@ def two_paths(
     place = np.unravel_index(int(np.argmin(many)), many.shape)
     apart = _PAIRS_DEG[int(place[0]) // len(_WEAKER_SHARE)]
     score = np.exp(-0.5 * pulses * np.log(many / many.min()))
-    # A path is the direct one with the share of the power that it brings.
+    # The probability of a path being the direct one is its share of the power.
     weaker = _WEAKER_SHARE @ score.reshape(len(_PAIRS_DEG), len(_WEAKER_SHARE), 360)
     density = score.sum(axis=0) - weaker.sum(axis=0)
     for turn, share in zip(_PAIRS_DEG, weaker, strict=True):

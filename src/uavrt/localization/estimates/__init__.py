@@ -1,1 +1,1 @@
-"""Estimates from a whole flight or log: turns, bearings, strengths and positions."""
+"""Estimate turns, bearings, strengths and positions from a whole flight or log."""

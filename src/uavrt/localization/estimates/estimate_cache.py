@@ -19,7 +19,7 @@ class Cache:
 
     def __init__(self) -> None:
         self.more = False
-        """True if the last estimate reached a limit and left values to the next one."""
+        """True if the last estimate reached a limit and deferred values to the next one."""
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
         self._left: dict[str, int] = {}
@@ -27,7 +27,7 @@ class Cache:
         self._made: dict[Hashable, int] = {}
 
     def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
-        """Begin an estimate; values that the last one did not use are dropped.
+        """Begin an estimate; values not used in the last estimate are dropped.
 
         `at_once`: largest number of new values of each kind. Further subjects keep their last
             value, and the oldest are updated first in the next estimate. A kind that is missing
@@ -37,7 +37,7 @@ class Cache:
         self._left, self.more = dict(at_once), False
 
     def get(self, make: Callable[..., T], *inputs: object, **named: object) -> T:
-        """Cached value of a function of these inputs; made if missing."""
+        """Value of a function of these inputs from the cache; computed if missing."""
         return self._get(_key(make, inputs, named), make, inputs, named)
 
     def latest(

@@ -42,10 +42,10 @@ from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt.localization.tuning import FLIGHT
 
 NO_TIME = -1
-"""Time of a bearing that was noted without one [ns]; its tag is assumed to rest."""
+"""Time of a bearing noted without a time [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Time before and after a turn within which pulses belong to it [ns]: same place and
-heading."""
+"""Time before and after a turn in which pulses still belong to it [ns]; the antenna hardly
+moves."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -60,17 +60,17 @@ class ReadAs:
     """Settings for reading a flight or log."""
 
     antenna: AntennaPattern | str | None = None
-    """Antenna pattern, or its name; None is that of the flight."""
+    """Antenna pattern, or its name; None: the flight's antenna."""
     offset_deg: float = 0.0
     """Direction of the boresight, clockwise from the heading stored with the pulses [deg]."""
     height_m: float | None = None
-    """Height over the tags where the poses have none, for a monopole [m]."""
+    """Height over the tags for poses without height [m]; for a monopole."""
     heading_sigma_deg: float = COMMON.heading_sigma_deg
     """Standard deviation of the error that all headings of a flight share [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
-    """Standard deviation of the error that all heights over a tag share, for a monopole [m]."""
+    """Standard deviation of the error that all heights over a tag share [m]; for a monopole."""
     elevation: Elevation | None = None
-    """Elevation files for losses behind hills; None assumes level ground."""
+    """Elevation files for losses behind hills; None: level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
     method: PositionMethod | str = "bayes"
     learn: bool = True
@@ -79,12 +79,12 @@ class ReadAs:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagBearing:
-    """Bearing to a tag, with place and time."""
+    """Bearing to a tag, with position and time of the antenna."""
 
     tag_id: int
     bearing: Bearing
     latitude_deg: float
-    """Median over the pulses; longitude and altitude are medians, too."""
+    """Median latitude of the pulses [deg]; longitude and altitude are medians, too."""
     longitude_deg: float
     altitude_amsl_m: float
     start_time_ns: int
@@ -95,7 +95,7 @@ class TagBearing:
     """Time at or after the start of the last pulse [ns]."""
     heard: int = 0
     turn: Turn | None = None
-    """Turn that the bearing was estimated from; None is unknown."""
+    """Turn from which the bearing was estimated; None: unknown."""
     number: int = 0
     """Number of the turn in the flight, from 0."""
     from_drone: bool = False
@@ -105,30 +105,30 @@ class TagBearing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagPosition:
-    """Estimated position of a tag, or the reason why there is none."""
+    """Estimated position of a tag, or the reason why none could be estimated."""
 
     tag_id: int
     position: Position | None
     reason: str | None = None
     frequency_hz: float | None = None
-    """Median frequency of the tag's pulses [Hz], where logs with pulses were read."""
+    """Median frequency of the tag's pulses [Hz]; None if no log with pulses was read."""
     name: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """Bearings and strengths by one receiver, for its own positions and those of others."""
+    """Bearings and strengths by one receiver, for positions of this receiver and of others."""
 
     bearings: Sequence[TagBearing] = ()
     """Bearings in order of time and tag."""
     strengths: Mapping[int, Strengths] = field(default_factory=dict)
     """Strengths of received tags without a bearing, by tag."""
     heard: frozenset[int] = frozenset()
-    """Numbers of tags with at least one pulse."""
+    """Numbers of tags with at least one received pulse."""
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
     """Frequencies of received or listed tags [Hz], by tag."""
     pattern: AntennaPattern | None = None
-    """Antenna's pattern as corrected by the turns; None without a turn."""
+    """Antenna pattern as corrected by the turns; None without a turn."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Bearings of one tag."""
@@ -146,7 +146,7 @@ class Estimated:
     found: Found
     positions: tuple[TagPosition, ...]
     tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
-    """Pulse powers along the flight that positions by strength were estimated from, by tag."""
+    """Pulse powers along the flight used for positions by strength, by tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,12 +168,12 @@ class HeardInTurn:
 
     @property
     def snr_db(self) -> _Floats:
-        """(n,) SNR of the pulses."""
+        """(n,) SNR of the pulses [dB]."""
         return self.pulses.snr_db
 
     @property
     def subject(self) -> tuple[int, int]:
-        """Key of tag and turn in the cache; it stays the same while the turn grows."""
+        """Key of tag and turn in the cache; constant while the turn is in progress."""
         return self.tag_id, int(self.pulses.time_ns[0])
 
 
@@ -182,7 +182,7 @@ def turns_in(
 ) -> list[Turn]:
     """Find the turns of a flight, including one in progress."""
     if len(poses.time_ns) < 4 or poses.on_ground.all():
-        return []  # what flew before is not among these poses any more
+        return []  # earlier times in flight are no longer among these poses
     every = find_turns(
         poses.time_ns,
         poses.yaw_deg,
@@ -305,7 +305,7 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
 
 
 def learning_turns(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
-    """Turns from which the antenna's pattern is learned: complete ones with many pulses."""
+    """Turns used to learn the antenna's pattern: complete ones with many pulses."""
     whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
     return whole[: FLIGHT.most_turns]
 
@@ -313,7 +313,7 @@ def learning_turns(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
 def corrected_antenna(
     heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
 ) -> AntennaPattern:
-    """Pattern of the antenna corrected by whole turns; unchanged where they are too few."""
+    """Correct the antenna's pattern by whole turns; unchanged if they are too few."""
     whole = learning_turns(heard)
     pattern = pattern_named(antenna)
     if len(whole) < FLIGHT.least_turns:
@@ -336,7 +336,7 @@ def corrected_antenna(
 
 
 def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
-    """Pattern of the requested antenna, else of the one that received the pulses."""
+    """Pattern of the requested antenna, else of the antenna that received the pulses."""
     return heard.antenna if how.antenna is None else how.antenna
 
 
@@ -347,7 +347,7 @@ def learnt_pattern(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> AntennaPattern:
-    """Antenna's pattern learned from complete turns of this flight and of `past` ones."""
+    """Learn the antenna's pattern from complete turns of this flight and of `past` flights."""
     antenna = antenna_of(heard, how)
     if not (how.learn and how.bearing_method == "pattern_ml" and turns):
         return pattern_named(antenna)
@@ -390,7 +390,7 @@ def _bearings(
 def _tag_bearing(
     one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
 ) -> TagBearing | None:
-    """Bearing of a tag in a turn, or the previous one while the cache defers its update."""
+    """Bearing of a tag in a turn; the previous one while the cache defers the update."""
     made_of = one.tag_id, one.pulses, one.missed_yaw_deg, pattern, method
     known = cache.latest("bearing", one.subject, _bearing_of, *made_of)
     return None if known is None else cache.get(_in_turn, known, one.turn, one.number)
@@ -403,7 +403,7 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Bearings of a receiver, and strengths of tags without one.
+    """Estimate bearings of a receiver, and strengths of tags without a bearing.
 
     A bearing of `theirs`, from the drone, replaces ours when it used more pulses of its turn.
     The other parameters are those of `bearings_of`.
@@ -555,7 +555,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Receivers for which a tag number means the same animal, by its frequency."""
+    """Receivers for which a tag number means the same animal, by the tag's frequency."""
     known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
     if not hz:
@@ -570,8 +570,8 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 def _placed(
     tag_id: int, found: Sequence[Found], how: ReadAs, over: FlightGround | None, cache: Cache
 ) -> TagPosition | None:
-    # Each has its own gain: two flights may be of two drones under one number, and a shared
-    # gain narrows no circle by more than 4 %.
+    # Separate gains: two flights may be of two drones under one number, and a common gain
+    # reduces circles by less than 4 %.
     bearings = [
         replace(one, flight=number)
         for number, each in enumerate(found)
@@ -619,7 +619,7 @@ def _position_of(
     heading_sigma_deg: float,
     hills: HillLosses | None,
 ) -> TagPosition:
-    """Estimate a tag's position, and its path if its bearings contradict a fixed place."""
+    """Estimate a tag's position, and a path if the bearings contradict a fixed position."""
     try:
         found = estimate_position(
             stations,
@@ -629,7 +629,7 @@ def _position_of(
             hills=hills,
         )
     except UsageError as error:
-        # One tag with a single bearing must not keep the others from the list.
+        # One tag with a single bearing must not remove the others from the list.
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     if method not in ("bayes", "track") and stations.listeners:
         left_out = f"the method {method} takes bearings alone"
@@ -685,7 +685,7 @@ def _surveyed(
 
 
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
-    """Collect a tag's pulses along the flight, missed ones of a listed tag included.
+    """Collect a tag's pulses along the flight, with missed ones of a listed tag.
 
     `height_m`: height over the tag, where the poses have no height above the start.
     Raises `UsageError`: fewer than three pulses were received at a known place, or no height is
@@ -729,7 +729,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
 
 
 def at_one_place(heard: Heard) -> bool:
-    """True if all pulses were received at one place, which gives no survey by strength."""
+    """True if all pulses were received at one position, which allows no survey by strength."""
     own = heard.pulses.values()
     if not own:
         return False

@@ -1,4 +1,4 @@
-"""Pulses and poses of a flight, a log or live data in columns: the input of the estimates."""
+"""Columns of received pulses and poses from a flight, a log or live data, for the estimates."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,18 +28,18 @@ class PoseColumns:
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) height above the take-off [m]; NaN where unknown."""
+    """(n,) height above the take-off [m]; NaN if unknown."""
     quaternion_wxyz: _Floats
     altitude_amsl_m: _Floats | None = None
     """(n,) altitude above sea level [m]; NaN where unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times at which the autopilot reports to be on the ground [ns]."""
+    """Start and end of times on the ground reported by the autopilot [ns]."""
 
     @classmethod
     def of(
         cls, poses: Iterable[Pose], on_ground_ns: tuple[tuple[int, int], ...] = ()
     ) -> "PoseColumns":
-        """Put poses into columns, in order, one for each time."""
+        """Convert poses to columns, in order of time, one pose for each time."""
         by_time = {pose.time_ns: pose for pose in poses}
         ordered = [by_time[time] for time in sorted(by_time)]
         return cls(
@@ -53,7 +53,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add other poses in any order, as of pulses, at times without poses here."""
+        """Add poses from other sources, as of pulses, at times without a pose."""
         alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
         parts = (self, others.chosen(alone))
         both = joined_rows([replace(one, altitude_amsl_m=one.amsl_m) for one in parts])
@@ -73,14 +73,14 @@ class PoseColumns:
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights that separate flight from ground [m]: above take-off or lowest pose."""
+        """(n,) heights above take-off or lowest pose [m], which separate flight from ground."""
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
         return np.asarray(amsl - np.nanmin(amsl))
 
     def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
-        """Heights above the take-off at given times [m]; 0 where none is known."""
+        """Heights above the take-off at given times [m]; 0 if none is known."""
         known, wanted_ns = np.isfinite(self.height_m), np.asarray(time_ns, np.float64)
         if not known.any():
             return np.zeros(len(wanted_ns))
@@ -131,7 +131,7 @@ class PulseColumns:
 
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":
-        """Put pulses into columns in their order, without those that have no pose."""
+        """Convert pulses to columns, in the given order, without those that have no pose."""
         posed = [(one.pulse, one.pose) for one in pulse_poses if one.pose is not None]
         poses = [pose for _, pose in posed]
         return cls(
@@ -158,7 +158,7 @@ class PulseColumns:
 
     @property
     def poses(self) -> PoseColumns:
-        """The antenna's poses at the pulses."""
+        """Poses of the antenna at the pulses."""
         return PoseColumns(
             time_ns=self.time_ns,
             latitude_deg=self.latitude_deg,
@@ -190,7 +190,7 @@ class PulseColumns:
         return np.asarray(self.time_ns[gap] + gap_ns[gap] * number / count[gap])
 
     def turned(self, offset_deg: float) -> "PulseColumns":
-        """Pulses with the antenna turned clockwise about its own down axis."""
+        """Copy with the antenna turned clockwise about its own down axis."""
         if offset_deg == 0.0:
             return self
         w, x, y, z = self.quaternion_wxyz.T
@@ -201,7 +201,7 @@ class PulseColumns:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightGround:
-    """A flight's ground model, and the heights of the flight above it."""
+    """Ground model of a flight, and the flight's heights above it."""
 
     hills: HillLosses
     poses: PoseColumns
@@ -213,7 +213,7 @@ class FlightGround:
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
     ) -> "FlightGround | None":
-        """Ground model around a flight; None where no pose has a place and a height.
+        """Build the ground model around a flight; None if no pose has position and height.
 
         Heights of a flight count from its take-off, assumed beneath the first pose. `lay` may
         return the ground of an earlier call.
@@ -255,7 +255,7 @@ def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
     """Warn if elevation files and flight disagree on the height of the take-off."""
     if (
         not abs(said_m - ground_m) > FLIGHT.reported_height_m
-    ):  # so, too, where one of them is not known
+    ):  # also if one of the heights is unknown
         return ()
     return (
         f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "
@@ -289,19 +289,19 @@ def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArr
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Heard:
-    """One receiver's pulses and poses in a flight or log, in columns."""
+    """Pulses and poses of one receiver in a flight or log, in columns."""
 
     pulses: Mapping[int, PulseColumns]
     poses: PoseColumns
-    """Poses of the vehicle, thinned out; where they are missing, those stored with pulses."""
+    """Poses of the vehicle, thinned out; in gaps, the poses stored with pulses."""
     tags: tuple[Tag, ...] = ()
     """Entries of the tag list; empty for a log."""
     antenna: str = "RA-23K"
-    """Name of the receiving antenna's pattern, used unless `ReadAs` gives another."""
+    """Name of the receiving antenna's pattern, unless `ReadAs` sets another."""
     name: str = "this vehicle"
     """Name of the receiver, for the operator."""
     one_turn: bool = False
-    """True if a log at one place without a climb counts as one turn, as in the original."""
+    """True to treat a log at one position without a climb as one turn, as the original does."""
     goes_on: bool = False
     """True while data may still arrive; only complete turns then correct the pattern."""
 
@@ -317,7 +317,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Sort pulses by tag and time, without those that have no place or power.
+        """Sort pulses by tag and time, without those that have no position or power.
 
         Times are rounded to 256 ns, as columns of floating-point numbers hold them.
 
@@ -379,7 +379,7 @@ class Heard:
         )
 
     def rhythm(self, tag_id: int) -> "Rhythm | None":
-        """Expected pulse times of a tag; None for one that is not listed."""
+        """Expected pulse times of a tag; None if the tag is not listed."""
         return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
 
     def renamed(self, keys: Mapping[int, int]) -> "Heard":
@@ -393,7 +393,7 @@ class Heard:
         )
 
     def merged_with(self, other: "Heard") -> "Heard":
-        """Merge with the pulses and poses of another receiver, as of one flight."""
+        """Merge with the pulses and poses of another receiver, as if of one flight."""
         pulses = dict(self.pulses)
         for tag_id, own in other.pulses.items():
             pulses[tag_id] = pulses[tag_id].merged_with(own) if tag_id in pulses else own
@@ -408,7 +408,7 @@ class Heard:
 
     @property
     def frequencies_hz(self) -> dict[int, float]:
-        """Median frequency of each tag's pulses [Hz]; without pulses, the listed one."""
+        """Median frequency of each tag's pulses [Hz]; without pulses, the listed frequency."""
         found = {tag.tag_id: tag.frequency_hz for tag in self.tags}
         for tag_id, own in self.pulses.items():
             known_hz = own.frequency_hz[own.frequency_hz >= FLIGHT.least_tag_hz]

@@ -1,4 +1,4 @@
-"""Bearings of turns in progress, from pulses and poses as they arrive.
+"""Estimate bearings of turns in progress, from pulses and poses as they arrive.
 
 The flight's estimator runs again for each new pulse of a turn, from the third pulse, with a
 wide interval while little of the turn is done. The ground station does the same with received
@@ -22,7 +22,7 @@ from uavrt.localization.tuning import ACCEPTANCE, FLIGHT
 
 
 class LiveBearings:
-    """Convert poses and pulses into the bearings that have changed.
+    """Converts poses and pulses into the bearings that have changed.
 
     `antenna`: the pattern, or its name; corrected by whole turns.
     `tags`: listed tags; their missed pulses are used, too.
@@ -50,7 +50,7 @@ class LiveBearings:
         for pose in poses:
             if self._first_ns is None:
                 self._first_ns = pose.time_ns
-            # As `Heard` thins them, so that the drone finds the turns that others find.
+            # Thinned as by `Heard`, so that drone and ground station find the same turns.
             slot = (pose.time_ns - self._first_ns) // FLIGHT.pose_step_ns
             if not self._poses or slot > (
                 (self._poses[-1].time_ns - self._first_ns) // FLIGHT.pose_step_ns
@@ -69,12 +69,12 @@ class LiveBearings:
         self._states.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:
-        """Add a pulse; one without a pose is ignored."""
+        """Add a pulse; a pulse without a pose is ignored."""
         if one.pose is not None:
             self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Bearings that changed since the last call; some milliseconds for each.
+        """Bearings that changed since the last call; takes some milliseconds for each.
 
         A bearing changes by new pulses or misses in its turn. All change when a finished turn
         corrects the antenna's pattern.
@@ -127,7 +127,7 @@ def bearing_from_drone(one: LiveBearing) -> TagBearing:
             pulses=one.pulses,
             sigma_deg=one.sigma_deg,
             interval90_deg=one.interval90_deg,
-            # The message says only whether there is another lobe.
+            # The message contains only whether there is another lobe.
             second_lobe_probability=1.0 if one.ambiguous else 0.0,
             evidence=ACCEPTANCE.evidence_nats if one.accepted else 0.0,
             multipath_suspected=one.multipath_suspected,

@@ -1,4 +1,4 @@
-"""Levels of tags at places where a receiver did not turn, from its pulses outside of turns."""
+"""Compute levels of tags where a receiver did not turn, from pulses outside of turns."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -25,11 +25,11 @@ def strengths_of(
     antenna: AntennaPattern | str,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Convert a tag's pulses, in order of time, to levels, one for each place and heading.
+    """Convert a tag's pulses, in order of time, to levels, one for each position and heading.
 
     `listener`: name of the receiver, for the operator.
     `height_m` (n,): height of the vehicle above the take-off at each pulse.
-    `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are left out.
+    `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are excluded.
     `rhythm`: expected pulse times; pulses missed at those count as weaker than the received
         ones.
     """
@@ -62,7 +62,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """True for pulses that the autopilot does not report on the ground, and for a mast's."""
+    """True for pulses received off the ground by the autopilot's report, or on a mast."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)
@@ -87,7 +87,7 @@ def _standing(
 
 
 def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
-    """Number of pulses that a tag sent from the first to the last of some received pulses."""
+    """Number of pulses that a tag sent from the first to the last received pulse."""
     if rhythm is None:
         return len(part)
     interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND

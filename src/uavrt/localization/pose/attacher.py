@@ -1,4 +1,4 @@
-"""Give each pulse its pose: wait for the poses around it, for a limited time."""
+"""Assign each pulse its pose: wait for the poses around it, for a limited time."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class _Waiting:
 
 
 class PoseAttacher:
-    """Holds pulses until their pose is known; loses none, and keeps the order of each tag.
+    """Holds pulses until their pose is known; no pulse is lost, and tags' order is preserved.
 
     A pulse is returned with the interpolated pose as soon as attitude and position after its
     centre have arrived; after `wait_s` with an extrapolated pose, marked, or with None.
@@ -39,12 +39,12 @@ class PoseAttacher:
         return sum(map(len, self._queues.values()))
 
     def add(self, pulse: Pulse, now_ns: int) -> None:
-        """Add a pulse that arrives now."""
+        """Add a pulse that has just arrived."""
         queue = self._queues.setdefault(pulse.tag_id, deque())
         queue.append(_Waiting(pulse, now_ns + self._wait_ns))
 
     def ready(self, now_ns: int) -> list[PulsePose]:
-        """Pulses whose pose is known, or whose wait is over."""
+        """Pulses whose pose is known, or whose waiting time is over."""
         return self._released(now_ns)
 
     def flush(self) -> list[PulsePose]:
@@ -52,7 +52,7 @@ class PoseAttacher:
         return self._released(None)
 
     def next_deadline_ns(self) -> int | None:
-        """Latest time for the next call of `ready` [ns]; None when no pulse waits."""
+        """Latest time for the next call of `ready` [ns]; None if no pulse is waiting."""
         return min((q[0].deadline_ns for q in self._queues.values() if q), default=None)
 
     def _released(self, now_ns: int | None) -> list[PulsePose]:
@@ -70,7 +70,7 @@ class PoseAttacher:
         return released
 
     def _pose(self, pulse: Pulse, overdue: bool) -> tuple[bool, Pose | None]:
-        """True if the pulse can be returned now, and its pose."""
+        """True if the pulse can be returned now, and the pulse's pose."""
         center_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
         try:
             return True, self._ring.antenna_pose(center_ns)

@@ -43,7 +43,7 @@ class Mounting:
         )
 
     def antenna_pose(self, vehicle: Pose) -> Pose:
-        """Antenna's pose, from the vehicle's."""
+        """Convert the vehicle's pose to the antenna's."""
         attitude = normalised(product(vehicle.quaternion_wxyz, self.rotation))
         if self.offset_m == (0.0, 0.0, 0.0):
             return replace(vehicle, quaternion_wxyz=attitude)

@@ -1,12 +1,12 @@
-"""The antenna's pose at any time in the last minute.
+"""Interpolate the antenna's pose at any time in the last minute.
 
 The thesis gave each pulse the pose half-way between take-off and the present, so that a turn of
 90° was logged as 45°. Times here are integer nanoseconds, found by bisection.
 
-Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s, and
-marked; gaps of more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last
-pose would be wrong by 15° after half a second. From two samples 20 ms apart, noise of 0.1°
-would become 5°/s; over 0.2 s it is 0.5°/s.
+Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s; gaps of
+more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last pose would be
+wrong by 15° after half a second. From two samples 20 ms apart, noise of 0.1° would become 5°/s;
+over 0.2 s it is 0.5°/s.
 """
 
 import math
@@ -23,11 +23,11 @@ CAPACITY = 6_000
 """Number of stored attitudes and of positions: two minutes at 50 Hz, one at 100 Hz."""
 
 MAX_GAP_S = 2.0
-"""Longest gap between samples that is interpolated [s]; a vehicle may turn in a longer one."""
+"""Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""
 
 MAX_EXTRAPOLATION_S = 1.0
-"""Longest extrapolation beyond the newest sample, or from the edge of a gap [s]. At 30°/s it
-errs by some degrees where the turn begins or ends."""
+"""Longest extrapolation beyond the newest sample, or from the edge of a gap [s]. At 30°/s the
+error is some degrees where a turn begins or ends."""
 
 _RATE_BASELINE_S = 0.2
 """Time over which the rate of motion is measured for extrapolation [s]."""
@@ -46,11 +46,11 @@ class PoseRing:
         self._rate_baseline_ns = ns_from_s(_RATE_BASELINE_S)
         self._max_extrapolation_ns = ns_from_s(MAX_EXTRAPOLATION_S)
         self.late_samples = 0
-        """Number of samples left out because a later one had arrived before."""
+        """Number of samples ignored because a later one had arrived before."""
         self.refused_samples = 0
         """Number of invalid attitudes and positions."""
         self.resets = 0
-        """Number of resets, because time fell or a flight changed the clock."""
+        """Number of resets, because time stepped back or a flight changed the clock."""
 
     def add_attitude(self, sample: AttitudeSample) -> None:
         """Add an attitude; an invalid rotation is rejected and counted."""
@@ -141,7 +141,7 @@ class PoseRing:
         return slerp(before.quaternion_wxyz, after.quaternion_wxyz, fraction), guessed
 
     def _position(self, time_ns: int, extrapolate: bool) -> tuple[PositionSample, bool]:
-        """Interpolate a position linearly; at 15 m/s and 10 Hz a 20 m turn errs by 2 cm."""
+        """Interpolate a position linearly; a 20 m turn at 15 m/s and 10 Hz errs by 2 cm."""
         before, after, fraction, guessed = self._around(self._positions, time_ns, extrapolate)
         east_deg = wrap_degrees_180(after.longitude_deg - before.longitude_deg)
         position = PositionSample(
@@ -158,7 +158,7 @@ class PoseRing:
     def _around(
         self, series: Series[S], time_ns: int, extrapolate: bool
     ) -> tuple[S, S, float, bool]:
-        """Samples before and after a time, the fraction between, and True if extrapolated."""
+        """Samples before and after a time, fraction in between, and True if extrapolated."""
         first_ns, last_ns = series.first_ns, series.last_ns
         if first_ns is None or last_ns is None:
             raise PoseUnavailable(time_ns, retry_later=True)

@@ -26,7 +26,7 @@ a link of 57 600 baud messages are late by tens of milliseconds, never by half a
 class Series(Generic[S]):
     """Samples in order of time; the oldest are dropped first.
 
-    They are kept as bare numbers in memory allocated at the start, 40 bytes each (330 as
+    Samples are stored as numbers in memory allocated at the start, 40 bytes each (330 as
     records), so that memory does not grow in flight. `pack` converts a sample to its four
     numbers, `unpack` a time and four numbers to a sample.
     """
@@ -36,7 +36,7 @@ class Series(Generic[S]):
     ) -> None:
         self._capacity = capacity
         self._pack, self._unpack = pack, unpack
-        # A fourth more: removing the first moves all the others, so it is done in batches.
+        # A quarter more: removing the first sample moves all others, so it is done in batches.
         self._room = capacity + capacity // 4 + 1
         self._times = array("q", bytes(8 * self._room))
         self._values = array("d", bytes(32 * self._room))
@@ -46,7 +46,7 @@ class Series(Generic[S]):
         return self._count
 
     def add(self, sample: S) -> bool:
-        """Append a sample; False when it is late and left out.
+        """Append a sample; returns False if it is late and was ignored.
 
         Raises `OverflowError` if time fell by `REBOOT_NS` or more; then clear and add again.
         """
@@ -84,16 +84,16 @@ class Series(Generic[S]):
 
     @property
     def first_ns(self) -> int | None:
-        """Time of the oldest sample, None when empty."""
+        """Time of the oldest sample [ns]; None if empty."""
         return self._times[0] if self._count else None
 
     @property
     def last_ns(self) -> int | None:
-        """Time of the newest sample, None when empty."""
+        """Time of the newest sample [ns]; None if empty."""
         return self._times[self._count - 1] if self._count else None
 
     def bracket(self, time_ns: int) -> tuple[S, S] | None:
-        """Samples just before and after a time, twice the same on a hit; None outside."""
+        """Samples before and after a time, the same one twice on a hit; None outside."""
         index = self._index_from(time_ns)
         if index == self._count:
             return None
@@ -113,5 +113,5 @@ class Series(Generic[S]):
         return self._sample(self._count - 1)
 
     def before_last(self, baseline_ns: int) -> S:
-        """Oldest sample within `baseline_ns` of the newest; the newest if it is alone."""
+        """Oldest sample within `baseline_ns` of the newest; the newest if there is no other."""
         return self._sample(self._index_from(self._times[self._count - 1] - baseline_ns))

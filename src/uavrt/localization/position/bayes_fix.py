@@ -1,5 +1,4 @@
-"""Posterior of a position on cells that are small near its peaks; the default estimator uses
-it.
+"""Compute a position's posterior on cells that are small near its peaks (default estimator).
 
 Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
 a possible outlier, are both resolved. The point is the most probable one; the mean lies outward
@@ -32,7 +31,7 @@ class Area:
     north_m: float
 
     def touches(self, east_m: _Floats, north_m: _Floats, half_m: _Floats) -> NDArray[np.bool_]:
-        """(n,) True for squares around given places that overlap the area."""
+        """(n,) True for squares around the given positions that overlap the area."""
         return np.asarray(
             (east_m + half_m > self.west_m)
             & (east_m - half_m < self.east_m)
@@ -59,11 +58,11 @@ class Cells:
     """(n,) True where the density may vary strongly within a cell."""
 
     def mean(self) -> tuple[float, float]:
-        """East and north of the mean [m], which has the least expected squared error."""
+        """East and north of the mean [m], which has the smallest expected squared error."""
         return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
 
     def likely_mean(self, log_likelihood: LogLikelihood) -> tuple[float, float]:
-        """East and north of the mean [m]; if that is unlikely, of the nearest likely place."""
+        """East and north of the mean [m]; if unlikely, of the nearest likely position."""
         east, north = self.mean()
         order = np.argsort(-self.log_density)
         kept = order[: int(np.searchsorted(np.cumsum(self.probability[order]), 0.5)) + 1]
@@ -238,7 +237,7 @@ def _overlooked(
     shows_m: float,
     within: Area,
 ) -> NDArray[np.bool_]:
-    """True for the widest cells in an area with a likely corner, which must be quartered."""
+    """True for the widest cells of an area that have a likely corner and must be quartered."""
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
@@ -272,7 +271,7 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
 def map_of(
     cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = GRID.map_share
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Probability on an even grid around most of it: east (x,), north (y,), values (y, x)."""
+    """Probability on a regular grid around most of it: east (x,), north (y,), values (y, x)."""
     around = cells.around(share)
     wide, high = around.east_m - around.west_m, around.north_m - around.south_m
     step = max(wide, high) / (count - 4)

@@ -1,4 +1,4 @@
-"""Priors and likelihood of a place, given bearings and powers."""
+"""Priors and likelihood of a tag's position, given bearings and powers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ class Known:
 
 
 class Model:
-    """Likelihood of a place from bearings and powers together, and its prior."""
+    """Likelihood of a position from bearings and powers together, and the prior."""
 
     def __init__(
         self, stations: Stations | None, powers: PowerTrack | None, known: Known
@@ -78,7 +78,7 @@ class Model:
 
     @property
     def area(self) -> Area:
-        """Area of the tag's possible places."""
+        """Area of the tag's possible positions."""
         around = self._surveyed
         length = float(np.hypot(around.east_m - around.west_m, around.north_m - around.south_m))
         margin = max(300.0, 0.5 * length) if self.stations is None else GRID.bearing_range_m
@@ -91,7 +91,7 @@ class Model:
 
     @property
     def shows_m(self) -> float:
-        """Cell width that misses no peak of a survey [m]; at least a share of its extent."""
+        """Cell width that resolves a survey's peak [m]; at least a share of its extent."""
         around = self.overflown
         square_m2 = (around.east_m - around.west_m) * (around.north_m - around.south_m)
         return max(
@@ -104,7 +104,7 @@ class Model:
         return 0.0 if self.powers is None else abs(float(np.median(self.powers.height_m)))
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
-        """(places,) log-likelihood of all measurements, plus the log-prior of the place."""
+        """(places,) log-likelihood of all measurements plus the log-prior of the position."""
         total = np.zeros(len(east_m))
         if self.bearings:
             total += _prior_of_distance(self._surveyed, east_m, north_m)
@@ -198,12 +198,12 @@ def _level_evidence(
 
 
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
-    """Log-prior of a place far from the stations: uniform over the logarithm of distance.
+    """Log-prior of a position far from the stations: uniform over the logarithm of distance.
 
-    It has no effect where bearings cross well. Where they hardly do, a uniform prior would put
-    the tag into the far end of the wedge, which has the largest area. For stations 60 m apart
-    and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the runs; with
-    this prior they are 77 m and 153 m, and the circles hold the stated probability.
+    The prior has no effect where bearings cross well. Where they hardly cross, a uniform prior
+    would put the tag into the far end of the wedge, which has the largest area. For stations 60
+    m apart and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the
+    runs; with this prior they are 77 m and 153 m, and the circles hold the stated probability.
     """
     middle_east = 0.5 * (around.west_m + around.east_m)
     middle_north = 0.5 * (around.south_m + around.north_m)
@@ -215,14 +215,14 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
 
 
 def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:
-    """Log-prior of a place for a power survey, which is flown where the tag is expected.
+    """Log-prior of a position for a power survey, which is flown where the tag is expected.
 
-    It is uniform inside the surveyed rectangle. Outside it falls by e for each quarter of the
-    lines' spacing (the rectangle's area over the track's length): a survey reaches half a
-    spacing to both sides of its lines. Power alone hardly separates a tag beyond the outermost
-    line from its mirror image. Along a single line, a tenth of the extent replaces the quarter
-    spacing. The least distance is a quarter of the height, since lines closer than the height
-    reach no farther.
+    The prior is uniform inside the surveyed rectangle. Outside it falls by e for each quarter
+    of the lines' spacing (the rectangle's area over the track's length): a survey reaches half
+    a spacing to both sides of its lines. Power alone hardly separates a tag beyond the
+    outermost line from its mirror image. Along a single line, a tenth of the extent replaces
+    the quarter spacing. The least distance is a quarter of the height, since lines closer than
+    the height reach no farther.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -1,4 +1,4 @@
-"""Position by the method ``bayes``: posterior of a resting tag, and of other explanations."""
+"""Estimate a position by the method ``bayes``: posterior of a resting tag, and alternatives."""
 
 from dataclasses import dataclass
 
@@ -141,7 +141,7 @@ def _solved(model: Model) -> _Solved:
 def _with_explanations(
     model: Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
 ) -> _Solved:
-    """Add places by other explanations of the bearings to the posterior of a resting tag."""
+    """Add positions by other explanations of the bearings to a resting tag's posterior."""
     log_likelihood: LogLikelihood = model.log_likelihood
     cells = resting
     if agreement.others:
@@ -170,14 +170,14 @@ class _Agreement:
     """Consistency of the bearings, and explanations other than a resting tag."""
 
     found: tuple[tuple[float, Fit], ...] = ()
-    """Explanations with their probabilities; that of a resting tag precedes the others."""
+    """Explanations with their probabilities, the resting tag first."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
     """Reason why errors that all bearings share cannot be checked."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
-        """Explanations other than a resting tag whose probability is not negligible."""
+        """Explanations other than a resting tag with a probability that is not negligible."""
         return tuple(one for one in self.found[1:] if one[0] > GRID.negligible)
 
     @property
@@ -261,7 +261,7 @@ def _lobe(posterior: _Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Mixture:
-    """Likelihood of a place: a resting tag, mixed with other explanations."""
+    """Likelihood of a position: a resting tag, mixed with other explanations."""
 
     resting: LogLikelihood
     log_evidence: float
@@ -304,7 +304,7 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Heading error and outliers at the most likely of several standard deviations."""
+    """Heading error and outlier probabilities at the most likely standard deviation."""
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

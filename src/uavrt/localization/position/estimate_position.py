@@ -1,4 +1,4 @@
-"""`estimate_position`: the entry point to all position estimators."""
+"""Entry point to all position estimators: `estimate_position`."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -46,16 +46,16 @@ def estimate_position(
     Parameters
     ----------
     stations : Stations, optional
-        Bearings. One gives a wedge, two or more a place.
+        Bearings. One gives a wedge, two or more a position.
     powers : PowerTrack, optional
         Powers, for the method ``bayes``, without pulses already used in the bearings.
     method : str
-        ``"bayes"`` (the default); ``"track"``, which follows a tag unless a fixed place
+        ``"bayes"`` (the default); ``"track"``, which follows a tag unless a fixed position
         explains the data; ``"mle"``, ``"rmr"``, ``"mest"`` as the original system computes
         them; ``"rmr_ahead"``, ``"mest_lenth"``, which are corrected; or one of an installed
         package (docs/how-to/extend.md).
     outlier_share : float, optional
-        Prior probability that a bearing has nothing to do with the tag; by default 0.05, and
+        Prior probability that a bearing is unrelated to the tag; by default 0.05, and
         0.02 for one to three bearings, which cannot expose an outlier.
     heading_sigma_deg : float
         Standard deviation of the error that all headings of the flight share (compass,
@@ -70,7 +70,7 @@ def estimate_position(
         bearings, else the length of the track.
     follow : bool
         Also compute, with the method ``bayes``, the path of a tag whose timed bearings or
-        powers contradict a fixed place.
+        powers contradict a fixed position.
     hills : HillLosses, optional
         Ground for the method ``bayes``: hills weaken pulses and explain missed ones. Heights
         of stations and powers then count from the ground at the take-off. None is level ground.
@@ -78,7 +78,7 @@ def estimate_position(
     Raises
     ------
     UsageError
-        There are no data, powers alone are from one place, arrays differ in length, or the
+        There are no data, powers alone are from one position, arrays differ in length, or the
         method is unknown or finds no position; the text says what to use instead.
     """
     _check(stations, powers)
@@ -89,7 +89,7 @@ def estimate_position(
             heading_sigma_deg=heading_sigma_deg,
             propagation=propagation or Propagation(),
             max_range_m=max_range_m,
-            # Headings that are known leave no compass wrong.
+            # Exact headings exclude a wrong compass.
             unusual=UNUSUAL if heading_sigma_deg > 0.0 else UNUSUAL - {"compass"},
             height_sigma_m=height_sigma_m,
             hills=hills,
@@ -201,7 +201,7 @@ def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
 
 
 def _wider(share: float, stations: int) -> float:
-    """Factor by which a region widens because its scatter is estimated from n - 2 bearings.
+    """Factor on a region's radius because the scatter is estimated from n - 2 bearings.
 
     Hotelling: 2 F(2, n - 2) replaces chi-squared of 2 degrees; both have closed quantiles.
     """

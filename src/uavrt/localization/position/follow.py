@@ -1,4 +1,4 @@
-"""Decide whether a tag moved: check if bearings or powers rule out a fixed place."""
+"""Decide if a tag moved: check if bearings or powers rule out a fixed position."""
 
 from dataclasses import replace
 from typing import Literal
@@ -14,7 +14,7 @@ from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint
 
 Follow = Literal["never", "contradicted", "always"]
-"""Condition for computing a tag's path: never, if data contradict a fixed place, or always."""
+"""Condition for computing a tag's path: never, contradicted (data rule out rest), or always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
 _MOVES = "the tag moved; its path is estimated from bearings"
 """Reason given for receivers whose levels are unused because the tag moved."""
@@ -23,8 +23,8 @@ _MOVES = "the tag moved; its path is estimated from bearings"
 def followed(position: Position, model: Model, follow: Follow) -> Position:
     """Add the path of a moving tag to a position.
 
-    A tag whose data allow a fixed place keeps it, and has a path only on request. The place by
-    bearings already allows for walking; where powers contradict a fixed place, the position is
+    A tag whose data allow a fixed position keeps it, and has a path only on request. The
+    position by bearings already allows for walking; where powers contradict a fixed one, it is
     the path's end. `follow`: ``"contradicted"`` or ``"always"``.
     Raises `UsageError`: a path was requested, and times are not known.
     """
@@ -39,7 +39,7 @@ def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
     stations, grid = model.stations, position.grid
     assert stations is not None
     named = {one.name for one in position.cautions}
-    # Bearings from one side, or three, contradict each other in more ways than by a walk.
+    # Bearings from one side, or only three, may contradict each other without a walk.
     contradicted = bool(named & _CONTRADICTS) and "unchecked" not in named
     has_times = stations.time_s is not None and len(stations.time_s) >= TRACK.least_times
     if follow == "contradicted" and not (contradicted and has_times):

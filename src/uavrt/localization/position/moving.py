@@ -1,4 +1,4 @@
-"""Path of a moving animal, from the bearings or powers of a whole flight.
+"""Estimate the path of a moving animal, from the bearings or powers of a whole flight.
 
 A particle tracker follows it. Each remaining hypothesis keeps its path, so that all places use
 all of the flight. In the distant past few different paths remain. So one tracker runs forwards
@@ -31,9 +31,9 @@ _Floats = NDArray[np.float64]
 def path_by_bearings(
     stations: Stations, plane: TangentPlane, around: Area, *, heading_sigma_deg: float
 ) -> tuple[TrackPoint, ...]:
-    """Path of a tag through the bearings of a flight.
+    """Estimate the path of a tag through the bearings of a flight.
 
-    `around`: the tag's approximate place during the flight.
+    `around`: the tag's approximate position during the flight.
     `heading_sigma_deg`: error of the headings, treated as independent for each bearing.
     Raises `UsageError`: times are not known, or fewer than three.
     """
@@ -59,7 +59,7 @@ def path_by_powers(
     fading_db: float,
     hills: HillLosses | None = None,
 ) -> tuple[TrackPoint, ...]:
-    """Path of a tag through the pulses of a flight, missed ones included.
+    """Estimate the path of a tag through the pulses of a flight, missed pulses included.
 
     `ends`: approximate east and north of the tag at the start and at the end. Hypotheses begin
         around these; there are too few to begin anywhere.

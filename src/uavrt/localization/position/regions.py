@@ -1,4 +1,4 @@
-"""Outlines of the regions that hold a tag with a given probability, for maps."""
+"""Draw outlines of the regions that hold a tag with a given probability, for maps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
 
     `grid`: heat map of a position.
     `share`: the probability, such as 0.5 or 0.95.
-    Returns: closed rings (k, 2) of longitude and latitude [deg], the first place repeated at
+    Returns: closed rings (k, 2) of longitude and latitude [deg], the first position repeated at
         the end; outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the
         search area cuts is closed along its edge.
     """
@@ -41,7 +41,7 @@ def refined(
     x: _Floats, y: _Floats, probability: _Floats, times: int = 4
 ) -> tuple[_Floats, _Floats, _Floats]:
     """Interpolate a probability on a finer grid: x, y and values, cubic in the logarithm."""
-    # Below 1e-12 of the peak nothing is drawn; a zero has no logarithm.
+    # Nothing is drawn below 1e-12 of the peak; zero has no logarithm.
     logs = np.log(np.maximum(probability, 1e-12 * probability.max()))
     fine = np.exp(_cubic(_cubic(logs, times).T, times).T)
     return (
@@ -73,7 +73,7 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 
 
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
-    """Closed contours of an array at a level, as rows and columns; the margin must be below it.
+    """Closed contours of an array at a level, as rows and columns; its margin must be lower.
 
     Marching squares. Around each cell, counter-clockwise, the edge at which a contour leaves
     the region leads to the one at which it enters; so the region is on the left of each ring.
@@ -91,8 +91,8 @@ def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
         enters = [edge for edge, a, b in zip(edges, within, turned, strict=True) if b and not a]
         leaves = [edge for edge, a, b in zip(edges, within, turned, strict=True) if a and not b]
         if len(enters) == 2:
-            # A saddle: its middle says whether the two corners hang together. Going round, each
-            # corner is entered before it is left.
+            # A saddle: the value in its middle decides if the two corners are connected. On the
+            # way around, each corner is entered before it is left.
             first = edges.index(enters[0]) < edges.index(leaves[0])
             together = np.mean([values[corner] for corner in corners]) >= level
             if first == together:

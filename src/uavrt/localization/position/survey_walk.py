@@ -1,9 +1,9 @@
-"""Compare a resting tag with one of constant velocity for a power survey.
+"""Compare a resting tag with one of constant velocity, for a power survey.
 
 A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
 applies, with each position of the drone shifted back by the tag's movement. The evidence of
-both is summed over a grid of places and velocities: a coarse one with some of the pulses, and a
-finer one if the first favours walking.
+both is summed over a grid of positions and velocities: a coarse one with some of the pulses,
+and a finer one if the first favours walking.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyWalk:
-    """A walking tag, as estimated from the powers of a survey."""
+    """Walking tag, as estimated from the powers of a survey."""
 
     probability: float
     velocity_m_s: tuple[float, float]
@@ -95,7 +95,7 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Compare a walking tag with a resting one.
+    """Compare a walking tag with a resting tag by the powers of a survey.
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `powers`: with times; foreign pulses left out.
@@ -127,7 +127,7 @@ def survey_walk(
 
 
 def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWalk:
-    """Probability of a walk, by integrals around both peaks on finer grids."""
+    """Probability that the tag walked, by integrals around both peaks on finer grids."""
     step = (
         max(around.east_m - around.west_m, around.north_m - around.south_m) / WALK.rough_cells
     )
@@ -193,7 +193,7 @@ def _best(
 
 
 def _fading_db(moved: _Moved, peak: _Peak) -> float:
-    """Standard deviation of fading [dB] by the scatter about the fit and its correlation."""
+    """Standard deviation of fading [dB], from the scatter about the fit and its correlation."""
     evidence = moved.evidence(peak.velocity)
     east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
     fit = evidence.fit(east, north)

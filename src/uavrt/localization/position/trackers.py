@@ -1,8 +1,8 @@
-"""Particle tracker of a tag's place during the flight.
+"""Track a tag's position during the flight with a particle filter.
 
-Inputs are bearings and single pulses, and misses as evidence of where the tag is not, which
-saves half the flight time. There is one tracker for each tag; tags differ in frequency, so
-pulses need no association.
+Inputs are bearings, single pulses, and missed pulses, which show where the tag is not and save
+half the flight time. There is one tracker for each tag; tags differ in frequency, so pulses
+need no association.
 """
 
 from collections.abc import Callable
@@ -29,19 +29,19 @@ from uavrt.localization.terrain.hill_losses import HillLosses
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
 PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
-"""Level over plain spreading [dB], from distances east and north and the drone's height [m]."""
+"""Level over plain spreading as a function of distances east, north and height [m]."""
 
 RESTING, BROWSING, TRAVELLING = range(3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackEstimate:
-    """Present place and strength of a tag, in the tracker's plane."""
+    """Present position and strength of a tag, in the tracker's plane."""
 
     east_m: float
     north_m: float
     radius50_m: float
-    """Radius of the circle around the point that holds the tag with 50 % [m]."""
+    """Radius of the circle around the estimate that holds the tag with 50 % probability [m]."""
     radius95_m: float
     level_db: float
     """SNR of the tag at 100 m [dB]."""
@@ -62,7 +62,7 @@ class TagPrior:
     """Random walk of the strength [dB/√s]: the animal turns, plants intervene."""
     fading_db: float = 4.0
     pattern: AntennaPattern | None = None
-    """Antenna pattern; None is an upright monopole."""
+    """Antenna pattern; None: upright monopole."""
     walking_m_per_root_s: float = 1.0
     """Random walk of a browsing animal in each direction [m/√s]."""
     travelling_m_s: float = 1.0
@@ -75,19 +75,19 @@ class TagPrior:
     exponent_sigma: float = 0.5
     """Standard deviation of the path loss exponent; 0 if it is known."""
     missed_share: float = LEVEL.by_chance
-    """Share of pulses missed at any strength."""
+    """Share of pulses missed by chance, at any strength."""
     chance_share: float = LEVEL.by_chance
     """Share of pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
-    """Level over plain spreading by a propagation model; None is plain spreading."""
+    """Propagation model: level relative to plain spreading; None: plain spreading."""
     hills: HillLosses | None = None
-    """Ground model; None is level. Heights then count from a tag at the take-off."""
+    """Ground model; None: level ground. Heights count from a tag at the take-off."""
 
 
 def _estimate(
     east_m: _Floats, north_m: _Floats, level_db: _Floats, weight: _Floats
 ) -> TrackEstimate:
-    """Point with the least expected distance error from weighted places, and circles."""
+    """Point with the smallest expected error from weighted positions, and circles around it."""
     x, y = float(weight @ east_m), float(weight @ north_m)
     for _ in range(20):
         pull = weight / np.maximum(np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2), 1.0)
@@ -110,7 +110,7 @@ def _estimate(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hypotheses:
-    """Equally probable hypotheses of a tag's place and strength, drawn from a tracker."""
+    """Equally probable hypotheses of a tag's position and strength, drawn from a tracker."""
 
     east_m: _Singles
     north_m: _Singles
@@ -128,19 +128,19 @@ class Hypotheses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
-    """A tracker's expectation of a pulse, before the update."""
+    """Expectation of a pulse by a tracker, before the update."""
 
     level_db: float
     """Mean of the expected SNR over all hypotheses [dB]."""
     variance_db2: float
     """Variance of the expected SNR, fading included [dB²]."""
     log_probability: float
-    """Log-probability of a miss, or log-density of a pulse [1/dB], if the tag is there."""
+    """Log-probability of a miss, or log-density of a pulse [1/dB], if the tag exists."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Mean and covariance of a tag's place; cheap to compute."""
+    """Mean and covariance of a tag's position; cheap to compute."""
 
     east_m: float
     north_m: float
@@ -163,7 +163,7 @@ class Spread:
 
     @property
     def rms_m(self) -> float:
-        """Root mean square distance from the mean [m]."""
+        """Root mean square distance of the tag from the mean position [m]."""
         return float(np.sqrt(self.east_m2 + self.north_m2))
 
 
@@ -185,7 +185,7 @@ class _Particles:
     east_m: _Singles
     north_m: _Singles
     east_m_s: _Singles
-    """Velocity towards east of travelling hypotheses [m/s]; 0 for the others."""
+    """Velocity towards east of travelling hypotheses [m/s]; 0 for other hypotheses."""
     north_m_s: _Singles
     mode: NDArray[np.int8]
     exponent: _Singles
@@ -194,7 +194,7 @@ class _Particles:
     mean_db: _Singles
     variance_db2: _Singles
     origin: NDArray[np.int32]
-    """Index of the hypothesis' ancestor at the last stored time; -1 for a new one."""
+    """Index of each hypothesis' ancestor at the last stored time; -1 for a new hypothesis."""
 
     def chosen(self, index: NDArray[np.intp]) -> "_Particles":
         return _Particles(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
@@ -210,7 +210,7 @@ class _Particles:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Remembered:
-    """Places of all hypotheses at a stored time, and the index of each one's ancestor."""
+    """Positions of all hypotheses at a stored time, and the index of each one's ancestor."""
 
     east_m: _Singles
     north_m: _Singles
@@ -218,12 +218,12 @@ class _Remembered:
 
 
 class _MotionModel:
-    """Motion of hypotheses: they rest, walk randomly or travel, and change between these."""
+    """Motion of hypotheses: rest, random walk or travel, and changes between these."""
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
         self._external_exponent = (0.0, 0.0)
-        """Precision, and mean times precision, of the exponent learned from other tags."""
+        """Precision, and precision times mean, of the exponent learned from other tags."""
         self._since_s = 0.0
 
     def normal(self, count: int) -> _Singles:
@@ -335,7 +335,7 @@ class _MotionModel:
         state.east_m_s[those], state.north_m_s[those] = velocity
 
     def learn_exponent(self, precision: float, weighted: float) -> None:
-        """Include knowledge of the exponent from other tags in new hypotheses."""
+        """Use the path loss exponent learned from other tags in new hypotheses."""
         known, before = self._external_exponent
         self._external_exponent = (known + precision, before + weighted)
 
@@ -372,7 +372,7 @@ class _MotionModel:
 
 
 def _turn_back_inside(place: _Singles, least: float, most: float) -> None:
-    """Turn back hypotheses farther outside the area than an animal can have walked."""
+    """Turn back hypotheses that are farther outside the area than an animal can have walked."""
     if float(place.min()) < least:
         np.copyto(place, 2.0 * least - place, where=place < least)
     if float(place.max()) > most:
@@ -380,12 +380,12 @@ def _turn_back_inside(place: _Singles, least: float, most: float) -> None:
 
 
 def _systematic_indices(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
-    """Indices of the hypotheses at given places, 0 to 1, of the sum of all weights."""
+    """Indices of the hypotheses at given fractions, 0 to 1, of the cumulative weight."""
     return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
 class _StoredPaths:
-    """Stored places of the hypotheses, which can be traced back through their ancestors."""
+    """Stored positions of the hypotheses, which can be traced back through ancestors."""
 
     def __init__(self) -> None:
         self._remembered: list[_Remembered] = []
@@ -441,14 +441,14 @@ class ParticleTracker:
         return self._prior
 
     def advance_to(self, time_s: float) -> None:
-        """Move the hypotheses to a time [s], which must not go back."""
+        """Move the hypotheses forward to a time [s]; times must not decrease."""
         step = 0.0 if self._time_s is None else max(0.0, time_s - self._time_s)
         self._time_s = time_s
         if step > 0.0:
             self._walk.advance(self._state, step)
 
     def listen(self, heard: Listening, *, elsewhere: float = 0.0) -> Expectation:
-        """Update with a pulse or a miss; returns the expectation before it.
+        """Update with a pulse or a miss; returns what was expected before the update.
 
         `elsewhere`: density [1/dB] of pulses of this level from another source, in addition to
             false alarms.
@@ -529,7 +529,7 @@ class ParticleTracker:
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]
     ) -> float:
-        """Update with a bearing's (360,) posterior; its pulses must not be used, too.
+        """Update with a bearing's (360,) posterior; its pulses must not be used as well.
 
         Returns: the logarithm of its probability density per degree if the tag is there.
         """
@@ -551,14 +551,14 @@ class ParticleTracker:
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update with a normal exponent: its `precision`, and mean `weighted` by that."""
+        """Update the exponent from other tags: `precision`, and precision times mean."""
         self._walk.learn_exponent(precision, weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)
         self._spread_out()
 
     def estimate(self) -> TrackEstimate:
-        """Estimate the tag's present place."""
+        """Estimate the tag's present position."""
         state, weight = self._state, self._weight
         found = _estimate(state.east_m, state.north_m, state.mean_db, weight)
         return replace(
@@ -568,11 +568,11 @@ class ParticleTracker:
         )
 
     def remember(self) -> None:
-        """Store the hypotheses' present places for `trail`."""
+        """Store the hypotheses' present positions for `trail`."""
         self._past.remember(self._state)
 
     def trail(self) -> list[TrackEstimate | None]:
-        """Estimates of the tag's place at each stored time, by all data until now.
+        """Estimates of the tag's position at each stored time, from all data until now.
 
         Each present hypothesis has a path, and these paths give the earlier places (the paths
         of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time before
@@ -582,7 +582,7 @@ class ParticleTracker:
         return self._past.trail(self._state, kept)
 
     def spread(self) -> Spread:
-        """Mean and covariance of the hypotheses' places."""
+        """Mean and covariance of the hypotheses' positions."""
         return _spread(self._state.east_m, self._state.north_m, self._weight)
 
     def hypotheses(self, count: int) -> Hypotheses:
@@ -605,7 +605,7 @@ class ParticleTracker:
         )
 
     def replace_at_random(self, share: float) -> None:
-        """Move a share of the hypotheses to random places in the area (as TrackerBots does)."""
+        """Move a share of the hypotheses to random positions in the area, as TrackerBots."""
         count = round(share * self._count)
         those = self._rng.choice(self._count, count, replace=False)
         kept = np.setdiff1d(np.arange(self._count), those)
@@ -626,7 +626,7 @@ class ParticleTracker:
         return evidence
 
     def _add_surprise(self, nats: float) -> None:
-        """Sum how much less likely pulses are than by chance; a large sum draws hypotheses."""
+        """Sum the log-likelihood ratio of clutter to tag; above a limit, redraw particles."""
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > TRACK.lost_nats:
             self._renew()

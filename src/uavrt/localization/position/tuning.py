@@ -5,18 +5,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GridTuning:
-    """Grids of cells on which a position's posterior is evaluated."""
+    """Constants for the grids of cells that hold a position's posterior."""
 
     first_cells: int = 36
-    """Number of cells along the area's longer side before any is quartered."""
+    """Number of cells along the area's longer side before any cell is quartered."""
     held: float = 6e-4
-    """Probability in a cell above which it is quartered."""
+    """Probability above which a cell is quartered."""
     held_rough: float = 2e-6
     """Probability above which an uneven cell, which may hide a peak, is quartered."""
     rough_nats: float = 1.0
-    """Difference of log-density between a cell's quarters above which it is uneven [nats]."""
+    """Difference of log-density between quarters above which a cell is uneven [nats]."""
     added_nats: float = 0.1
-    """Change of a cell's log-likelihood by further data above which it may be uneven [nats]."""
+    """Change of log-likelihood by further data above which a cell may be uneven [nats]."""
     overlooked_nats: float = 7.0
     """Log-density below the best within which a cell's corner may be a peak [nats]."""
     edge_share: float = 0.005
@@ -24,29 +24,29 @@ class GridTuning:
     least_width_m: float = 0.1
     """Width below which a cell is not quartered [m]."""
     rounds: int = 18
-    """Largest number of times that cells are quartered."""
+    """Maximum number of times that cells are quartered."""
     map_share: float = 0.999
-    """Least probability inside the map's extent."""
+    """Minimum probability within the extent of the map."""
     peak_cells: int = 44
-    """Number of cells along a side of the even grid on which the maximum is found."""
+    """Cells along a side of the regular grid on which the maximum is located."""
 
     bearing_range_m: float = 3000.0
-    """Distance from the stations within which a tag is searched by default [m]."""
+    """Default distance from the stations within which a tag is searched [m]."""
     near_m: float = 100.0
     """Distance from the stations within which the prior is uniform [m]."""
     peak_heights: float = 0.25
     """Width of a survey's likelihood peak, as a share of the height above the tag."""
     least_extent_share: float = 1.0 / 16.0
-    """Least width of cells that resolve a survey's peak, as a share of its extent."""
+    """Minimum width of cells that resolve a survey's peak, as a share of its extent."""
 
     negligible: float = 0.005
-    """Probability of an explanation (rest, walk, compass error) below which it is left out."""
+    """Probability below which an explanation (rest, walk, compass error) is ignored."""
     bearing_cells: int = 100
     """Number of cells along a side of the map of a position by bearings."""
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
-    """Probability above which a survey's cells are quartered; less changes no circle."""
+    """Probability above which a survey's cells are quartered; less does not change circles."""
     survey_growth: float = 2.0
     """Growth of `held_rough` with each quartering, for surveys. Without it, 95 % circles are
     0.3 % wider, at half as many cells again."""
@@ -56,21 +56,21 @@ class GridTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingFixTuning:
-    """Positions from bearings: their error law, and Lenth's estimators."""
+    """Constants for positions from bearings: their error law, and Lenth's estimators."""
 
     step_deg: float = 0.25
     """Step of the tables of a bearing's probability [°]."""
     blurs_deg: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-    """Blurs of a bearing's table, one for each apparent width of a grid cell [°]."""
+    """Blurs applied to a bearing's table, one for each apparent width of a grid cell [°]."""
     unknown_sigmas_deg: tuple[float, ...] = (1.5, 3.0, 6.0, 12.0, 24.0)
-    """Candidate standard deviations of a bearing without a stated error [°]."""
+    """Candidate standard deviations of a bearing without one [°]."""
     multiplied: int = 16
     """Number of densities multiplied before a logarithm is taken; more could underflow."""
     evaluated_share: float = 0.9999
     """Probability of the cells over which heading error and outliers are averaged."""
 
     iterations: int = 200
-    """Largest number of iterations of Lenth's estimators."""
+    """Maximum number of iterations of Lenth's estimators."""
     converged_m: float = 0.001
     """Movement in one iteration below which the position has converged [m]."""
     andrews: float = 1.5
@@ -81,14 +81,14 @@ class BearingFixTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommonErrorTuning:
-    """Errors that bearings of a flight share: compass, walk of the animal, outliers."""
+    """Constants for errors that bearings of a flight share: compass, walk, outliers."""
 
     heading_sigma_deg: float = 1.5
     """Default standard deviation of the error that all headings of a flight share [°]."""
     least_stations: int = 4
-    """Least number of bearings from which common errors are estimated."""
+    """Minimum number of bearings used to estimate common errors."""
     widest_gap_deg: float = 210.0
-    """Widest arc without a station, seen from the tag, to estimate common errors [°]."""
+    """Maximum arc without a station, seen from the tag, to estimate common errors [°]."""
     wrong_compass_share: float = 0.02
     """Prior share of flights with a wrong compass."""
     wrong_compass_deg: float = 20.0
@@ -98,27 +98,27 @@ class CommonErrorTuning:
     walking_m_s: float = 0.5
     """Standard deviation of a walking animal's speed in each direction [m/s]."""
     least_span_s: float = 20.0
-    """Least time between first and last bearing that can show a walk [s]."""
+    """Minimum time between first and last bearing that can show a walk [s]."""
     contradiction: float = 0.01
-    """Probability of the scatter, by chance, below which bearings contradict each other."""
+    """Chance probability of the scatter below which bearings contradict each other."""
     good_outlier: float = 0.1
-    """Outlier probability below which a bearing is a good one in any case."""
+    """Outlier probability below which a bearing always counts as good."""
     least_agreeing: int = 3
-    """Least number of agreeing bearings that confirm a place against an outlier."""
+    """Minimum number of agreeing bearings that confirm a position against an outlier."""
     rounds: int = 25
-    """Largest number of rounds of the fit with outliers."""
+    """Maximum number of rounds of the fit with outliers."""
     loose_rounds: int = 8
     """Number of first rounds in which larger errors are tolerated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerTuning:
-    """Positions from the powers of a track's pulses, with missed pulses and hills."""
+    """Constants for positions from the powers of a track's pulses, with misses and hills."""
 
     least_extent_m: float = 20.0
-    """Least extent of a track of powers [m]; less is one place with GNSS noise."""
+    """Minimum extent of a track of powers [m]; less is one position with GNSS noise."""
     reference_m: float = 100.0
-    """Distance for which a tag's level is stated [m]."""
+    """Distance to which a tag's level refers [m]."""
     typical_fading_db: float = 4.0
     """Prior standard deviation of fading from pulse to pulse [dB]."""
     together: int = 60_000
@@ -135,7 +135,7 @@ class PowerTuning:
     censored_rounds: int = 8
     """Number of iterations of the fit with missed pulses."""
     most_misses: int = 60
-    """Largest number of misses used; more are thinned out and weighted."""
+    """Maximum number of missed pulses used; more are thinned out and weighted."""
     log_root_two_pi: float = 0.918_938_533_2
     lowest_sigmas: float = -12.0
     """Lower end of the normal distribution's tables [standard deviations]."""
@@ -146,12 +146,12 @@ class PowerTuning:
     stretches: tuple[int, ...] = (8, 16, 32)
     """Lengths of stretches in which residuals are averaged to find lasting errors [pulses]."""
     least_stretches: int = 5
-    """Least number of stretches whose means show lasting errors."""
+    """Minimum number of stretches whose means can show lasting errors."""
     most_lasting: float = 0.98
     """Largest correlation of neighbouring pulses that means of stretches may show."""
 
     hill_error: float = 0.25
-    """Standard deviation of a loss behind hills, as a share: coarse map, trees, one edge."""
+    """Relative standard deviation of a loss behind hills: coarse map, trees, one edge."""
     hill_factors: tuple[tuple[float, float], ...] = (
         (0.65, 1.0 / 6.0),
         (1.0, 2.0 / 3.0),
@@ -161,7 +161,7 @@ class PowerTuning:
     hidden_db: float = 0.5
     """Loss above which a pulse counts as hidden behind a hill [dB]."""
     map_error_db: float = 2.0
-    """Effect of some metres of height error in the map on a hidden pulse's loss [dB]."""
+    """Effect of some metres of map error on the loss of a hidden pulse [dB]."""
     same_error_m: float = 200.0
     """Length of the drone's path over which the error of hill losses is constant [m]."""
 
@@ -173,52 +173,52 @@ class PowerTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyTuning:
-    """Height errors, foreign pulses and mirror images in the powers of a survey."""
+    """Constants for height errors, foreign pulses and mirror images in a survey's powers."""
 
     height_sigma_m: float = 7.0
     """Default standard deviation of a stated height above the tag [m]."""
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0
-    """Standard deviation of far greater height errors, over that of the usual ones."""
+    """Ratio of the standard deviation of far greater height errors to the usual one."""
     shifts_m: tuple[float, ...] = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
     """Candidate errors of the height [m]."""
     least_height_m: float = 3.0
-    """Least height above the tag after a correction [m]."""
+    """Minimum height above the tag after a correction [m]."""
     closer_m: tuple[float, ...] = (-9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0)
-    """Candidate heights about the mean when the height is known [m]."""
+    """Candidate heights relative to the mean when the height is known [m]."""
     known_m: float = 6.0
-    """Standard deviation of the height below which it counts as known [m]."""
+    """Standard deviation of the height below which the height counts as known [m]."""
     nodes: tuple[float, ...] = (-1.5, 0.0, 1.5)
-    """Heights evaluated at each place, about the mean [standard deviations]."""
+    """Heights evaluated at each position, relative to the mean [standard deviations]."""
     least_sigma_m: float = 1.5
-    """Least standard deviation of the height when it is averaged over nodes [m]."""
+    """Minimum standard deviation of the height when it is averaged over nodes [m]."""
     least_bend: float = 0.05
-    """Least curvature of the log-likelihood over the height nodes [nats]."""
+    """Minimum curvature of the log-likelihood over the height nodes [nats]."""
 
     foreign_share: float = 0.02
     """Prior share of pulses that another sender transmitted."""
     foreign_range_db: float = 60.0
     """Range of powers over which foreign pulses are uniformly distributed [dB]."""
     most_readings: int = 4
-    """Largest number of sets of foreign pulses that are compared."""
+    """Maximum number of sets of foreign pulses that are compared."""
     readings_nats: float = 6.0
     """Log-probability below the best set of foreign pulses within which a set counts [nats]."""
     fading_shares: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
-    """Candidate shares of a pulse's fading that its neighbours have, too."""
+    """Candidate shares of a pulse's fading that is common with neighbouring pulses."""
     most_foreign: float = 0.25
-    """Largest share of foreign pulses; with more, no pulse is left out."""
+    """Maximum share of foreign pulses; with more, no pulse is excluded."""
     least_pulses: int = 20
-    """Least number of pulses from which heights and foreign pulses are determined."""
+    """Minimum number of pulses to determine heights and foreign pulses."""
     received_share: float = 0.95
-    """Least share of received pulses for which heights are compared."""
+    """Minimum share of received pulses for heights to be compared."""
 
     coarse_cells: int = 14
     """Number of cells along a side of the coarse grid."""
     fine_cells: int = 9
     """Number of cells along a side of the grid on which heights are compared."""
     rough_places: int = 2
-    """Number of coarse cells that are refined; the likeliest may be a mirror image's."""
+    """Number of coarse cells that are refined; the likeliest may be a mirror image."""
     rough_fine: int = 7
     """Number of cells along a side of a refined coarse cell."""
     rough_pulses: int = 400
@@ -228,11 +228,11 @@ class SurveyTuning:
     mirror_reach: float = 1.75
     """Distance within which mirror images are searched [coarse steps]."""
     mirror_cells: int = 15
-    """Number of cells along a side of the search for mirror images."""
+    """Number of cells along a side of the grid searched for mirror images."""
     mirror_nats: float = 20.0
     """Log-likelihood below the best within which a mirror image is examined [nats]."""
     least_db: float = 0.05
-    """Least residual scatter of powers [dB]: their resolution."""
+    """Minimum residual scatter of powers [dB]: their resolution."""
     freedom: float = 3.0
     """Degrees of freedom of Student's law in the robust fit."""
     rounds: int = 4
@@ -241,12 +241,12 @@ class SurveyTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WalkTuning:
-    """Comparison of a walking with a resting tag in the powers of a survey."""
+    """Constants for comparing a walking with a resting tag in the powers of a survey."""
 
     least_span_s: float = 60.0
-    """Least duration of a survey that can show a walk [s]."""
+    """Minimum duration of a survey that can show a walk [s]."""
     least_pulses: int = 20
-    """Least number of pulses that can show a walk."""
+    """Minimum number of pulses that can show a walk."""
     rough_pulses: int = 60
     """Number of pulses in the coarse comparison."""
     rough_cells: int = 12
@@ -256,7 +256,7 @@ class WalkTuning:
     directions: int = 8
     """Number of candidate directions in the coarse comparison."""
     gate_nats: float = 2.0
-    """Evidence for a walk in the coarse comparison from which the fine one follows [nats]."""
+    """Evidence for a walk in the coarse comparison above which the fine one follows [nats]."""
     fine_cells: int = 9
     """Number of cells along a side of the fine comparison's grid."""
     fine_velocities: int = 5
@@ -264,24 +264,24 @@ class WalkTuning:
     rounds: int = 3
     """Number of times that the fine comparison halves its steps."""
     resting_fading_db: float = 6.0
-    """Fading with which the path of a tag that rests in the survey is tracked [dB]."""
+    """Fading assumed when tracking the path of a tag that rests in the survey [dB]."""
     survey_margin: float = 0.25
-    """Margin around a survey in which a walking tag is searched, as a share of its extent."""
+    """Margin around a survey searched for a walking tag, as a share of its extent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelTuning:
-    """Estimate of a tag's strength at each place, and its update by pulses and misses."""
+    """Constants for a tag's strength at each position, and its update by pulses and misses."""
 
     by_chance: float = 0.02
-    """Share of pulses that are missed, or received at any strength, whatever the geometry."""
+    """Share of pulses missed, or received at any strength, independent of the geometry."""
     any_strength_per_db: float = 1.0 / 120.0
     """Density of a pulse's power when any strength is equally probable [1/dB]."""
     false_pulse_db: float = 3.0
     """Mean power of false pulses above the threshold [dB], exponentially distributed."""
     root_two_pi: float = 2.506_628_275
     least_share: float = 1e-30
-    """Least probability of a pulse or a miss by chance, which keeps logarithms finite."""
+    """Minimum probability of a pulse or a miss by chance, which keeps logarithms finite."""
     pattern_steps: int = 4096
     """Number of steps of a pattern's table over the cosine off boresight: up to 1.8°."""
     tail_step: float = 0.005
@@ -296,57 +296,57 @@ class LevelTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossErrorTuning:
-    """Error of the losses behind hills, relative to those by the elevation map."""
+    """Constants for the error of losses behind hills, relative to those by the map."""
 
     mean: float = 0.4
     """Mean of the error: round tops lose up to twice as much (P.526-15, 4.2), woods more."""
     sigma: float = 0.5
     """Standard deviation of the error before any pulse."""
     correlation_m: float = 800.0
-    """Length of the drone's path after which two errors are correlated by 1 / e [m]."""
+    """Length of the drone's path over which the error's correlation falls to 1 / e [m]."""
     pulse_share: float = 0.05
     """Standard deviation of each pulse's own part, as a share of the loss."""
     limits: tuple[float, float] = (-0.7, 2.5)
-    """Least and largest mean of the error after pulses."""
+    """Minimum and maximum mean of the error after pulses."""
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0
-    """Loss over which this change decreases to 1 / e [dB]."""
+    """Loss over which the change by some metres decreases to 1 / e [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackTuning:
-    """Particle tracker of a tag, and paths of moving tags found with it."""
+    """Constants for the particle tracker of a tag, and for paths of moving tags."""
 
     settled_m: float = 0.02
     """Movement of the best point in one iteration below which it has converged [m]."""
     strays_sigmas: float = 2.0
-    """Distance by which an animal may leave its area [standard deviations of its walk]."""
+    """Maximum distance of an animal outside its area [standard deviations of its walk]."""
     unheard_nats: float = 0.7
-    """Largest effect of one unexplained miss on the measure of a lost track [nats]."""
+    """Maximum effect of one unexplained miss on the measure of a lost track [nats]."""
     decay_nats: float = 0.1
     """Decay of the measure of a lost track with each expected pulse [nats]."""
     switching_per_s: float = 0.005
     """Rate at which an animal changes between rest, browsing and travel [1/s]."""
     lost_nats: float = 12.0
-    """Log-probability of pulses below chance at which hypotheses are drawn again [nats]."""
+    """Log-probability of pulses below chance that makes hypotheses be redrawn [nats]."""
     paths: int = 4000
     """Number of hypotheses whose paths are smoothed after the flight."""
 
     least_times: int = 3
-    """Least number of bearings or pulses for a path."""
+    """Minimum number of bearings or pulses for a path."""
     particles: int = 10_000
     """Number of hypotheses for a path."""
     point_step_s: float = 15.0
-    """Least time between two points of a path that are not at a bearing [s]."""
+    """Minimum time between two points of a path that are not at a bearing [s]."""
     most_points: int = 40
-    """Largest number of points of a path that are not at a bearing."""
+    """Maximum number of points of a path that are not at a bearing."""
     fastest_m_s: float = 2.0
-    """Largest mean speed at which an animal leaves the place found for a flight [m/s]."""
+    """Maximum mean speed at which an animal leaves the position found for a flight [m/s]."""
     margin_m: float = 300.0
     """Margin around the searched area of a path by bearings [m]."""
     end_m: float = 120.0
-    """Uncertainty of a survey's first and last place: constant part [m]."""
+    """Constant part of the uncertainty of a survey's first and last position [m]."""
     end_m_s: float = 0.15
     """Increase of the uncertainty of a survey's ends with its duration [m/s]."""
     fading_factor: float = 1.1

@@ -2,6 +2,6 @@
 
 `elevation_files` opens SRTM tiles and GeoTIFF, `elevation` gives heights at places, `squares`
 on a grid in metres around a point. `diffraction` computes the loss over one profile, `viewshed`
-to every place around a drone, `hill_losses` for a whole flight. Only `elevation_files`, `srtm`
-and `geotiff_elevation` read files.
+to all positions around a drone, `hill_losses` for a whole flight. Only `elevation_files`,
+`srtm` and `geotiff_elevation` read files.
 """

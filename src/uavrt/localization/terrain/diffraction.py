@@ -1,4 +1,4 @@
-"""Loss over hills, on one profile or many: Recommendation ITU-R P.526-15.
+"""Compute the loss over hills, on one profile or many: Recommendation ITU-R P.526-15.
 
 The single edge is its equation 31. Bullington's edge of its §4.5.1 stands for a whole profile,
 with the earth's radius at 4/3. Level ground hides a low tag a little, too, which the reflected

@@ -1,4 +1,4 @@
-"""Ground heights at places, interpolated from the rasters of any number of files.
+"""Interpolate ground heights from the rasters of any number of files.
 
 Rasters of one grid (tiles of one set) are joined before interpolation, so that no border shows,
 whether neighbours share a row, as SRTM's do, or not.
@@ -42,9 +42,9 @@ class Raster:
     rows: int
     columns: int
     datum: str | None
-    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None if the file has none."""
+    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None if not in the file."""
     read: Callable[[_Window], NDArray[np.float32]]
-    """Function that reads a window of rows and columns, first and end; NaN is unknown."""
+    """Function that reads a window of rows and columns (first, end); NaN: unknown height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,7 +53,7 @@ class Elevation:
 
     rasters: tuple[Raster, ...]
     sea: bool = False
-    """True if places outside all rasters are water at height 0."""
+    """True if positions outside all rasters are water at height 0."""
     _sheets: list[list[Raster]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -65,13 +65,13 @@ class Elevation:
                     break
             else:
                 sheets.append([one])
-        # The finest first: it knows best.
+        # The finest raster first, as the most accurate.
         sheets.sort(key=lambda sheet: _step_m(sheet[0]))
         object.__setattr__(self, "_sheets", sheets)
 
     @property
     def datums(self) -> tuple[str, ...]:
-        """Datums of the rasters, each once; "not said" where a file does not name it."""
+        """Datums of the rasters, each once; "not said" for a file without one."""
         return tuple(sorted({one.datum or "not said" for one in self.rasters}))
 
     @property
@@ -91,10 +91,10 @@ class Elevation:
         return tuple(said)
 
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
-        """Heights of places [m], of any shape; NaN where unknown.
+        """Heights of positions [m], of any shape; NaN if unknown.
 
         Raises `FormatError`: a file is damaged.
-        Raises `UsageError`: the places are spread over too much ground.
+        Raises `UsageError`: the positions are spread over too much ground.
         """
         latitude = np.asarray(latitude_deg, np.float64)
         longitude = np.asarray(longitude_deg, np.float64)
@@ -116,7 +116,7 @@ class Elevation:
         return heights.reshape(shape)
 
     def covers(self, latitude_deg: float, longitude_deg: float) -> bool:
-        """True if the height of a place is known."""
+        """True if the height of a position is known."""
         return bool(np.isfinite(self.heights_m([latitude_deg], [longitude_deg]))[0])
 
 
@@ -231,7 +231,7 @@ def _projected(epsg: int, lat: _Floats, lon: _Floats) -> tuple[_Floats, _Floats]
                 return np.full(lat.shape, 1e12), np.full(lat.shape, 1e12)
             east[i, j] = at.easting_m
             north[i, j] = at.northing_m - (1e7 if phi < 0.0 else 0.0) + (1e7 if south else 0.0)
-    # The grid bends by metres over the whole area: a cubic through 144 points misses nothing.
+    # The grid is distorted by metres over the whole area: a cubic through 144 points suffices.
     return (
         np.asarray(RectBivariateSpline(lats, lons, east, s=0).ev(lat, near)),
         np.asarray(RectBivariateSpline(lats, lons, north, s=0).ev(lat, near)),

@@ -28,7 +28,7 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
 
 
 def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
-    """Reject a mix of ellipsoid and other heights: a step of up to 100 m between them."""
+    """Reject a mix of heights above ellipsoid and geoid, which differ by up to 100 m."""
     above = next((one for one in rasters if one.datum == ELLIPSOID), None)
     other = next((one for one in rasters if one.datum != ELLIPSOID), None)
     if above is not None and other is not None:

@@ -1,4 +1,4 @@
-"""Reader of GeoTIFF elevation files (TIFF 6.0, BigTIFF, OGC 19-008r4).
+"""Read GeoTIFF elevation files (TIFF 6.0, BigTIFF, OGC 19-008r4).
 
 It reads strips or tiles of one band, int16 to float64, plain or packed by deflate, LZW or
 PackBits, with the predictors of either; on longitudes and latitudes or in UTM. Only the needed
@@ -27,9 +27,9 @@ _READ = frozenset(
     {256, 257, 258, 259, 273, 277, 278, 279, 317, 322, 323, 324, 325, 339}
     | {33550, 33922, 34264, 34735, 42113}
 )
-"""Numbers of the TIFF tags that are read; all others are ignored."""
+"""Numbers of the TIFF tags that are read; all other tags are ignored."""
 _MOST_BLOCKS, _MOST_VALUES = 300_000, 4096
-"""Largest number of values of the TIFF tags that list blocks, and of each other tag."""
+"""Maximum number of values of the TIFF tags that list blocks, and of each other tag."""
 _LISTS = frozenset({273, 279, 324, 325})
 _MOST_BLOCK_POINTS = 1 << 24
 _SCALES = 1e-8, 1e8
@@ -85,7 +85,7 @@ class _Blocks:
 
 
 def geotiff_raster(path: Path) -> Raster:
-    """Open a GeoTIFF; raises `FormatError` if damaged, unplaced or unsupported."""
+    """Open a GeoTIFF; raises `FormatError` if damaged, without position, or unsupported."""
     try:
         require_plain_file(path)
         with path.open("rb") as file:
@@ -97,7 +97,7 @@ def geotiff_raster(path: Path) -> Raster:
             f"{path.name} {text}", remedy=f"Run: {command} {path.name} turned.tif"
         ) from None
     except _DAMAGED as error:
-        # Other errors are of the library that reads numbers, and mean nothing to a reader.
+        # Other errors come from the decoding library and would not help the user.
         readable = isinstance(error, OSError | ValueError) and not isinstance(
             error, UnicodeError
         )
@@ -242,7 +242,7 @@ def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
 
 
 def _utm_of(epsg: int) -> int | None:
-    """EPSG code of UTM on WGS84; ETRS89's and NAD83's lie within two metres of it."""
+    """EPSG code of UTM on WGS84; also for ETRS89 and NAD83, which differ by under 2 m."""
     zone = epsg % 100
     if epsg // 100 in (326, 327) and 1 <= zone <= 60:
         return epsg
@@ -269,7 +269,7 @@ def _points(blocks: _Blocks, window: tuple[int, int, int, int]) -> NDArray[np.fl
     points = np.full((bottom - top, right - left), np.nan, np.float32)
     across = math.ceil(blocks.columns / blocks.wide)
     try:
-        # Damaged floating point numbers are no reason for warnings.
+        # Damaged floating-point numbers must not cause warnings.
         with blocks.path.open("rb") as file, np.errstate(all="ignore"):
             for i in range(top // blocks.high, (bottom - 1) // blocks.high + 1):
                 for j in range(left // blocks.wide, (right - 1) // blocks.wide + 1):
@@ -292,7 +292,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
         high = min(high, blocks.rows - number * high) if high < blocks.rows else high
     shape, kind = (high, blocks.wide), blocks.dtype
     size = high * blocks.wide * kind.itemsize
-    if not blocks.sizes[number]:  # left out where nothing is known
+    if not blocks.sizes[number]:  # omitted where no height is known
         return np.full(shape, np.nan, np.float32)
     file.seek(blocks.places[number])
     data = file.read(blocks.sizes[number])

@@ -1,4 +1,4 @@
-"""Losses behind hills between a flight and possible tag positions, cached.
+"""Compute losses behind hills between a flight and possible tag positions, cached.
 
 The loss from one drone position to all squares of the ground is computed once
 (`uavrt.localization.terrain.viewshed`) and kept: position estimates use ten thousand places
@@ -24,25 +24,25 @@ TAG_M = 0.5
 """Default height of a tag above the ground [m]."""
 _LEAST_REACH_M = 500.0
 _MOST_SIDE = 200
-"""Largest number of squares along each side of the ground around the take-off."""
+"""Maximum number of squares along each side of the ground around the take-off."""
 _ROUGH_SIDE = 64
-"""Largest number of squares along each side for candidate legs, at a thirtieth of the cost."""
+"""Maximum number of squares along each side for candidate legs, at a thirtieth of the cost."""
 _FINEST_M = 15.0
 _HEIGHT_STEP_M = 4.0
 _LEAST_ABOVE_M = 1.0
 _ROUGH_HEIGHT_STEP_M = 16.0
 _MOST_PLACES = 100
-"""Largest number of drone positions in one call: 1.5 s of a core."""
+"""Maximum number of drone positions in one call: 1.5 s of a core."""
 _ROUGH_MOST_PLACES = 40
 _MOST_BYTES = 64_000_000
-"""Largest memory for cached losses [bytes]."""
+"""Maximum memory for cached losses [bytes]."""
 
 _Node = tuple[int, int, int]
 """Point of the lattice: metres east, north, and above the take-off's ground."""
 
 
 class HillLosses:
-    """Ground around a take-off, and the losses behind its hills.
+    """Ground around a take-off, and the losses behind hills on it.
 
     Heights of the drone count from the ground at the take-off, as autopilots report; metres
     from there too, or from the origin of another plane (`in_plane`).
@@ -104,14 +104,14 @@ class HillLosses:
         return other
 
     def in_plane(self, plane: TangentPlane) -> "HillLosses":
-        """Losses with metres from another origin near by, whose axes are taken as parallel."""
+        """Losses with metres from another origin nearby, whose axes are taken as parallel."""
         other = copy(self)
         east, north = self._squares.plane.to_local(plane.latitude_deg, plane.longitude_deg)
         other.origin_m = (float(east), float(north))
         return other
 
     def rough(self) -> "HillLosses":
-        """Losses on squares three times as large, for the many places of a decision."""
+        """Losses on squares three times as large, for the many positions of a decision."""
         other = copy(self)
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other
@@ -123,7 +123,7 @@ class HillLosses:
         return other
 
     def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
-        """Extend the ground to include places; raises `FormatError`."""
+        """Extend the ground to include the given positions; raises `FormatError`."""
         here = self.origin_m
         self._squares.reach(
             float(np.max(np.abs(np.asarray(east_m) + here[0]))),
@@ -147,7 +147,7 @@ class HillLosses:
         )
 
     def rise_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Height of the ground at places above that at the take-off [m], of any shape."""
+        """Height of the ground at positions above that at the take-off [m], of any shape."""
         if self.level:
             return np.zeros(np.shape(east_m))
         squares = self._squares
@@ -165,7 +165,7 @@ class HillLosses:
             none = np.zeros((1, 2, 2), np.float32)
             which = np.zeros(np.size(drone_east_m), np.intp)
             return LossesFrom(maps=none, which=which, west_m=0.0, south_m=0.0, cell_m=1.0)
-        # Each tag of a search asks for the same ways in turn.
+        # Each tag of a search requests the same paths in turn.
         asked = np.stack((drone_east_m, drone_north_m, drone_up_m)).astype(np.float64)
         of = (self.frequency_hz, self.tag_m, self.origin_m)
         last = self._squares.last
@@ -190,14 +190,14 @@ class HillLosses:
     def loss_db(
         self, drone: tuple[float, float, float], east_m: _Floats, north_m: _Floats
     ) -> NDArray[np.float32]:
-        """Loss beyond that of level ground, from a drone (east, north, up) to places [dB]."""
+        """Loss beyond that of level ground, from a drone (east, north, up) to tags [dB]."""
         seen = self.seen_from(*(np.array([one]) for one in drone))
         return seen.between(np.intp(0), east_m, north_m)
 
     def _nodes(
         self, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> tuple[list[_Node], NDArray[np.intp]]:
-        """Lattice points for drone positions, and the index of the nearest one for each."""
+        """Lattice points for drone positions, and the index of the nearest point for each."""
         east, north = east_m + self.origin_m[0], north_m + self.origin_m[1]
         self._squares.reach(float(np.max(np.abs(east))), float(np.max(np.abs(north))))
         reach, coarser = self._squares.reach_m, 1.0
@@ -216,7 +216,7 @@ class HillLosses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossesFrom:
-    """Losses from drone positions to any place."""
+    """Losses from drone positions to any tag position."""
 
     maps: NDArray[np.float32]
     """(lattice, rows, columns) loss from each lattice point to the squares [dB]."""
@@ -227,7 +227,7 @@ class LossesFrom:
     cell_m: float
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) losses to places (places,) [dB]."""
+        """(places, n) losses to tag positions (places,) [dB]."""
         lattice = np.arange(len(self.maps))[np.newaxis]
         each = self.between(lattice, east_m[:, np.newaxis], north_m[:, np.newaxis])
         return np.asarray(each[:, self.which])
@@ -235,7 +235,7 @@ class LossesFrom:
     def between(
         self, lattice: NDArray[np.intp] | np.intp, east_m: _Floats, north_m: _Floats
     ) -> NDArray[np.float32]:
-        """Losses from lattice points to places [dB], of broadcastable shapes."""
+        """Losses from lattice points to tag positions [dB], of broadcastable shapes."""
         _, rows, columns = self.maps.shape
         single = np.float32
         c = np.asarray((east_m - self.west_m) / self.cell_m, single)
@@ -284,11 +284,11 @@ class _Squares:
         return 0.0 if self._grid is None else self._grid.unknown_share
 
     def reach(self, east_m: float, north_m: float) -> None:
-        """Extend the ground to all sides; unchanged where it is large enough."""
+        """Extend the ground to all sides; unchanged if it is large enough."""
         needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
         if needed <= self.reach_m or not np.isfinite(self.start_m):
             return
-        # In steps of the root of two: a flight that goes on is not laid again with each pulse.
+        # In steps of the root of two, so that a growing flight is not gridded at each pulse.
         steps = np.ceil(2.0 * np.log2(needed / _LEAST_REACH_M))
         self.reach_m = reach = float(_LEAST_REACH_M * 2.0 ** (0.5 * steps))
         self._grid = ground_grid(

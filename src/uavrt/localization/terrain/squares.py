@@ -1,4 +1,4 @@
-"""Ground heights on a grid of squares around a point."""
+"""Interpolate ground heights on a grid of squares around a point."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class GroundGrid:
     known: NDArray[np.bool_]
     """(rows, columns) True where elevation files have the height; the southern row first."""
     height_m: NDArray[np.float32]
-    """(rows, columns) heights [m]; unknown ones are those of the nearest known cell."""
+    """(rows, columns) heights [m]; unknown ones are copied from the nearest known cell."""
 
     @classmethod
     def of_heights(cls, height_m: NDArray[np.float32]) -> "GroundGrid":
@@ -56,7 +56,7 @@ class GroundGrid:
         return float(1.0 - self.known.mean())
 
     def __call__(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Heights interpolated between the centres [m]; beyond the grid those of its edge."""
+        """Heights interpolated between cell centres [m]; beyond the grid those of its edge."""
         return self.at(
             (east_m - self.west_m) / self.cell_m, (north_m - self.south_m) / self.cell_m
         )

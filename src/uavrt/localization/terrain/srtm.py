@@ -1,4 +1,4 @@
-"""Reader of elevation tiles of the Shuttle Radar Topography Mission, plain or zipped.
+"""Read elevation tiles of the Shuttle Radar Topography Mission, plain or zipped.
 
 A tile (``N47E008.hgt``) is a degree wide and high, named by its south-western corner: 3601²
 (one arc second) or 1201² (three) big-endian int16, the northern row first; its border rows and
@@ -37,7 +37,7 @@ _DAMAGED = (
 
 
 def srtm_raster(path: Path) -> Raster:
-    """Open a tile; raises `FormatError` if its name holds no place, or it is cut off."""
+    """Open a tile; raises `FormatError` if it is cut off or its name has no position."""
     named = _NAME.match(path.name)
     if named is None:
         raise FormatError(

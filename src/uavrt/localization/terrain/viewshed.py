@@ -1,4 +1,4 @@
-"""Loss behind hills at every place around a drone.
+"""Compute the loss behind hills at every position around a drone.
 
 Each cell has its own profile, with points as far apart as the cells, and its loss is that of
 `uavrt.localization.terrain.diffraction`. Compiled kernels take a hundredth of NumPy's time.
@@ -15,7 +15,7 @@ from uavrt.localization.terrain.squares import GroundGrid
 
 _Floats = NDArray[np.float64]
 _TOGETHER = 100_000
-"""Largest number of profile points, or cells, computed at once."""
+"""Maximum number of profile points, or cells, computed at once."""
 
 
 def terrain_loss_map(
@@ -44,7 +44,7 @@ def terrain_loss_map(
             remedy="Choose a map that covers the whole path",
         )
     drone_m = float(ground.at(np.array([column]), np.array([row]))[0]) + antenna_m
-    # A column and a row more, for points between: no profile asks where the map ends.
+    # One column and row more, for points between cells at the edge of the map.
     over = np.pad(height - np.float32(drone_m), ((0, 1), (0, 1)), mode="edge")
     over = np.ascontiguousarray(over)
     wavelength = SPEED_OF_LIGHT_M_S / frequency_hz

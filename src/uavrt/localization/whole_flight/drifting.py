@@ -1,4 +1,4 @@
-"""Trains whose interval changes steadily over a flight.
+"""Search for trains whose interval changes steadily over a flight.
 
 With an interval ``T (1 + d (t/D - 1/2))`` over a flight of length D, pulses are T apart on the
 time ``u = D/d ln((1 + d (t/D - 1/2)) / (1 - d/2))``. For each of a few d the slots are ordered
@@ -31,7 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float) -> _Floats:
-    """Times of a train's pulses from the first slot's beginning [s]; one may be too many."""
+    """Times of a train's pulses after the first slot's beginning [s]; may be one too many."""
     count = max(0, int((span_s * (1.0 + abs(drift)) - phase_s) / interval_s) + 2)
     return real_time_s(
         phase_s + np.arange(count).astype(np.float64) * interval_s, drift, span_s
@@ -62,7 +62,7 @@ def even_order(energies: SlotEnergies, drift: float) -> NDArray[np.intp]:
 
 
 def drifts_searched(most: float, span_s: float, slot_s: float) -> _Floats:
-    """Relative changes of the interval that are searched, 0 among them."""
+    """Relative changes of the interval that are searched, including 0."""
     step = 8.0 * SEARCH.drift_step_slots * slot_s / span_s
     count = int(np.ceil(most / step))
     return np.linspace(-most, most, 2 * count + 1) if count else np.zeros(1)

@@ -1,6 +1,6 @@
-"""Search a whole flight at once: interval, phase, frequency and place of one tag together.
+"""Search a whole flight for one tag: interval, phase, frequency and position together.
 
-The statistic for a place is the sum of the slots' energies, one slot for each pulse, each
+The statistic for a position is the sum of the slots' energies, one slot for each pulse, each
 weighted by ``w = S / (1 + S)``. S is the pulse's energy over noise there, by the antenna's gain
 and the range. These weights are locally most powerful for weak pulses, and bounded for strong
 ones. The sum's tail in noise is that of a shifted gamma distribution with the variance and
@@ -40,14 +40,14 @@ class FoldedTrain:
     false_alarm_probability: float
     """Probability that noise alone gives as unlikely a train in the whole search."""
     score: float
-    """Weighted sum in standard deviations; for a loud train the number of its pulses."""
+    """Weighted sum in standard deviations; for a train of strong pulses their number."""
     interval_s: float
     """Interval in the middle of the flight [s]."""
     phase_s: float
-    """Middle of the first pulse's slot, from the first slot's beginning [s]."""
+    """Middle of the first pulse's slot, relative to the first slot's beginning [s]."""
     offset_hz: float
     place: int
-    """Number of the place: the row of the weights."""
+    """Number of the position: the row of the weights."""
     hypotheses: float
     """Number of independent hypotheses tested."""
     log_probability: float
@@ -55,27 +55,27 @@ class FoldedTrain:
     rate: int = 1
     """Number of the tag's interval in use, from 1."""
     loud: bool = False
-    """True if it consists of pulses that are each detectable alone."""
+    """True if each pulse of the train is strong enough to be detected alone."""
     drift: float = 0.0
     """Relative change of the interval from the first slot to the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Weights:
-    """Weight of a pulse in each slot, for each place, as a mixture of few patterns."""
+    """Weight of a pulse in each slot, for each position, as a mixture of few patterns."""
 
     basis: NDArray[np.float32]
     """(patterns, slots) patterns that are folded."""
     mixing: NDArray[np.float32]
-    """(places, patterns) coefficients of the patterns for each place."""
+    """(places, patterns) coefficients of the patterns for each position."""
     deviation: _Floats
     """(frequencies, places) standard deviation of a sum over pulses in noise."""
     skewness: _Floats
-    """(frequencies, places) skewness of such a sum."""
+    """(frequencies, places) skewness of a sum over pulses in noise."""
     interval_s: float
     """Interval for which deviation and skewness hold [s]; longer ones have fewer pulses."""
     spread: float = 1.0
-    """Duration with much weight as a share of the flight, averaged over places."""
+    """Duration with much weight as a share of the flight, averaged over positions."""
 
     @classmethod
     def of(
@@ -125,7 +125,7 @@ class Weights:
         return cls.of(basis, mixing, energies, interval_s)
 
     def only(self, place: int) -> "Weights":
-        """Weights of one place, as the only pattern."""
+        """Weights of one position, as the only pattern."""
         return Weights(
             basis=self.mixing[[place]] @ self.basis,
             mixing=np.ones((1, 1), np.float32),
@@ -141,20 +141,20 @@ class Weights:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Peaks:
-    """Highest cells of a search, one for each place, frequency and fold."""
+    """Highest cells of a search, one for each position, frequency and fold."""
 
     place: NDArray[np.intp]
     row: NDArray[np.intp]
-    """Number of the frequency."""
+    """Row of the frequency in the energies."""
     interval: _Floats
-    """Interval [slots]."""
+    """Interval between pulses [slots]."""
     phase: NDArray[np.intp]
-    """Phase [slots]."""
+    """Phase of the first pulse [slots]."""
     score: _Floats
 
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
-    """Duration with much weight as a share of the flight, averaged over places; 1 if even."""
+    """Duration with much weight as a share of the flight, mean of all positions; 1 if even."""
     some = np.maximum(count, 1e-30)
     variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)
     return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())
@@ -171,7 +171,7 @@ def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floa
 def low_rank_weights(
     gain: _Floats, time_s: _Floats, energies: SlotEnergies, interval_s: float
 ) -> Weights:
-    """Reduce the places' gains to a few patterns to fold, and their mixing coefficients.
+    """Reduce the positions' gains to a few patterns to fold, and their mixing coefficients.
 
     `gain` (places, times): energy of a pulse relative to that place's strongest.
     `time_s` (times,): rising, from the first slot's beginning.
@@ -195,7 +195,7 @@ def peaks(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Peaks:
-    """Fold some frequencies `rows` at all intervals between two; the highest cells."""
+    """Fold the frequencies `rows` at all intervals between two; return the highest cells."""
     found: list[Peaks] = []
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score, cell = highest(sums, weights.scaled(at), scale)
@@ -275,7 +275,7 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """Number of independent hypotheses of the search for weak pulses.
 
-    If only a part of the flight counts for a place, as where a drone passes it, trains whose
+    If only a part of the flight counts for a position, as where a drone passes it, trains whose
     intervals differ by a cell of the whole flight are the same to it: the number of cells falls
     by that share (`Weights.spread`).
     """
@@ -320,16 +320,16 @@ def search_flight(
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag; the least likely in noise comes first.
 
-    All its rates are searched: weak pulses by their weighted energies, and loud ones, which
-    these leave out, by their number. Of loud trains with the same pulses the most central comes
-    first. `most`: number of trains returned. `few_patterns`: number above which fewer places
-    choose cells, which are then examined in full.
+    All its rates are searched: weak pulses by their weighted energies, and strong ones, which
+    these exclude, by their number. Of trains of strong pulses with the same pulses the most
+    central comes first. `most`: number of trains returned. `few_patterns`: number above which
+    fewer places choose cells, which are then examined in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
     loud = _loud_trains(energies, tag, most)
     both = sorted([*weak, *loud], key=lambda one: one.false_alarm_probability)
-    if both and both[0].loud:  # of trains of the same pulses the most central
+    if both and both[0].loud:  # of trains of the same pulses, the most central
         first = next(one for one in loud if one.rate == both[0].rate)
         both = [first, *(one for one in both if one is not first)]
     return both[:most]
@@ -349,7 +349,7 @@ def log_tail(found: Peaks, weights: Weights, energies: SlotEnergies) -> _Floats:
 
 
 def chance(log_probability: float, hypotheses: float) -> float:
-    """Probability that the least of a number of independent probabilities is as small."""
+    """Probability that the smallest of a number of independent probabilities is as small."""
     return -math.expm1(-math.exp(min(math.log(hypotheses) + log_probability, 700.0)))
 
 
@@ -408,7 +408,7 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
 
 
 def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:
-    """Trains of loud pulses; their number in N slots is binomial by chance."""
+    """Trains of strong pulses; their number in N slots is binomial by chance."""
     counts = np.count_nonzero(energies.loud, axis=1)
     rows = np.flatnonzero(counts >= SEARCH.least_marks)
     if not len(rows):
@@ -435,7 +435,7 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order of loud trains: the likeliest first, and the most central of nearly as likely ones.
+    """Order trains of strong pulses: the likeliest first, of equals the most central.
 
     Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
     pulses: all get the least of their probabilities.
@@ -454,7 +454,7 @@ def _through_middles(
 def _marks(
     energies: SlotEnergies, rows: NDArray[np.intp], shortest_s: float
 ) -> NDArray[np.float32]:
-    """Marks of loud pulses: 1 each, plus less than a half in total for central slots.
+    """Marks of strong pulses: 1 each, plus less than a half in total for central slots.
 
     A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
     have as many marks; the one through their middles, at the loudest, has the most.
@@ -483,7 +483,7 @@ def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
 
 
 def plain_weights(energies: SlotEnergies) -> Weights:
-    """Equal weights in all slots, for one place."""
+    """Equal weights in all slots, for one position."""
     return Weights(
         basis=np.ones((1, len(energies.heard)), np.float32),
         mixing=np.ones((1, 1), np.float32),

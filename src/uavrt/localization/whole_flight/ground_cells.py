@@ -1,4 +1,4 @@
-"""Probability of a tag in cells of the ground around a flight, and credible regions."""
+"""Compute a tag's probability in cells of the ground around a flight, and credible regions."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ class Cells:
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
-    """(cells,) ratio of a cell's outer radius to its inner one."""
+    """(cells,) ratio of the outer to the inner radius of a cell."""
     probability: _Floats
     by_fall: _Floats
     """(falls, cells) joint probability of a path loss exponent and a cell."""
@@ -63,7 +63,7 @@ class Cells:
         return inside
 
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
-        """True if a place is in the region that holds a given probability."""
+        """True if a position is in the region that holds a given probability."""
         bearing = np.degrees(np.arctan2(east_m, north_m))
         turn_deg = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
         apart = np.abs(np.log(np.hypot(east_m, north_m) / self.range_m))
@@ -124,7 +124,7 @@ class Cells:
         )
 
     def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
-        """East and north of the likeliest place in some cells, from the flight's middle [m].
+        """East and north of the likeliest position in some cells, from the flight's middle [m].
 
         It is the mean where the probability is densest. The mean of all cells lies farther away
         than the tag, because large distances are less certain, above all next to a straight
@@ -138,7 +138,7 @@ class Cells:
         return float(weight @ east), float(weight @ north)
 
     def middle_m(self) -> tuple[float, float]:
-        """Middle of the only part of the ground with much probability, else of all [m]."""
+        """Middle of the only part of the ground with high probability, else of all [m]."""
         inside = np.flatnonzero(self.region(0.95))
         for part in self._connected(inside):
             if self.probability[part].sum() >= PLACE.alone:
@@ -153,7 +153,7 @@ class Cells:
         shares: Sequence[float],
         cells: NDArray[np.intp] | None = None,
     ) -> list[float]:
-        """Radii of circles around a place that hold given probabilities [m].
+        """Radii of circles around a position that hold given probabilities [m].
 
         Each cell's probability is spread evenly over its ground, as in `region`; otherwise a
         single cell would have no radius. `cells`: cells whose probability counts; None is all.
@@ -205,7 +205,7 @@ class LikelyGround:
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """(cells,) difference of log-likelihood among the parts of the divided cell."""
+    """(cells,) difference of log-likelihood between the parts of the divided cell."""
     logs: _Floats
     """(falls, cells) log-likelihood, integrated over all levels."""
     level_db: _Floats
@@ -223,7 +223,7 @@ class LikelyGround:
         return np.asarray(held / held.sum())
 
     def to_part(self) -> NDArray[np.intp]:
-        """Cells to divide: wide, uneven, and likely ones."""
+        """Indices of the cells to divide: wide, uneven and likely cells."""
         probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
         count = int(np.searchsorted(np.cumsum(probability[order]), PLACE.kept)) + 1

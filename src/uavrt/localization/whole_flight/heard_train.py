@@ -1,4 +1,4 @@
-"""Slots of a folded train's pulses, and the likelihood ratio of their energies.
+"""Locate the slots of a folded train's pulses; compute the likelihood ratio of their energies.
 
 A slot's energy in noise is the largest of m unit exponentials; their mean gives m, which
 depends on jitter and slot. With a pulse of energy S two of them, the windows that hold most of
@@ -34,13 +34,13 @@ class TrainPulses:
     """Times and energies of the slots that contain a train's pulses."""
 
     time_s: _Floats
-    """(n,) times from the first slot's beginning [s]."""
+    """(n,) times relative to the first slot's beginning [s]."""
     energy: _Floats
     """(n,) energies in units of the noise."""
     interval_s: float
     offset_hz: float
     pulses: int = 1
-    """Number of pulses in a burst, of which each energy is the mean."""
+    """Number of pulses in a burst; each energy is their mean."""
 
 
 def train_pulses(
@@ -51,7 +51,7 @@ def train_pulses(
     span_s = slots * slot_s
     count = int((span_s - train.phase_s) / train.interval_s) + 1
     weight = np.ones(slots)
-    if not train.loud:  # its marks do not depend on place
+    if not train.loud:  # its marks do not depend on the position
         weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
     step_s = slot_s / max(count - 1, 1)
     row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
@@ -82,7 +82,7 @@ def train_pulses(
 
 
 def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
-    """Energies at one frequency; loud pulses are limited to just below the loud level."""
+    """Energies at one frequency, limited to just below those of strong pulses."""
     energy = energies.energy[row].copy()
     loud = energies.loud[row] & ~energies.heard
     energy[loud] = (
@@ -93,17 +93,17 @@ def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeardTrain:
-    """Train of pulses in one flight, and the places examined for its tag."""
+    """Train of pulses in one flight, and the positions examined for its tag."""
 
     pulses: TrainPulses
     mean_noise_energy: float
-    """Mean energy of a slot in noise, from which the number of exponentials follows."""
+    """Mean energy of a slot in noise, which determines the number of exponentials."""
     places: Places
     log_trains: float | None = None
-    """Logarithm of the number of trains of which this is the best; None assumes that it is the
+    """Logarithm of the number of trains from which this was chosen as the best; None: it is the
     tag's. A weak one may be another train; the flight then has no information."""
     rates: int = 1
-    """Number of the tag's rates, of which some slots may have had another."""
+    """Number of the tag's rates; in some slots another rate may have been used."""
 
     @classmethod
     def among(
@@ -147,7 +147,7 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
 
 
 def table_columns(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
-    """Columns of `likelihood_table` for energies, and how far these exceed it [dB]."""
+    """Columns of `likelihood_table` for energies, and their excess over the table [dB]."""
     amplitude = np.sqrt(np.maximum(energy, 0.0))
     beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))
     column = np.rint(np.minimum(amplitude, AMPLITUDES[-1]) / AMPLITUDES[1])
@@ -178,7 +178,7 @@ def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) ->
 
 
 def _exponentials(mean: float) -> float:
-    """Number of unit exponentials whose largest has a given mean: H(m) = mean."""
+    """Number m of unit exponentials whose maximum has a given mean: H(m) = mean."""
     many = np.linspace(1.0, 12.0, 1101)
     means = special.digamma(many + 1.0) + np.euler_gamma
     return float(many[int(np.argmin(np.abs(means - mean)))])

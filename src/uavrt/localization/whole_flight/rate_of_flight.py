@@ -1,9 +1,9 @@
-"""Find when a tag of several rates used each of them.
+"""Find when a tag with several rates used each rate.
 
 A rate's train has slots in all of a flight. While the tag used another rate, these hold noise,
 and at times a pulse of that rate. A hidden Markov model of two states separates them (Rabiner
-1989, Proc. IEEE 77, 257): its likelihood over all paths weights a place, and its likeliest path
-shows which slots had the rate.
+1989, Proc. IEEE 77, 257): its likelihood over all paths weights a position, and its likeliest
+path shows which slots had the rate.
 """
 
 from collections.abc import Iterable

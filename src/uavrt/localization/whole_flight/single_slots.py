@@ -1,4 +1,4 @@
-"""Decide for single slots of a found train if the tag used the rate and is visible there."""
+"""Decide for single slots of a found train if the tag used the rate and was received."""
 
 from dataclasses import dataclass
 
@@ -24,10 +24,10 @@ class SlotEvidence:
 
 
 def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:
-    """Judge each slot of a train separately.
+    """Test each slot of a train separately.
 
     `one`: train of a tag that was found.
-    `gain` (slots,): energy of a pulse from the likeliest place in each slot, relative to the
+    `gain` (slots,): energy of a pulse from the likeliest position in each slot, relative to the
     strongest.
     """
     at_rate = np.ones(len(one.pulses.energy), bool)

@@ -1,4 +1,4 @@
-"""Possible places of a tag, and the strength of its pulses from each over a flight."""
+"""Lay out possible positions of a tag, with the strength of its pulses over a flight."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,25 +19,25 @@ from uavrt.localization.whole_flight.tuning import SEARCH
 _Floats = NDArray[np.float64]
 BEARING_STEP_DEG = 360.0 / SEARCH.bearings
 RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1))
-"""Ratio of each ring's radius to the next smaller one."""
+"""Ratio of the radii of neighbouring rings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Places:
-    """Possible places around a flight, and the relative energy of pulses from each."""
+    """Possible positions around a flight, and the relative energy of pulses from each."""
 
     plane: TangentPlane
     east_m: _Floats
     """(places,) east of the middle of the flight [m]."""
     north_m: _Floats
     area: _Floats
-    """(places,) relative area of ground that each place represents: the prior."""
+    """(places,) relative area of ground represented by each position: the prior."""
     time_s: _Floats
     """(times,) times from the first slot's beginning [s]."""
     gain: _Floats
-    """(places, times) energy of a pulse relative to each place's strongest."""
+    """(places, times) energy of a pulse relative to the strongest from the same position."""
     strongest_db: _Floats
-    """(places,) level of the strongest pulse [dB], from a reference common to all flights."""
+    """(places,) level of the strongest pulse [dB], relative to a reference for all flights."""
     track: "Track"
 
     @property
@@ -56,18 +56,18 @@ class Track:
     north_m: _Floats
     height_m: _Floats
     axes: _Floats
-    """(times, 3, 3) the antenna's forward, right and down axes."""
+    """(times, 3, 3) forward, right and down axes of the antenna."""
     hills: HillLosses | None = None
-    """Ground model in the plane; None is level ground."""
+    """Ground model in the plane; None: level ground."""
 
     def gain_db(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places, times) level of pulses from places; 0 is boresight at 1 m."""
+        """(places, times) level of pulses [dB]; 0 is boresight at 1 m."""
         gain_db = np.empty((len(east_m), len(self.east_m)))
         rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
         if self.hills is not None:
             seen = self.hills.seen_from(self.east_m, self.north_m, self.height_m)
             lost_db, rise = seen(east_m, north_m), self.hills.rise_m(east_m, north_m)
-        # A contiguous row for each axis and component: these sums take most of a search.
+        # A contiguous row for each axis and component: these sums dominate the search's time.
         axes = np.ascontiguousarray(np.moveaxis(self.axes, 0, 2))
         for place, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
             ahead, aside = north - self.north_m, east - self.east_m
@@ -85,14 +85,14 @@ class Track:
     ) -> _Floats:
         """(times,) antenna gain in unit directions [dB]; `axes` has the shape (3, 3, times)."""
         if self.pattern.name == MONOPOLE:
-            # It stays upright however the drone leans, and receives nothing from below.
+            # A monopole stays upright however the drone tilts, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
         return self.pattern.gain_towards_db(
             *(axis[0] * north + axis[1] * east + axis[2] * down for axis in axes)
         )
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
-        """(places, parts) path length in decibels, 10 for each factor of ten.
+        """(places, parts) path length in decibels [dB]: 10 for each factor of ten.
 
         `east_m`, `north_m`: shape (places,).
         `part` (parts,): indices among the times, whole or between two.
@@ -114,7 +114,7 @@ def places_around(
     hills: HillLosses | None = None,
     plane: TangentPlane | None = None,
 ) -> Places:
-    """Lay out possible places around a drone's path.
+    """Lay out possible positions around a drone's path.
 
     `poses`: of the antenna, at least two.
     `start_ns`, `end_ns`: times of the first and last sample [UTC].
@@ -156,7 +156,7 @@ def places_around(
     )
     gain = track.gain_db(place_east, place_north)
     strongest_db = gain.max(axis=1)
-    # In place: these are many for a long flight, and new pages cost more than the sums.
+    # In place: the arrays of a long flight are large, and new pages cost more than the sums.
     gain -= strongest_db[:, np.newaxis]
     gain *= 0.1
     np.power(10.0, gain, out=gain)
@@ -173,7 +173,7 @@ def places_around(
 
 
 def common_gains(each: Sequence[Places]) -> list[_Floats]:
-    """Gains in several flights around one origin; 1 at each place's strongest of all."""
+    """Gains in several flights around one origin; 1 at each position's strongest of all."""
     strongest_db = np.stack([one.strongest_db for one in each])
     below_db = strongest_db - strongest_db.max(axis=0)
     return [
@@ -183,7 +183,7 @@ def common_gains(each: Sequence[Places]) -> list[_Floats]:
 
 
 def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats]:
-    """East and north of places by bearing and distance from the middle of the flight."""
+    """Convert bearing and distance from the middle of the flight to east and north [m]."""
     turn = np.radians(bearing_deg)
     return np.asarray(range_m * np.sin(turn)), np.asarray(range_m * np.cos(turn))
 
@@ -191,9 +191,9 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 def distinct(
     weights: _Floats, alike_from: float = SEARCH.same_place_correlation
 ) -> NDArray[np.intp]:
-    """Choose places whose weights (places, times) represent all other places.
+    """Choose positions whose weights (places, times) represent all other positions.
 
-    `alike_from`: correlation from which one place represents another.
+    `alike_from`: correlation above which one position represents another.
     """
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
     alike = unit @ unit.T

@@ -1,9 +1,9 @@
-"""Find one tag in several flights together, in each of which it is too weak.
+"""Find one tag that is too weak in each flight, in several flights together.
 
 For each place, frequency and narrow range of intervals the likeliest phase of every flight is
-taken, and their weighted sums are added. A resting tag has one place, and about one interval
+taken, and their weighted sums are added. A resting tag has one position, and about one interval
 and frequency, in all flights, but its pulses cannot be counted from flight to flight. So the
-hypotheses of the phases multiply; those of place, frequency and interval are counted once.
+hypotheses of the phases multiply; those of position, frequency and interval are counted once.
 """
 
 import math
@@ -37,14 +37,14 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Listened:
-    """Energies of one flight, and the strength of pulses from each place in it."""
+    """Energies of one flight, and the strength of pulses from each position in it."""
 
     energies: SlotEnergies
     gain: _Floats
-    """(places, times) energy of a pulse relative to each place's strongest: in all flights if
-    the tag rests, in this one if it moves."""
+    """(places, times) energy of a pulse relative to each position's strongest: in all flights
+    if the tag rests, in this one if it moves."""
     time_s: _Floats
-    """(times,) times from the first slot's beginning [s]."""
+    """(times,) times relative to the first slot's beginning [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,7 +57,7 @@ class JointTrain:
     log_probability: float
     hypotheses: float
     trains: tuple[FoldedTrain, ...]
-    """Train in each flight; its place is a row of that flight's gains."""
+    """Train in each flight; its position is a row of that flight's gains."""
     log_trains: tuple[float, ...]
     """Logarithm of the number of independent trains from which each was chosen."""
 
@@ -93,7 +93,7 @@ class _Search:
         return np.asarray(ndimage.maximum_filter1d(pairs, width, axis=1, mode="nearest"))
 
     def rows(self, number: int) -> NDArray[np.intp]:
-        """Number of a flight's frequency for each frequency of the first flight."""
+        """Row of a flight's frequency for each frequency of the first flight."""
         wanted = self.flights[0].energies.offsets_hz
         own = self.flights[number].energies.offsets_hz
         return np.asarray(np.abs(own[:, np.newaxis] - wanted).argmin(axis=0))
@@ -101,7 +101,7 @@ class _Search:
     def train(
         self, number: int, place: int | None, offset_hz: float, stretch: int
     ) -> FoldedTrain:
-        """Likeliest train of one flight at the joint result; None as place is any place."""
+        """Likeliest train of one flight at the joint result; `place` None: any position."""
         energies, weights = self.flights[number].energies, self.weights[number]
         row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
         rows = range(
@@ -131,7 +131,7 @@ class _Search:
 def search_together(
     flights: Sequence[Listened], tag: Tag, *, moves: bool = False
 ) -> JointTrain:
-    """Find the likeliest tag of several flights, resting or, with `moves`, in other places."""
+    """Find the likeliest tag of several flights, resting or, with `moves`, elsewhere."""
     weights, patterns = _weights(flights, tag, moves=moves)
     found = [
         _likeliest(_search(flights, weights, between_s, rate), tag, patterns, moves=moves)
@@ -185,7 +185,7 @@ def _search(
 def _likeliest(
     search: _Search, tag: Tag, patterns: Sequence[int], *, moves: bool
 ) -> JointTrain:
-    """Likeliest place, frequency and range of intervals at one rate."""
+    """Likeliest position, frequency and range of intervals at one rate."""
     score, skewness = _sums(search, moves=moves)
     at = score.argmax(axis=2)[..., np.newaxis]
     best = np.take_along_axis(score, at, axis=2)[..., 0]
@@ -220,14 +220,14 @@ def _likeliest(
 
 
 def _sums(search: _Search, *, moves: bool) -> tuple[_Floats, _Floats]:
-    """(places, rows, ranges) joint scores and their skewness; 1 place if the tag moves."""
+    """(places, rows, ranges) joint scores and their skewness; one position if the tag moves."""
     total, square, cube = np.zeros(1), np.zeros(1), np.zeros(1)
     for number, weights in enumerate(search.weights):
         rows = search.rows(number)
         best = search.best(number)[:, rows].astype(np.float64)
         deviation = weights.deviation[rows].T[..., np.newaxis]
         skewness = np.broadcast_to(weights.skewness[rows].T[..., np.newaxis], best.shape)
-        if moves:  # each flight's own place, and all flights alike
+        if moves:  # each flight has its own position, and all flights count alike
             place = best.argmax(axis=0)[np.newaxis]
             best = np.take_along_axis(best, place, axis=0)
             skewness, deviation = np.take_along_axis(skewness, place, axis=0), np.ones(1)

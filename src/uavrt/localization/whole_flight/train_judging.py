@@ -1,9 +1,9 @@
-"""Decide whether a train is the listed tag's, or an alias of another train.
+"""Decide if a train is the listed tag's, or an alias of another train.
 
 Pulses with interval T are also pulses with interval T p/q, with some missing or others in
 between, so another tag can look like the listed one. A train is therefore searched at all
 intervals from a third of T to three times T that the list does not allow. If one explains the
-same frequency better, its slots are removed, and the flight is judged again.
+same frequency better, its slots are removed, and the flight is searched again.
 """
 
 import math
@@ -35,7 +35,7 @@ from uavrt.localization.whole_flight.tuning import SEARCH
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherTrain:
-    """A train on a tag's frequency whose interval the list does not allow."""
+    """Train on a tag's frequency with an interval that the list does not allow."""
 
     interval_s: float
     phase_s: float
@@ -43,9 +43,9 @@ class OtherTrain:
     drift: float
     loud: bool
     ratio: tuple[int, int] | None
-    """Ratio of its interval to the tag's; the times cannot distinguish the two trains."""
+    """Ratio of the train's interval to the tag's; the times cannot distinguish the two."""
     other_code: bool = False
-    """True if its bursts lack pulses of the tag's code."""
+    """True if the bursts lack pulses of the tag's code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,7 +59,7 @@ class Judgement:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """First other train whose interval is a small ratio of the tag's; None without one."""
+        """First other train whose interval is a small ratio of the tag's; otherwise None."""
         return next((one for one in self.others if one.ratio is not None), None)
 
 
@@ -74,8 +74,8 @@ def judge(
 ) -> Judgement:
     """Search a tag, and again without each train that explains the found one better.
 
-    `gain` (places, times): energy of a pulse relative to each place's strongest. `most_drift`:
-        largest relative change of the interval over the flight.
+    `gain` (places, times): energy of a pulse relative to each position's strongest.
+    `most_drift`: largest relative change of the interval over the flight.
     """
     others: list[OtherTrain] = []
     while True:

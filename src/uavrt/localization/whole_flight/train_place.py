@@ -1,6 +1,6 @@
-"""Place of the tag of a folded train, from the energies of its pulses and the places' gains.
+"""Estimate the position of a folded train's tag, from pulse energies and gains.
 
-The level is a nuisance parameter with a flat prior in decibels; the prior of the place is flat
+The level is a nuisance parameter with a flat prior in decibels; the position's prior is flat
 over the ground.
 """
 
@@ -38,7 +38,7 @@ below free space counts as free space, for tags in line of sight."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceBelief:
-    """Posterior of a tag's place, after a whole flight."""
+    """Posterior of a tag's position, after a whole flight."""
 
     latitude_deg: float
     longitude_deg: float
@@ -63,7 +63,7 @@ class PlaceBelief:
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Posterior of the place of a train's tag; likely cells are divided.
+    """Posterior of the position of a train's tag; likely cells are divided.
 
     `heard`: train of one flight, or of several of a resting tag, around one plane's origin.
     """
@@ -92,12 +92,12 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 
 
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
-    """Reading with the most evidence over the likely places; the usual one in doubt."""
+    """Most likely of the assumed fadings; the usual one unless the evidence is clear."""
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
     gains = _gains_anywhere(heard, from_here)
-    # An unusual fall with distance must not pass for fading.
+    # An unusual path loss exponent must not be taken for fading.
     falls = _shows_falls(heard, (heard[0].places.east_m, heard[0].places.north_m))
     evidence = []
     for reading in readings:
@@ -109,7 +109,7 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
 
 
 def train_evidence(one: HeardTrain) -> float:
-    """Log likelihood ratio of a train with a tag at any place to one without a tag."""
+    """Log likelihood ratio of a train with a tag at any position to one without a tag."""
     reading = _Reading.of([replace(one, log_trains=None)])
     places = one.places
     from_here = (places.east_m, places.north_m)
@@ -167,7 +167,7 @@ def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
 
 
 def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]) -> bool:
-    """True if the distance to a place varied enough to show the path loss exponent."""
+    """True if the distance to a position varied enough to show the path loss exponent."""
     away_db = [_away_db(one, *east_north_m) for one in heard]
     spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
     return bool(spread_db.max() >= PLACE.same_range_db)
@@ -181,7 +181,7 @@ def _all_logs(
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """Log likelihood ratio and posterior of exponent, place and level, over all flights."""
+    """Log likelihood ratio and posterior of exponent, position and level, over all flights."""
     heard = reading.heard
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
     if not falls:
@@ -226,7 +226,7 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
             counted = _counted(one, reading.fading_db)
         own = _logs(one, gain_db, table, levels_db, counted)
         if one.log_trains is not None:
-            # All evidence counts for whether it is the tag's train, less for where it is.
+            # All evidence counts for whether the train is the tag's, less for the position.
             own = PLACE.counted * np.logaddexp(0.0, own - one.log_trains)
         if len(heard) > 1:
             top = own.max(axis=1, keepdims=True)
@@ -252,7 +252,7 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 def _logs(
     one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
 ) -> _Floats:
-    """Log likelihood ratio of each place and level; levels are whole steps apart."""
+    """Log likelihood ratio of each position and level; levels are whole steps apart."""
     column, beyond_db = table_columns(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)
@@ -270,7 +270,7 @@ def _logs(
     if one.rates > 1:
         inverses = np.exp(-thinned.astype(np.float64))
         inverses = np.lib.stride_tricks.sliding_window_view(inverses, len(levels_db), axis=2)
-    # Few places at a time: what is looked up stays in the processor's cache.
+    # Few positions at a time, so that look-ups stay in the processor's cache.
     block = max(1, PLACE.block // max(len(at), 1)) if one.rates == 1 else PLACE.rates_block
     for low in range(0, len(gain_db), block):
         some = slice(low, low + block)
@@ -285,7 +285,7 @@ def _logs(
 
 
 def _counted(one: HeardTrain, fading_db: float) -> float:
-    """Share of a flight's evidence that counts; it is smaller for loud pulses.
+    """Share of a flight's evidence that counts; the share is smaller for strong pulses.
 
     The variance of a level of energy E over noise is 37.7/E dB² from noise (of noncentral
     chi-square) plus that of single pulses' fading; its inverse is a pulse's information. All
@@ -301,7 +301,7 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
 
 
 def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
-    """Cells with the likely ones divided, the mean level [dB], and the places' probability."""
+    """Cells with the likely ones divided, mean level [dB], and positions' probability."""
     places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)
     held, level_db = _over_levels(logs, levels_db)

@@ -1,6 +1,6 @@
-"""Constants of the judgement of a whole flight, one frozen record for each of its steps.
+"""Constants of the search of a whole flight, one frozen record for each step.
 
-Figures of noise and of places are measured by `uavrt experiment integrate`.
+Figures of noise and of positions are measured by `uavrt experiment integrate`.
 """
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyTuning:
-    """Conversion of samples to slot energies, and removal of loud or lost samples."""
+    """Constants for converting samples to slot energies, without strong or lost samples."""
 
     block_s: float = 30.0
     """Duration measured at once in flight [s]: five stretches with one noise level."""
@@ -19,14 +19,14 @@ class EnergyTuning:
     level_rows: int = 5
     """Number of neighbouring frequencies whose noise is averaged."""
     loud_power: float = 20.0
-    """Power over noise of a loud window; noise reaches it once in 5e8 windows."""
+    """Minimum power over noise of a strong window; noise reaches it once in 5e8 windows."""
     wide_sigmas: float = 8.0
-    """Energy over the channel that shows a loud signal elsewhere [standard deviations]."""
+    """Energy over the channel that shows a strong signal elsewhere [standard deviations]."""
     crest: float = 3.0
-    """Largest sample of a window over the mean power, up to which a loud signal is no impulse.
-    A pulse of N samples has 1/N of its power in one sample, an impulse N times as much."""
+    """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
+    of N samples has 1/N of its power in one sample, an impulse N times as much."""
     hops_beside: int = 16
-    """Distance from a loud window at which another is unaffected [hops]: two pulses."""
+    """Distance from a strong window at which another is unaffected [hops]: two pulses."""
     slots_beside: int = 4
     """Extent of a pulse and its jitter on each side of its slot [slots]."""
     most_gap_s: float = 7200.0
@@ -35,31 +35,31 @@ class EnergyTuning:
     """Largest overlap of a block with earlier ones that is followed [s]. A crystal that is 100
     ppm fast gathers it in 17 minutes; a clock set back by more is not followed."""
     least_step_s: float = 0.0015
-    """Smallest time step that is followed [s]; each costs a window."""
+    """Minimum time step that is followed [s]; each costs a window."""
     dead_s: float = 0.1
-    """Duration of exact zeros that means a dead radio or a filled gap [s]."""
+    """Minimum duration of exact zeros that means a dead radio or a filled gap [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchTuning:
-    """Search for trains over places, intervals, frequencies and drifts, and its judgement."""
+    """Constants for finding trains over positions, intervals, frequencies and drifts."""
 
-    # Places where a tag may be: bearings, and rings between two radii [m]; time step [s].
+    # Possible tag positions: bearings, and rings between two radii [m]; time step [s].
     bearings: int = 72
     nearest_m: float = 40.0
     farthest_m: float = 5000.0
     ranges: int = 14
     step_s: float = 0.25
     same_place_correlation: float = 0.97
-    """Correlation of two places' weights above which one represents both: 0.13 dB are lost."""
+    """Correlation of two positions' weights above which one represents both: 0.13 dB loss."""
     exponent: float = 2.5
     """Path loss exponent of the search; the mean of `level_evidence.Propagation`."""
     design_enr: float = 2.0
     """Energy over noise of the strongest pulse for which the weights are optimal: 3 dB."""
     kept_variance: float = 0.995
-    """Share of the weights' variance in the folded patterns: 0.01 dB are lost."""
+    """Share of the weights' variance in the folded patterns: 0.01 dB loss."""
     few_patterns: int = 8
-    """Number of patterns up to which all places are folded at once."""
+    """Maximum number of patterns for which all positions are folded at once."""
     # Variance and correlation for the patterns and places that choose cells to examine in full:
     # three times fewer of both. A train of 7 standard deviations has 5.6 there at worst.
     coarse_variance: float = 0.90
@@ -75,12 +75,12 @@ class SearchTuning:
     hypotheses: float = 6.0
     """Number of independent hypotheses for each pattern and cell, from noise flights."""
     burst_hypotheses: float = 2.5
-    """Factor for bursts of a coded tag, each the best of some stretches of its gaps."""
+    """Factor for bursts of a coded tag, because each is the best of some stretches."""
     lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a row's energies is computed [slots]."""
-    # Trains of loud pulses: share of the false alarms, hypotheses for each cell of marks, least
-    # number of marks, share of the best log probability from which another train may be of the
-    # same marks, and weight for central slots, below that of any mark.
+    # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,
+    # minimum number of marks, share of the best log probability above which another train may
+    # have the same marks, and weight for central slots, below that of any mark.
     loud_share: float = 0.02
     loud_hypotheses: float = 1.5
     least_marks: int = 4
@@ -106,13 +106,13 @@ class SearchTuning:
     # Ratios of small numbers that count as the same interval, and how nearly.
     small_number: int = 3
     same_ratio: float = 0.01
-    # Most other trains, and senders of other codes, removed before a tag counts as not found.
+    # Maximum other trains and other codes removed before a tag counts as not found.
     most_others: int = 4
     most_codes: int = 12
 
-    # Several flights: relative difference of the interval between them that is allowed, least
-    # number of cells of the shortest flight's fold in such a stretch, and frequencies by which
-    # a tag may be off its mean in a flight (25 Hz at 20 ms).
+    # Several flights: allowed relative difference of the interval between them, minimum number
+    # of cells of the shortest flight's fold in such a stretch, and maximum frequency error of a
+    # tag in one flight, relative to its mean [rows] (25 Hz at 20 ms).
     stretch: float = 2e-4
     least_cells: float = 2.0
     rows_beside: int = 1
@@ -124,7 +124,7 @@ class SearchTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceTuning:
-    """Estimate of a tag's place from a train's energies, and its uncertainty."""
+    """Constants for a tag's position from a train's energies, and its uncertainty."""
 
     # Levels examined, relative to the strongest energies [dB], and parts of a step of 1 dB.
     levels_db: tuple[float, float] = (-14.0, 9.0)
@@ -134,7 +134,7 @@ class PlaceTuning:
     are rounded alike, which alone makes places 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
-    """Number of likely places by which a flight's share is judged."""
+    """Number of likely positions used to compute a flight's share."""
     # Work done at once: places times pulses, places of several rates, and pairs of cells.
     block: int = 20_000
     rates_block: int = 300
@@ -142,11 +142,11 @@ class PlaceTuning:
     flights_sigma_db: float = 3.0
     """Standard deviation of a tag's level between flights [dB]: posture, receiver, ground."""
     exponents: tuple[float, ...] = (2.0, 2.5, 3.0, 3.5, 4.0)
-    """Exponents of the fall with distance, from free space to a tag on the ground."""
+    """Path loss exponents, from free space to a tag on the ground."""
     same_range_db: float = 0.3
-    """Range of path lengths below which a place cannot show the path loss exponent [dB]."""
+    """Range of path lengths below which a position cannot show the path loss exponent [dB]."""
     least_exponent_share: float = 0.02
-    """Probability of a path loss exponent above which regions must hold for it."""
+    """Minimum probability of a path loss exponent for which regions must hold."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
     pattern, poses and ground. With all of it regions of 90 % held .85 (I4)."""
@@ -160,38 +160,38 @@ class PlaceTuning:
     """Candidate standard deviations of single pulses [dB]; the first is the usual one. With 1
     dB for all, tags within 200 m that fade more were outside their regions."""
     more_fading_log: float = 10.0
-    """Log evidence needed for a larger fading than the usual one."""
+    """Minimum log evidence for a fading larger than the usual one."""
     loud_energy: float = 30.0
-    """Energy of the strongest pulses from which they show their fading."""
+    """Minimum energy of the strongest pulses for their fading to be estimated."""
     fading_cells: int = 300
-    """Number of the likeliest cells by which fadings are compared."""
+    """Number of the likeliest cells used to compare fadings."""
     # Share of pulses without information: blocked, covered, a moved head; as many are there,
     # but odd by this standard deviation [dB]: half hidden by a body, two at once.
     outlier_share: float = 0.02
     odd_fading_db: float = 6.0
     least_log: float = -30.0
     loud_factor: float = 6.0
-    """Factor on ln E of a loud pulse's energy E in its likelihood: 18 to 41 in all."""
+    """Factor on ln E of a strong pulse's energy E in its likelihood: 18 to 41 in all."""
     windows: tuple[float, float] = (0.8, 0.6)
     """Shares of a pulse's energy in its two best windows. With all energy in one, a passed tag
     seemed farther away."""
     least_quiet: int = 200
-    """Least number of slots without pulses from which the noise is estimated."""
+    """Minimum number of slots without pulses used to estimate the noise."""
 
-    # A likely cell is divided in bearing and distance into parts of this number each: the
-    # likeliest ones always, however little they hold, and at most this many cells. Cells are
-    # wide for a loud tag: the likelihood varies within them by more than to the next.
+    # A likely cell is divided in bearing and distance into this number of parts each: always
+    # the likeliest cells, and at most this number of cells. For a strong tag the likelihood
+    # varies more within such a wide cell than from cell to cell.
     parts: int = 3
     always_divided: int = 60
     most_divided: int = 300
-    # Parts are divided again if their log likelihoods differ by more, and they are larger [m];
-    # positions of the drone are not better.
+    # Parts are divided again if their log likelihoods differ by more than this and they are
+    # larger than this [m]; the drone's positions are not more accurate.
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8
-    """Power of the posterior whose mean is the likeliest place."""
+    """Power of the posterior whose mean is the likeliest position."""
     alone: float = 0.9
-    """Probability of one part from which its middle is the place, not that of all."""
+    """Minimum probability of one part whose middle is used instead of that of all parts."""
     points: int = 7
     """Number of points along each side of a cell over which its probability is spread."""
     kept: float = 0.998
@@ -208,14 +208,14 @@ class PlaceTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstTuning:
-    """Recognition of a coded tag's bursts in a train."""
+    """Constants for recognising a coded tag's bursts in a train."""
 
     stretches: tuple[float, ...] = (0.0, -0.67, 0.67)
     """Tried stretches of a code's gaps, as shares of their tolerance."""
     loud_pulses: int = 2
-    """Number of a burst's pulses that must be loud for the burst to count as loud."""
+    """Minimum number of strong pulses in a strong burst."""
     most_energy: float = 40.0
-    """Largest contribution of one pulse to recognising the code [noise energies]."""
+    """Maximum contribution of one pulse to recognising the code [noise energies]."""
     # Chance that equally strong pulses look more unequal, alone and with others near them.
     unequal_chance: float = 1e-3
     doubtful_chance: float = 0.1

@@ -1,1 +1,1 @@
-"""Channels as UDP datagrams, in the format of the original channelizer."""
+"""Send and receive channels as UDP datagrams, in the format of the original channelizer."""

@@ -92,7 +92,7 @@ def decode_channel_datagram(
     else:
         high, low = _MILLISECONDS.unpack_from(payload)
         good = 0.0 <= high < 1e6 and 0.0 <= low < _SPLIT
-        # Each half by itself: their sum in nanoseconds does not fit a float64.
+        # Each half separately: their sum in nanoseconds does not fit a float64.
         time_ns = round(high * _SPLIT) * _NS_PER_MS + round(low * _NS_PER_MS) if good else 0
     if not good:
         raise FormatError(

@@ -1,4 +1,4 @@
-"""Sends the tags' channels also to the detectors of the original system.
+"""Send the tags' channels also to the detectors of the original system.
 
 Our channels are twice oversampled; the original's detectors need 3750 samples a second and its
 channel numbers. So the decimated band is channelized again in compatible mode: 0.2 % of a core

@@ -1,4 +1,4 @@
-"""Sends channels to UDP ports in the format of the original channelizer."""
+"""Send channels to UDP ports in the format of the original channelizer."""
 
 import socket
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ class _Frame:
 class ChannelDatagramSender:
     """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
 
-    It never waits; frames are dropped and counted if the system's buffer is full.
+        Sending never waits; frames are dropped and counted if the system's buffer is full.
 
     `ports`: ports of each channel; blocks of other channels are ignored. `style`: format of the
     time stamp.
@@ -42,7 +42,7 @@ class ChannelDatagramSender:
         self._style: StampStyle = style
         self._ports = {channel: tuple(numbers) for channel, numbers in ports.items()}
         self._frames = {channel: _Frame() for channel in self._ports}
-        # One socket for each port: a refusal shows at the next datagram of the same socket.
+        # One socket per port: a refusal is reported at the next datagram of the same socket.
         self._sockets: dict[int, socket.socket] = {}
         for numbers in self._ports.values():
             for port in numbers:
@@ -105,7 +105,7 @@ class ChannelDatagramSender:
                 self.dropped += 1
                 return
             except OSError:
-                self.dropped += 1  # the network is down; the next one may find it up
+                self.dropped += 1  # the network is down; later datagrams may pass
                 return
             else:
                 self.datagrams += 1

@@ -22,17 +22,17 @@ from uavrt.radio.channels.channel_datagram import (
 from uavrt.radio.live_source import DatagramSource
 
 TOLERANCE_S: Final = 0.005
-"""Largest error of a time stamp for a frame to count as the next one [s]. The thesis's stamps
-are cut to 1 ms; the original's step by 5.4 ms when its count restarts."""
+"""Maximum error of a time stamp for a frame to count as the next one [s]. The thesis's stamps
+are truncated to 1 ms; the original's step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
 """Number of later frames that ends the wait for a missing one: 1.1 s of a channel."""
 SILENCE_S: Final = 1.5
-"""Silence after which held frames are released despite missing ones [s]."""
+"""Silence after which stored frames are released despite missing ones [s]."""
 RESTART_FRAMES: Final = 3
 """Number of consecutive early stamps that shows that the sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Largest forward jump of the time stamp that counts as a loss [s]; a larger one is a clock
+"""Maximum forward jump of the time stamp that counts as a loss [s]; a larger one is a clock
 change."""
 
 log = get_logger()

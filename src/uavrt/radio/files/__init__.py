@@ -1,1 +1,1 @@
-"""Samples from recordings: raw files, SigMF and WAV."""
+"""Read samples from recordings: raw files, SigMF and WAV."""

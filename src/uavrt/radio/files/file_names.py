@@ -1,4 +1,4 @@
-"""Reads frequency, sample rate and start time from a recording's file name.
+"""Read frequency, sample rate and start time from a recording's file name.
 
 Default names of programs: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``, HDSDR
 ``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc`` in
@@ -23,7 +23,7 @@ _STAMPED: Final = rf"_{_DATE}_{_TIME}(?P<zulu>Z?)_(?P<frequency>{_NUMBER})(?P<un
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NameFacts:
-    """Values read from a file name; None for values it does not contain."""
+    """Values read from a file name; None for values that the name does not contain."""
 
     program: str
     center_frequency_hz: float | None = None

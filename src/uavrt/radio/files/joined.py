@@ -1,4 +1,4 @@
-"""Several recordings of one channel read as one, in the order of time."""
+"""Read several recordings of one channel as one, in order of time."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from uavrt.radio.files.recording_source import Layout, RecordingSource
 from uavrt.radio.files.sigmf import sigmf_layout
 
 _NO_GAP_S = 0.001
-"""Longest time between two recordings that is not a gap [s]; their times are rounded."""
+"""Maximum time between two recordings that is not a gap [s]; their times are rounded."""
 
 
 class JoinedRecording:
@@ -61,7 +61,7 @@ class JoinedRecording:
         return sum(segment.count for one in self._layouts for segment in one.segments)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`. It never waits."""
+        """Get the next block; see `SampleSource.read`. Reading never waits."""
         del timeout_s
         while True:
             if self._source is None:

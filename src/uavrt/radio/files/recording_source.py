@@ -1,4 +1,4 @@
-"""Samples from a file: raw, SigMF or WAV.
+"""Read samples from a file: raw, SigMF or WAV.
 
 Readers of the three kinds (`raw_layout`, `uavrt.radio.files.sigmf`, `uavrt.radio.files.wav`)
 describe a file as a `Layout`; `RecordingSource` reads any layout.
@@ -54,7 +54,7 @@ class Layout:
     start_from: str = SAID
     first_byte: int = 0
     fault_at_end: str | None = None
-    """Reason why the recording is incomplete; raised after its last complete sample."""
+    """Reason why the recording is incomplete; raised after the last complete sample."""
 
 
 class SampleBytes(Protocol):
@@ -151,12 +151,12 @@ class RecordingSource:
 
     @property
     def dated_by_file(self) -> bool:
-        """True if the start time is known only from the file's date."""
+        """True if the start time is known only from the file's modification date."""
         return self._layout.start_from == FILE_DATE
 
     @property
     def origin(self) -> str:
-        """Text on how rate, frequency and start are known; empty if all were given."""
+        """Text on the sources of rate, frequency and start time; empty if all were given."""
         layout = self._layout
         origins = (
             (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),
@@ -166,7 +166,7 @@ class RecordingSource:
         return "; ".join(f"{what} by {who}" for what, who in origins if who != SAID)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`. It never waits."""
+        """Get the next block; see `SampleSource.read`. Reading never waits."""
         del timeout_s
         if self._done == self._segment.count:
             self._next_segment()
@@ -223,7 +223,7 @@ class RecordingSource:
 
 
 def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Text on the values a file's name contains, their resolution and time zone."""
+    """Text on the values in a file's name, their resolution and time zone."""
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -254,7 +254,7 @@ def file_size(path: Path) -> int:
 
 
 def file_start_ns(path: Path, samples: int, sample_rate_hz: float) -> int:
-    """Estimated start of a recording: its file's last change minus its duration [ns, UTC]."""
+    """Estimated start of a recording: file modification time minus duration [ns, UTC]."""
     return path.stat().st_mtime_ns - NominalTimes(0, sample_rate_hz).time_ns(samples)
 
 
@@ -303,7 +303,7 @@ def raw_layout(
 
 def _refuse_floats(path: Path, sample_format: SampleFormat) -> None:
     with reading(path), path.open("rb") as file:
-        # Enough to decide, in no noticeable time.
+        # Enough samples to decide, in negligible time.
         start = file.read(1 << 16)
     if look_like_floats(start):
         raise FormatError(

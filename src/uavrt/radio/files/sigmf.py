@@ -1,4 +1,4 @@
-"""SigMF recordings: a JSON description and a file of samples.
+"""Read SigMF recordings: a JSON description and a file of samples.
 
 Fields as in the SigMF specification 1.2 (core namespace). The standard library reads the
 metadata: the ``sigmf`` package reads samples five times slower than ``readv`` and needs a

@@ -1,4 +1,4 @@
-"""WAV recordings of I and Q as left and right channel, as SDR programs write them.
+"""Read WAV recordings with I and Q as left and right channel, as SDR programs write them.
 
 Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
 4 GiB) as in EBU Tech 3306, and plain ones whose size overflowed there. The ``auxi`` chunk
@@ -36,10 +36,10 @@ from uavrt.radio.live_source import check_rates
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""Sizes in the data chunk of writers that stream or were killed; the real size is unknown."""
+"""Sizes in the data chunk that mean unknown: the writer streamed or was killed."""
 
 _MOST_READ = 1 << 16
-"""Largest part of a chunk that is read [bytes]; the longest, XML, have some thousand bytes."""
+"""Maximum part of a chunk that is read [bytes]; the longest, XML, have some thousand bytes."""
 _MOST_CHUNKS = 1000
 
 
@@ -183,7 +183,7 @@ def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
 
 
 def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
-    """Size of the samples [bytes]: the header's, if the file's structure confirms it.
+    """Size of the samples [bytes]: the header's if the file's structure confirms it.
 
     Programs without RF64 let the size overflow at 4 GiB, and some write it only at the start.
     So the samples must be followed by the end of the file or by other chunks up to its end;

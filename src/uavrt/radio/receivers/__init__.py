@@ -1,1 +1,1 @@
-"""Radios: their programs, drivers, devices and error messages."""
+"""Run radios: their programs, drivers, devices and error messages."""

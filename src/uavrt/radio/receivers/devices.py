@@ -1,7 +1,7 @@
-"""The radios that are plugged in, as listed by the kernel (sysfs-bus-usb).
+"""List the radios that are plugged in, as reported by the kernel (sysfs-bus-usb).
 
-With two radios of one kind, a program opens the first it finds, perhaps one without antenna. So
-two are reported as an error, and `[radio] serial` chooses one.
+With two radios of one kind, a program opens the first one found, which may have no antenna. So
+two radios are an error, and `[radio] serial` chooses one.
 """
 
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ def ambiguous_radios(settings: RadioSettings) -> tuple[str, str] | None:
         return None
     if len(set(serials)) == len(serials) and all(serials):
         remedy = "Set [radio] serial to " + " or ".join(f'"{one}"' for one in serials)
-    elif settings.kind == "rtlsdr":  # its programs take a place in their list, too
+    elif settings.kind == "rtlsdr":  # its programs also accept an index
         remedy = 'Set [radio] serial to "0" or "1"; rtl_eeprom -s gives them names of their own'
     else:
         remedy = "Unplug all but one: they have no serial numbers of their own"

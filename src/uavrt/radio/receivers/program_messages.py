@@ -1,4 +1,4 @@
-"""Error messages of radio programs, with cause and remedy.
+"""Translate error messages of radio programs into cause and remedy.
 
 Collected from the programs of Debian 12 (airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0, hackrf
 2022.09.1) and SoapySDR 0.8.1. The libraries also report "not found" for a radio that another
@@ -19,7 +19,7 @@ class Cause(Enum):
     """Reasons why a radio delivers no samples."""
 
     ABSENT = auto()
-    """Absent, busy or forbidden; the program does not distinguish these."""
+    """The device is absent, busy or forbidden; the program does not distinguish these."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()

@@ -1,4 +1,4 @@
-"""A radio's program as a child process: its samples, messages and exit."""
+"""Run a radio's program as a child process: its samples, messages and exit."""
 
 import os
 import re
@@ -32,19 +32,19 @@ from uavrt.radio.receivers.radio_programs import PROGRAMS, commands_before, rece
 from uavrt.radio.sample_stream import StreamSource
 
 _STARTUP_S: Final = 10.0
-"""Longest start of a radio's program, with opening the device and loading firmware [s]."""
+"""Longest start of a radio's program [s]: opening the device, loading firmware."""
 _STALL_S: Final = 1.0
 """Silence that counts as a stall [s]; radios deliver a buffer every few milliseconds."""
 _TERMINATE_S: Final = 2.0
 """Time from SIGTERM to SIGKILL [s]; airspy_rx stops in 0.1 s if its USB transfers end."""
 _FIRST_LINES: Final = 4
-"""Number of first lines of stderr that are stored; a long usage text may follow."""
+"""Number of lines stored from the start of stderr; a long usage text may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Parts of progress lines, which some programs print every second; they are ignored."""
+"""Parts of progress lines, which some programs print every second; ignored."""
 
 _LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
-"""Message of a program that counts lost samples; for others arrival times show losses."""
+"""Message of programs that count lost samples; for others arrival times show losses."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
 """Message of hackrf_transfer -B: number of buffer overruns, without their length."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
@@ -89,7 +89,7 @@ class ProgramSource(StreamSource):
         """The last logged line; repetitions are not logged, so they cannot fill the disk."""
         self._lost = 0
         self.overruns = 0
-        """Number of overruns of the radio's own buffer, if its program reports it."""
+        """Number of overruns of the radio's own buffer, if its program reports them."""
         for before in commands_before(settings):
             self._run_before(before)
         self._child = _start(command, self._program.package)
@@ -216,7 +216,7 @@ class ProgramSource(StreamSource):
         try:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
-            # It has closed its stdout but continues to run, which is useless.
+            # The program has closed its stdout but continues to run, which is useless.
             self._signal(signal.SIGKILL)
             code = self._child.wait()
         if enough:
@@ -282,7 +282,7 @@ def _run(
 
 
 _DEVICE_LINE = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
-"""A device in librtlsdr's list, such as ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
+"""Device in the list of librtlsdr, such as ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
 _MOST_PLACES = 16
 
 
@@ -314,7 +314,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
 
 
 def _overrun_arguments(program: RadioRow, settings: RadioSettings, until_s: float) -> list[str]:
-    """Arguments that make this version of the program report its overruns, if any do."""
+    """Arguments that make this version of the program report overruns; empty if it cannot."""
     if settings.program or not program.overruns_option:
         return []
     finished = _run((program.receive, "-h"), program.package, until_s)

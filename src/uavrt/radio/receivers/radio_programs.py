@@ -1,4 +1,4 @@
-"""Command lines of radio programs; the table of radios is in `uavrt.config.radios`.
+"""Build command lines of radio programs; the table of radios is in `uavrt.config.radios`.
 
 The programs are run as separate processes; none is linked.
 """
@@ -39,7 +39,7 @@ def commands_before(settings: RadioSettings) -> list[list[str]]:
     """Commands to run before the radio's program; rtl_sdr cannot switch its bias tee itself."""
     if settings.program or settings.kind != "rtlsdr":
         return []
-    # Set in any case: it stays on from an earlier flight.
+    # Set in any case: the bias tee stays on from an earlier flight.
     bias = "1" if settings.bias_tee else "0"
     return [["rtl_biast", *_serial("-d", settings), "-b", bias]]
 
@@ -60,7 +60,7 @@ def _airspyhf(settings: RadioSettings, frequency_hz: float, gain: int) -> list[s
             "airspyhf_rx cannot switch a bias-tee", remedy="Set [radio] bias_tee = false"
         )
     return [
-        # "-r stdout", not "-"; automatic gain off, for it would follow the pulses.
+        # "-r stdout", not "-"; automatic gain off, because it would follow the pulses.
         *("-r", "stdout", "-f", _megahertz(settings, frequency_hz), "-a", _rate(settings)),
         *("-g", "off", "-m", "on", "-t", str(8 - gain)),
         *_serial("-s", settings),
@@ -70,8 +70,8 @@ def _airspyhf(settings: RadioSettings, frequency_hz: float, gain: int) -> list[s
 def _rtlsdr(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str]:
     ppm = round(settings.frequency_correction_ppm)
     rest_ppm = settings.frequency_correction_ppm - ppm
-    # rtl_sdr's own 262 144 bytes a write are half a second at 250 kS/s. At most 44 ms: three
-    # writes show by their arrivals what is lost.
+    # rtl_sdr's default of 262 144 bytes per write is half a second at 250 kS/s. At most 44 ms:
+    # the arrival times of three writes show a loss.
     block_bytes = 8192
     while block_bytes < 262_144 and block_bytes <= settings.sample_rate_hz * 0.0437:
         block_bytes *= 2

@@ -1,4 +1,4 @@
-"""Any radio with a SoapySDR driver, if SoapySDR's Python module is installed.
+"""Read any radio with a SoapySDR driver, if SoapySDR's Python module is installed.
 
 The module comes from the system (Debian ``python3-soapysdr``) or from the driver's maker, not
 from PyPI, so it is imported on demand.
@@ -27,10 +27,10 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Rounding error of drivers' time stamps, below which there is no gap [s]."""
+"""Largest time step that counts as rounding of drivers' time stamps and not as a gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
-"""Largest difference between requested and actual frequency [Hz]."""
+"""Maximum difference between requested and actual frequency [Hz]."""
 
 log = get_logger()
 
@@ -81,7 +81,7 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Set up the device, and check the values chosen, because drivers take the nearest."""
+        """Set up the device; check the values in effect, because drivers choose the nearest."""
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:
@@ -94,7 +94,7 @@ class SoapySource(LiveSource):
             device.setGainMode(_RX, 0, False)  # automatic gain would follow the pulses
         if settings.gain is not None:
             device.setGain(_RX, 0, float(settings.gain))
-        # Set in any case: it stays on from an earlier flight.
+        # Set in any case: the setting remains from an earlier flight.
         if settings.bias_tee or "biastee" in [one.key for one in device.getSettingInfo()]:
             device.writeSetting("biastee", "true" if settings.bias_tee else "false")
 
@@ -143,7 +143,7 @@ class SoapySource(LiveSource):
             self._last_s = monotonic_s()
             self._placer.arrived(self._filled, self._clock.now_ns())
         elif result.ret == _OVERFLOW:
-            # Its times or the arrivals will show how many are missing; drivers do not.
+            # Drivers do not report the number lost; time stamps or arrival times will show it.
             self.overflows += 1
             self._placer.expect_losses()
             log.seldom(self.overflows, "radio overflow")

@@ -1,4 +1,4 @@
-"""Compares the rate at which samples arrive with the requested rate.
+"""Compare the measured rate of samples with the requested rate.
 
 A radio that streams at another rate seems to work, but no tag is found. The smallest delay in
 each 0.5 s shows the rate: a stall does not delay all arrivals, and a loss is a single step.
@@ -10,16 +10,16 @@ from itertools import pairwise
 from typing import Final
 
 _PERIOD_S: Final = 0.5
-"""Period over which the smallest delay is taken [s]."""
+"""Period over which the smallest delay of arrivals is taken [s]."""
 _PERIODS: Final = 5
-"""Number of such periods that are needed to detect a wrong rate, 2.5 s in all."""
+"""Number of periods needed to detect a wrong rate, 2.5 s in all."""
 _TOLERANCE: Final = 0.02
-"""Largest rate error that is not reported, as a fraction of the requested rate."""
+"""Maximum rate error that is not reported, as a fraction of the requested rate."""
 _SETTLED: Final = 0.01
 """Rate error below which the rate counts as correct again, as a fraction of the rate."""
 _CAUGHT_UP_S: Final = 0.03
-"""Delay above that before a pause at which a sender has caught up [s]. Smaller than the change
-over `_PERIODS` that is reported."""
+"""Maximum delay, in excess of that before a pause, of a sender that has caught up [s]. Smaller
+than the change over `_PERIODS` that is reported."""
 _CHANGE_SHARE: Final = 0.1
 """Relative change of a wrong rate above which it is reported again."""
 
@@ -29,15 +29,14 @@ class ArrivalRate:
 
     def __init__(self, rate_hz: float) -> None:
         self.wrong_hz: float | None = None
-        """The measured sample rate while it is wrong by more than 2 % [Hz], otherwise None."""
+        """Measured sample rate if it is wrong by more than 2 % [Hz], otherwise None."""
         self._rate_hz = rate_hz
         self._least_s: deque[float] = deque(maxlen=_PERIODS)
         self._period = 0
         self._now_s = 0.0
         self._first_ns: int | None = None
         self._catch_up_to_s = math.inf
-        """Delay before the last pause [s]; the sender is catching up until it is reached again.
-        """
+        """Delay before the last pause [s]; the sender is catching up until it is reached."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
         """Add the number of samples received up to a time.
@@ -56,7 +55,7 @@ class ArrivalRate:
             self._now_s = min(self._now_s, delay_s)
             return
         if stretch > self._period + 1:
-            # A pause; another one before it has caught up leaves the delay to be reached.
+            # A pause; another one before the sender has caught up keeps the delay to reach.
             self._catch_up_to_s = min(self._catch_up_to_s, self._now_s, *self._least_s)
             self._least_s.clear()
         else:
@@ -81,6 +80,6 @@ class ArrivalRate:
             self.wrong_hz = None
         elif abs(mean_s) > _TOLERANCE * _PERIOD_S and min(s / mean_s for s in steps_s) > 0.5:
             wrong_hz = self._rate_hz * (1.0 - mean_s / _PERIOD_S)
-            # Reported once for as long as it lasts.
+            # Reported once while the fault lasts.
             if self.wrong_hz is None or abs(wrong_hz / self.wrong_hz - 1.0) > _CHANGE_SHARE:
                 self.wrong_hz = wrong_hz

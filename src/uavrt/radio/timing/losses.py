@@ -1,4 +1,4 @@
-"""Detects silently lost samples from the arrival times of the other samples.
+"""Detect silently lost samples from the arrival times of the other samples.
 
 A loss makes everything after it late, permanently and by the same amount. A computer that is
 briefly busy makes a few arrivals late; then the buffered samples arrive at once. Jitter delays
@@ -27,42 +27,42 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Shortest period for which one lateness is stored [s]; USB transfers last 5 to 65 ms."""
+"""Minimum period of one lateness value, a cell [s]; USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
-"""Largest relative rate error of a radio's clock; a greater drift means small losses."""
+"""Maximum relative rate error of a radio's clock; a greater drift means small losses."""
 _UNSEEN_S: Final = 0.010
 HALVED_S: Final = 0.036
-"""Longest loss at a transfer's edge that is placed half before and half after it [s]. So no
-sample's time is wrong by more than half of it."""
+"""Longest loss at a transfer's edge that is placed half before and half after the edge [s]. No
+sample's time is then wrong by more than half of the loss."""
 _CELLS: Final = 100
 """Number of stored cells (lateness values): two seconds."""
 _WINDOW_S: Final = 1.0
-"""Longest period of late arrivals that is judged [s]; `_WINDOW_CELLS` cells where writes are
+"""Longest period of late arrivals that is examined [s]; `_WINDOW_CELLS` cells where writes are
 long. rtl_sdr writes half a second at once at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
-"""Smallest number of late cells that counts as a loss; two consecutive stalls make fewer."""
+"""Minimum number of late cells that counts as a loss; two consecutive stalls make fewer."""
 _NEWEST: Final = 4
-"""Number of newest cells from which the present lateness is taken."""
+"""Number of newest cells used for the present lateness."""
 _QUIET_S: Final = 1.0
-"""Time after a loss during which arrivals may still show the rest of it [s]."""
+"""Time after a loss during which arrivals may still show a further part of that loss [s]."""
 _EVIDENCE: Final = 14.0
 """Log-odds needed to rule out jitter: 1 in 10⁶, with 40 mostly dependent tests a second."""
 _EVIDENCE_KNOWN: Final = 7.0
 """Log-odds needed to rule out jitter within `_KNOWN_S` of a loss."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
-"""Smallest lateness above the jitter that counts as a loss [s]; clock drift is smaller."""
+"""Minimum lateness above the jitter that counts as a loss [s]; clock drift is smaller."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Slope of the lateness above which a program is falling behind, instead of a loss."""
+"""Slope of the lateness above which a program is falling behind and no samples are lost."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
 """Lateness above which a cell may be the first after a loss [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Fraction of the lateness that must arise within `_BEFORE_S` for a loss to be a step, not a
+"""Minimum fraction of the lateness that arises within `_BEFORE_S` if a loss is a step, not a
 drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
@@ -70,7 +70,7 @@ _SURE_SHARE: Final = 0.0008
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Period for which the smallest delay is stored to measure the source's speed [s]."""
+"""Length of the periods; each has one smallest delay, to measure the source's speed [s]."""
 _UNSETTLED_BINS: Final = 2
 """Number of newest periods that are ignored, because a stall there may still be made up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
@@ -81,7 +81,7 @@ that."""
 _UNEVEN: Final = 3.0
 """Ratio of scatter to its limit above which the delays rise in steps."""
 _SLOW_RATE: Final = 0.003
-"""Smallest rise of the delay, per unit of time, that marks a slow source."""
+"""Minimum rise of the delay, per unit of time, that marks a slow source."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
 """Unit of the scatter: `_SCATTER_S` plus this fraction of the rise."""
@@ -101,7 +101,7 @@ class Loss:
     inside_s: float
     """Length of the late transfer that contains the loss [s]; 0 if the loss lies before it."""
     sure: bool
-    """False for a slow drift that a wrong clock rate would explain as well."""
+    """False for a slow drift that may be a wrong clock rate instead."""
 
 
 @dataclass(slots=True)
@@ -110,9 +110,9 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """True if it arrived in real time; False while the sender was catching up."""
+    """True if the cell arrived in real time; False while the sender was catching up."""
     single: bool
-    """True if all its samples arrived at once."""
+    """True if all samples of the cell arrived at once."""
 
     @property
     def length_s(self) -> float:
@@ -120,7 +120,7 @@ class _Cell:
 
 
 class SourcePace:
-    """Decides from the delays of samples whether a source is slower than real time."""
+    """Decides from the delays of samples if a source is slower than real time."""
 
     def __init__(self) -> None:
         self._delays: deque[tuple[float, float]] = deque()
@@ -128,11 +128,10 @@ class SourcePace:
         self.slow = False
         """True once the delays have risen evenly, so the source is slower than real time."""
         self.stepped = self.still = False
-        """`stepped`: the delays have risen in steps. `still`: they are not rising at present.
-        """
+        """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
     def measure(self, received_s: float, arrived_s: float) -> None:
-        """Add a delay; decide again whenever a period is complete.
+        """Add a delay; the source's speed is decided again when a period is complete.
 
         `received_s`: duration of the samples received so far [s]. `arrived_s`: their arrival
         time [s].
@@ -181,7 +180,7 @@ class LossFinder:
     Lateness is the delay above the lower envelope of all arrivals, in nominal seconds (samples
     divided by the nominal rate). The caller adds losses to later nominal seconds.
 
-    `may_be_slow`: the sender may be slower than real time; a radio never is.
+    `may_be_slow`: the sender may be slower than real time; False for a radio.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
@@ -207,7 +206,7 @@ class LossFinder:
         self._began_s: float | None = None
 
     def expect(self, at_s: float) -> None:
-        """Note that the radio reports losses, so less evidence is needed for a while."""
+        """Record that the radio reports losses; less evidence is then needed for a while."""
         self._known_until_s = at_s + _KNOWN_S
 
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
@@ -252,7 +251,7 @@ class LossFinder:
         return loss
 
     def early_s(self) -> float:
-        """Negative lateness of the second-earliest recent arrival [s]; 0 if only jitter."""
+        """Lateness of the second-earliest recent arrival, if negative [s]; 0 if only jitter."""
         if len(self._cells) < 2:
             return 0.0
         newest = [
@@ -298,7 +297,7 @@ class LossFinder:
         if not cell.fresh or not self._cells or not self._cells[-1].fresh:
             return
         if self.suspect_s is not None:
-            return  # what falls now may be a program that catches up
+            return  # a decrease may mean that the program catches up
         fall_s = self._cells[-1].late_s - cell.late_s
         if fall_s <= 0.0:
             return
@@ -317,7 +316,7 @@ class LossFinder:
         self._usual_s = min(max(self._usual_s, 0.0), self.jitter_s)
 
     def _suspect(self, cell: _Cell) -> None:
-        """Note whether the newest cells are so late that a loss may precede them."""
+        """Record a suspicion if the newest cells are so late that a loss may precede them."""
         if not self._is_late(cell.late_s):
             self.suspect_s = None
         elif self.suspect_s is None:
@@ -330,12 +329,12 @@ class LossFinder:
 
     @property
     def undecided(self) -> bool:
-        """True if the next few arrivals will show whether samples were lost."""
+        """True if the next few arrivals will show if samples were lost."""
         return self.suspect_s is not None and self.suspect_s < math.inf
 
     @property
     def may_suspect(self) -> bool:
-        """True if the next arrivals of an incomplete cell may start such a decision."""
+        """True if the next arrivals of an incomplete cell may raise the suspicion of a loss."""
         return self.suspect_s is None and self._late_from_s is not None
 
     def _judge(self) -> Loss | None:
@@ -389,7 +388,7 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """Those of the newest `count` cells that came in real time, near the least lateness."""
+        """Newest `count` cells that arrived in real time, with a lateness near the smallest."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)
@@ -464,5 +463,5 @@ def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
 
 
 def _least_span_s(lowest_s: float) -> float:
-    """Shortest late period that counts as a loss [s]; shorter ones may be jitter."""
+    """Minimum duration of lateness that counts as a loss [s]; a shorter one may be jitter."""
     return 0.5 * min(max(0.0, (0.015 - lowest_s) / 0.010), 1.0)

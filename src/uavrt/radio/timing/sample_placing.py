@@ -1,4 +1,4 @@
-"""Index and time of a live stream's samples, and the gaps between them.
+"""Assign index and time to a live stream's samples, and find the gaps between them.
 
 A source collects samples into blocks and reports every arrival. If an arrival is so late that
 samples may be lost, the block ends before it. The next few arrivals then show whether there is
@@ -18,15 +18,15 @@ from uavrt.radio.timing.losses import HALVED_S
 from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Longest wait for that decision beyond a block's length [s]: two transfers of a slow radio."""
+"""Maximum delay of samples, beyond a block, to decide if some were lost [s]: two transfers."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
-"""Time within which bytes belong to one write of the radio's program [ns]."""
+"""Maximum time between bytes that belong to one write of the radio's program [ns]."""
 _LONG_WRITE_S: Final = 0.040
 """Length of a write above which a loss is placed in its middle [s]. In a shorter write it is
 placed at the end, so that no sample before the loss has a wrong time."""
 _LEAST_S: Final = 0.001
-"""Shortest duration of samples before a late arrival that become a block of their own [s]."""
+"""Minimum duration of samples before a late arrival that become a separate block [s]."""
 
 log = get_logger()
 
@@ -38,12 +38,12 @@ class _Arrival:
 
 
 class Placer:
-    """Gives the samples of a live stream their index and time.
+    """Assigns index and time to the samples of a live stream.
 
     `start_time_ns`: time of the first sample [ns, UTC]; times then follow from the nominal
     rate, and only losses reported by the sender are known. `start_moves`: correct the start
     time if the first arrivals were delayed; False where times must not jump. `may_be_slow`: the
-    sender may be slower than real time; a radio never is. `rate_remedy`: remedy for a wrong
+    sender may be slower than real time; False for a radio. `rate_remedy`: remedy for a wrong
     sample rate.
     """
 
@@ -61,7 +61,7 @@ class Placer:
         """Index of the next sample to be passed on, including lost ones."""
         self.lost = 0
         self.unsure = 0
-        """Number of lost samples that a wrong clock rate would explain as well."""
+        """Number of lost samples that may be a wrong clock rate instead."""
         self._inferred = 0
         self._rate_hz = sample_rate_hz
         self._arrival_rate = ArrivalRate(sample_rate_hz)
@@ -97,14 +97,14 @@ class Placer:
 
     @property
     def withdrawn(self) -> int:
-        """Number of losses inferred from arrivals that turned out to be unusable."""
+        """Number of lost samples inferred from arrivals that turned out to be unusable."""
         return 0 if self._keeper.unseen is None else self._inferred
 
     @property
     def rate_fault(self) -> str | None:
         """Text with the measured sample rate and a remedy; None if the rate is as requested.
 
-        A recording piped at more than three times real time is no fault.
+        A recording piped at more than three times real time is not a fault.
         """
         wrong_hz = self._arrival_rate.wrong_hz
         if (
@@ -166,11 +166,11 @@ class Placer:
             self._before += left
 
     def expect_losses(self) -> None:
-        """Note that the radio reports losses without their number."""
+        """Record that the radio reports losses without their number."""
         self._keeper.expect_losses()
 
     def place(self, samples: NDArray[np.complex64]) -> IQBlock:
-        """Make a block of samples, with their index, time and the number lost before them."""
+        """Make a block of samples, with index, time and the number lost before the block."""
         lost, unsure = self._before, self._keeper.unsure_samples - self.unsure
         self._before, self._after_cut, self._cut = self._after_cut, 0, 0
         self.index += lost

@@ -27,15 +27,15 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 
 _BIN_S = 0.5
-"""Period for which the earliest arrival is stored [s]."""
+"""Length of the periods; the earliest arrival of each is stored [s]."""
 _BINS = 600
 """Number of stored periods: 5 min, over which a clock's rate is constant to below 1 ppm."""
 _FIT_BINS = 8
-"""Smallest number of periods for fitting a slope."""
+"""Minimum number of periods for fitting a slope."""
 _MEASURED_AFTER_S = 30.0
-"""Time until which the nominal rate is reported, because the slope is mostly jitter [s]."""
+"""Duration at the start in which the nominal rate is reported, because jitter dominates [s]."""
 _MAX_RATE_ERROR = 500e-6
-"""Largest relative rate error of a clock; more means a wrong nominal rate."""
+"""Maximum relative rate error of a clock; more means a wrong nominal rate."""
 _PRIOR_RATE_ERROR = 30e-6
 """Standard deviation of the relative rate error of radios (Airspy 0.5, HackRF 20, RTL 50 ppm).
 """
@@ -46,7 +46,7 @@ _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
 """Time in which a delayed writer catches up at the start [s]; later it is a replay."""
 _NOT_LIVE_S = 0.5
-"""Earliness of arrivals that shows a replayed stream [s]."""
+"""Earliness of arrivals above which a stream is replayed and not live [s]."""
 _REPORT_DELAY_S = 3.0
 """Longest delay between a loss seen in arrival times and the program's report of it [s]."""
 _SLOPE_PAUSE_S = 1.0
@@ -54,9 +54,8 @@ _SLOPE_PAUSE_S = 1.0
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Earliness of the measured line above which times are corrected faster [s], time of that
-correction [s], and time after a loss in which it applies [s]. The loss was then overestimated.
-"""
+"""Three limits [s]: earliness of the measured line above which times are corrected faster, time
+of that correction, and time after a loss in which it applies."""
 
 
 class NominalTimes:
@@ -83,8 +82,8 @@ class TimeKeeper:
     towards the envelope, by at most 0.2 ms a second (1 ms in the first 10 s). They never jump,
     except over a gap by `lost_samples`.
 
-    `sample_rate_hz`: nominal rate. `may_be_slow`: the sender may be slower than real time; a
-    radio never is.
+    `sample_rate_hz`: nominal rate. `may_be_slow`: the sender may be slower than real time;
+    False for a radio.
     """
 
     def __init__(self, sample_rate_hz: float, *, may_be_slow: bool = False) -> None:
@@ -95,13 +94,13 @@ class TimeKeeper:
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
-        # Rows of nominal seconds and delay, in room taken at the beginning.
+        # Rows of nominal seconds and delay, in memory allocated at the start.
         self._finder = LossFinder(may_be_slow=may_be_slow)
         self._lost_s = 0.0
         """Duration of losses found and not yet returned by `lost_samples` [s]."""
         self._unsure_s = 0.0
         self.unsure_samples = 0
-        """Number of samples returned as lost that a wrong clock rate would explain as well."""
+        """Number of samples returned as lost that may be a wrong clock rate instead."""
         self.inside = 0
         """Length of the late transfer [samples] that contains the last loss; 0 if it lies
         before."""
@@ -115,7 +114,7 @@ class TimeKeeper:
         self._offset_s = 0.0
         self._slope = 0.0
         self._pivot_s = 0.0
-        # What was given out last: nominal seconds, and its correction [s].
+        # Last time returned: nominal seconds, and the correction [s].
         self._asked = False
         self._given_s = 0.0
         self._correction_s = 0.0
@@ -154,7 +153,7 @@ class TimeKeeper:
         nominal_s = end_index / self._nominal_hz + self._lost_s
         delay_s = (now_ns - self._start_ns) / NANOSECONDS_PER_SECOND - nominal_s
         if catching_up and not self._kept_pace and nominal_s < _SETTLE_S:
-            # The first arrival was held up: the following samples come at once.
+            # The first arrival was delayed: the following samples come at once.
             self._settled = False
         self._kept_pace = self._kept_pace or not catching_up
         if not self._settled:
@@ -164,7 +163,7 @@ class TimeKeeper:
             if not catching_up:
                 self._offset_s = self._correction_s = min(delay_s, 0.0)
         elif not self._asked and delay_s < self._offset_s:
-            # No time has been given yet: the start can still move.
+            # No time has been returned yet: the start can still move.
             self._offset_s = self._correction_s = delay_s
         if delay_s < self._model_s(nominal_s) - _NOT_LIVE_S:
             self._forget("the samples came faster than a radio takes them, as from a recording")
@@ -193,12 +192,12 @@ class TimeKeeper:
 
     @property
     def undecided(self) -> bool:
-        """True if the next few arrivals will show whether samples were lost."""
+        """True if the next few arrivals will show if samples were lost."""
         return self._follow and self._finder.undecided
 
     @property
     def may_suspect(self) -> bool:
-        """True if the newest arrivals are late, but too few for such a decision."""
+        """True if the newest arrivals are late, but too few to suspect a loss."""
         return self._follow and self._finder.may_suspect
 
     @property
@@ -207,7 +206,7 @@ class TimeKeeper:
         return round((self._finder.suspect_s or 0.0) * self._nominal_hz)
 
     def expect_losses(self) -> None:
-        """Note that the radio reports losses without their number."""
+        """Record that the radio reports losses without their number."""
         self._finder.expect(self._given_s)
 
     def _apply_loss(self, loss: Loss, nominal_s: float) -> None:
@@ -218,7 +217,7 @@ class TimeKeeper:
         self._credit_s += loss.duration_s
         self._finder.skip(loss.duration_s)
         self._bin = None
-        # A drift that is taken for losses must not be taken for the crystal's as well.
+        # A drift that is counted as losses must not be attributed to the crystal as well.
         clean_s = loss.since_s if loss.sharp else self._loss_at_s
         while self._bin_count and self._bins[self._bin_count - 1, 0] >= clean_s:
             self._bin_count -= 1
@@ -238,7 +237,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Return the number of samples lost according to arrivals, and reset it.
+        """Return the number of samples lost according to arrival times, and reset the number.
 
         The caller adds it to its index, as a gap.
         """
@@ -250,13 +249,13 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples known to be lost; return how many arrivals have not yet shown."""
+        """Skip samples known to be lost; return how many of them arrivals do not show yet."""
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _REPORT_DELAY_S:
             self._credit_s = 0.0
         known_s = min(seconds, self._credit_s)
         self._credit_s -= known_s
-        # Time goes on where the gap ends: the correction at the new index is the old one.
+        # Times continue where the gap ends: the correction at the new index is the old one.
         left = samples - round(known_s * self._nominal_hz)
         self._given_s += left / self._nominal_hz
         self._finder.skip(left / self._nominal_hz)
@@ -294,12 +293,12 @@ class TimeKeeper:
         return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
     def _forget(self, why: str) -> None:
-        """Use only the start time and the nominal rate from now on."""
+        """Discard the measured clock; use the start time and the nominal rate from now on."""
         self.unseen = why
         self._follow = False
 
     def _fit(self) -> None:
-        """Fit the lower envelope by least squares in which late points lose their weight.
+        """Fit the lower envelope by least squares with decreasing weights for late points.
 
         The slope has a prior for real clocks, so the fit is usable from the second point on.
         """
@@ -331,7 +330,7 @@ class TimeKeeper:
             slope = float(centred @ (delay - mean_d)) / spread
             slope = min(max(slope, -_MAX_RATE_ERROR), SLOWEST_RATE)
             offset = mean_d - slope * mean_x
-        # No crystal makes the delay leap: the source is slow, or samples are lost.
+        # No crystal changes the delay suddenly: the source is slow, or samples are lost.
         offset = min(offset, self._model_s(pivot) + _FAR_S)
         self._offset_s, self._slope, self._pivot_s = offset, slope, pivot
 

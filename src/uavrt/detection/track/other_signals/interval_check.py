@@ -1,8 +1,8 @@
 """Reject long groups that are another tag's pulses, by measuring their interval.
 
 A pulse half a width late still has a quarter of its power. If a tag's interval is some
-milliseconds off, a lattice of twenty places has ten such pulses and more. So the sum along the
-declared interval is compared with sums along other intervals that cross it.
+milliseconds off, a lattice of twenty expected pulses has ten such pulses and more. So the sum
+along the declared interval is compared with sums along other intervals that cross it.
 """
 
 import math
@@ -18,7 +18,7 @@ from uavrt.detection.track.tuning import JUDGE
 
 
 class Intervals:
-    """Compares the intervals of one detector's long groups with others."""
+    """Tests if long groups of one detector fit another interval better."""
 
     def __init__(self, bounds: Bounds, *, grid: Grid, refiner: Refiner) -> None:
         self._bounds = bounds
@@ -28,7 +28,7 @@ class Intervals:
     def foreign_places(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Find the places of a candidate with pulses of another interval.
+        """(K,) True for pulses of a candidate that fit another interval better.
 
         Returns (K,), all False if no other interval is better than the declared one.
         """
@@ -44,7 +44,7 @@ class Intervals:
         cells = self._cells(candidate, search, starts, most, noise)
         if cells is None:
             return none
-        # A train is known by how its interval differs and by the place at which it crosses.
+        # A train is described by its interval difference and the pulse at which it crosses.
         crossing = places[np.newaxis, :] - places[:, np.newaxis]
         shift = np.rint(change[:, np.newaxis, np.newaxis] * crossing).astype(np.intp) + most
         sums = np.zeros((3, *shift.shape[:2]))
@@ -75,7 +75,7 @@ class Intervals:
         most: int,
         noise: NDArray[np.float32],
     ) -> NDArray[np.float32] | None:
-        """Powers around each place, limited, maximised within the jitter, by column."""
+        """Powers around each expected pulse by column, limited, maximised over the jitter."""
         hop, reach = self._grid.hop, search.reach
         offset_hz = float(self._grid.offsets_hz[candidate.row])
         side = (most + reach) * hop
@@ -95,7 +95,7 @@ class Intervals:
 
 
 def _changes(within: float, beyond: float, k: int) -> NDArray[np.float64]:
-    """Differences of the interval to try [columns]: the ends move by two columns."""
+    """Interval differences to try [columns]; the ends of the group move by two columns."""
     most = within + beyond
     step = 2.0 / (k - 1)
     count = math.ceil(most / step)

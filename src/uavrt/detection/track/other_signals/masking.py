@@ -1,8 +1,8 @@
-"""Pulses hidden by a stronger tag: which ones to subtract before measuring the weaker tag.
+"""Subtract pulses of a stronger tag that hide those of a weaker tag.
 
 A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz away. One
-20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. Its time,
-frequency and amplitude are known from its own track, so it can be subtracted.
+20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. The stronger
+pulse's time, frequency and amplitude are known from its track, so it can be subtracted.
 """
 
 from uavrt.detection.search.refine import Measured
@@ -42,7 +42,7 @@ def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float)
 
 
 def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
-    """True if one of the tracks still has to search for a pulse between two times."""
+    """True if a stronger track has not yet searched for a pulse between two times."""
     for other in others:
         time_s, half_s = other.expected()
         if time_s + half_s > earliest_s and time_s - half_s < latest_s:
@@ -53,7 +53,7 @@ def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
 def hiding(
     track: Track, others: list[Track], *, earliest_s: float, latest_s: float
 ) -> list[Measured]:
-    """Pulses of other tracks between two times that are stronger than the track's."""
+    """Pulses of other tracks between two times that are stronger than this track's."""
     least = FOLLOW.hiding_ratio * level(track)
     return [
         slot.measured

@@ -1,7 +1,7 @@
-"""Bursts of other transmitters in the band: recent ones that no track explains, and their rate.
+"""Measure the rate of other transmitters' bursts: recent strong cells that no track explains.
 
 The anchors of the search are all cells strong enough to be a pulse; the search for long groups
-passes its strong cells on. Those on no tag's lattice are bursts of other transmitters: a
+passes its strong cells on. Cells on no tag's lattice are bursts of other transmitters: a
 hopper, slots of a frame, speech. Their rate gives the chance that one lies where a tag's pulse
 is expected. In noise alone there are none.
 """
@@ -46,7 +46,7 @@ class Bursts:
         self._row = np.zeros(0, np.intp)
         self._power = np.zeros(0)
         self._begin_s = 0.0
-        """Time since which all bursts are kept [s]."""
+        """Start of the time for which all bursts are stored [s]."""
         self._now_s = 0.0
         self._kept: _Cells = self._time_s, self._row, self._power
 
@@ -95,7 +95,7 @@ class Bursts:
                 self._time_s = self._time_s[first:]
                 self._row, self._power = self._row[first:], self._power[first:]
         self._begin_s = oldest_s
-        # Also of those before: a tag is known some pulses after its first.
+        # Also earlier ones: a tag is confirmed some pulses after its first.
         held = self._without(known, (self._time_s, self._row, self._power))
         self._time_s, self._row, self._power = held
         if fresh[0]:
@@ -107,7 +107,7 @@ class Bursts:
     def around(self, track: Track, found: Measured) -> BurstRates:
         """Rates of bursts around an expected pulse of a track.
 
-        `found`: the strongest signal at that place. The track's own pulses are excluded.
+        `found`: the strongest signal at that time. The track's own pulses are excluded.
         """
         time_s, row, power = self._kept
         if not len(time_s):
@@ -220,7 +220,7 @@ class Bursts:
         cells: tuple[Sequence[int], Sequence[int], Sequence[float]],
         noise: NDArray[np.float32],
     ) -> _Cells:
-        """Times, rows and powers of cells, the strongest of each burst and frequency bin."""
+        """Times, rows and powers of the strongest cell of each burst and frequency bin."""
         time_s = np.array(cells[0]) * self._column_s
         row = np.array(cells[1])
         power = np.array(cells[2]) / noise[row]
@@ -235,7 +235,7 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts beyond the noise's expected number; 0 within a margin.
+    """Number of bursts in excess of the noise's expected number; 0 within a margin.
 
     Without the margin, half of the real single-pulse groups were held back.
     """

@@ -1,1 +1,1 @@
-"""Which transmitter sent a train of pulses: a listed tag, another, or a ghost."""
+"""Identify the transmitter of a train of pulses: a listed tag, another, or a ghost."""

@@ -1,4 +1,4 @@
-"""Chance that pulses of two independent transmitters coincide."""
+"""Compute the chance that pulses of two independent transmitters coincide."""
 
 import math
 
@@ -10,7 +10,7 @@ from uavrt.detection.track.tuning import GHOSTS
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Chance that this number of a tag's pulses coincides with those of another transmitter.
+    """Probability that pulses of a tag coincide by chance with another transmitter's.
 
     Either two lattices drift past each other slowly, with any phase and any difference of
     intervals within the uncertainty; or pulses coincide one by one. `pulses`: number of
@@ -30,7 +30,7 @@ def by_chance(
 
 
 def of_ghosts(together: int, pulses: int) -> float:
-    """Chance that at most this number of a ghost's pulses coincides with its original's."""
+    """Probability that at most a number of a ghost's pulses coincide with its original's."""
     return 1.0 - _at_least(together + 1, pulses, GHOSTS.coincident_share)
 
 

@@ -1,4 +1,4 @@
-"""Ghosts: copies of a stronger tag's pulses that the receiver produces.
+"""Recognise ghosts: copies of a stronger tag's pulses that the receiver produces.
 
 A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre,
 and a saturated one also at multiples of its distance from the centre. Two simultaneous signals,
@@ -34,11 +34,11 @@ class _ReceivedTrain(Generic[H]):
     frequency_hz: float
     times_ns: list[int]
     near_s: list[float]
-    """Distance of each pulse within which another one is simultaneous [s]."""
+    """Maximum distance of another pulse that is simultaneous with each pulse [s]."""
 
     @property
     def edge_s(self) -> float:
-        """Distance from a pulse within which its edges are found [s]."""
+        """Maximum distance of an edge from its pulse [s]."""
         return GHOSTS.edge_widths * self.track.tag.pulse_width_s
 
 
@@ -50,7 +50,7 @@ class _Coincidence:
 
 
 class _Instants(Generic[H]):
-    """All trains' pulses in order of time; few of hundreds of trains share an instant."""
+    """Pulses of all trains in order of time, indexed by instant for a fast search."""
 
     def __init__(self, received: list[_ReceivedTrain[H]]) -> None:
         self._trains = received
@@ -60,7 +60,7 @@ class _Instants(Generic[H]):
         self._times_ns, self._owners = times_ns[order], owners[order].tolist()
 
     def coinciding(self, one: _ReceivedTrain[H]) -> list[_ReceivedTrain[H]]:
-        """Trains of which enough pulses may coincide with those of a train."""
+        """Trains with enough pulses that may coincide with those of a train."""
         near_s = np.maximum(one.near_s, one.edge_s)
         near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + GHOSTS.rounding_ns
         times_ns = np.array(one.times_ns, np.int64)
@@ -137,7 +137,7 @@ def _original(
 
 
 def _is_edges(one: _ReceivedTrain[H], other: _ReceivedTrain[H]) -> bool:
-    """True if a train is only another's leakage far from its frequency.
+    """True if a train consists of another train's leakage far from its frequency.
 
     The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
     the search band of the weaker tag are assigned by senders.py.

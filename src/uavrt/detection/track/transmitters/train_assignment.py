@@ -56,7 +56,7 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _AssignmentSoFar:
-    """The best assignment of the trains so far.
+    """Best assignment of the trains so far.
 
     Each tag has a price: no other tag, or none, gives a train more value above the price.
     """
@@ -118,7 +118,7 @@ class _AssignmentSoFar:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """Loss of the best assignment that gives a train a certain tag.
+    """Loss of value if a train is assigned to a given tag instead of the best one.
 
     Returns it for each train and possible tag; 0 for the assigned one.
     """
@@ -141,7 +141,7 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss on the path from a train that lost its tag to a tag that is freed.
+    """Minimum loss on the path from a train that lost its tag to a tag that is freed.
 
     The last row and column stand for unassigned tags and for trains without a tag.
     """

@@ -1,4 +1,4 @@
-"""Decide which listed tag sent a train of pulses when several could have.
+"""Decide which listed tag sent a train of pulses if several could have.
 
 Detectors with overlapping bands receive the same pulses, and each would report them as its own
 tag's. Tracks of the same pulses are merged into trains, which are assigned one to one to tags,
@@ -32,19 +32,19 @@ from uavrt.detection.track.transmitters.trains import (
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""Interval, its deviation, frequency, and detectors that follow a train, held or not."""
+"""Interval, its deviation, frequency, and the detectors that follow a train."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
-"""Index of a train, its tag, other possible tags, and whether all its part is confirmed."""
+"""Index of a train, its tag, other possible tags, and True if all its group is confirmed."""
 
 
 def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
-    """Compute how far the intervals of two tags distinguish them if received alone."""
+    """Compute how well two tags received alone can be distinguished by their intervals."""
     pairs = [(a, b) for a in one.pulse_intervals_s for b in two.pulse_intervals_s]
     gap_s, nominal_s = min((abs(a - b), max(a, b)) for a, b in pairs)
     room_s = gap_s - 2.0 * BOUNDS.clock_error * nominal_s
     jitter_s = max(one.interval_jitter_s, two.interval_jitter_s)
     width_s = max(one.pulse_width_s, two.pulse_width_s)
-    # Of a pulse of 13 dB; the jitter is uniform.
+    # For a pulse of 13 dB; the jitter is uniform.
     error_s = math.hypot(0.08 * width_s, jitter_s / math.sqrt(3.0))
     pulses = None
     if gap_s > 2.0 * SENDERS.interval_drift * nominal_s:
@@ -62,7 +62,7 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Small ratio that the intervals of two tags may have, within their bounds.
+    """Small ratio that the intervals of two tags may have, within their bounds; or None.
 
     The longer to the shorter: 2 to 1, 3 to 1 or 3 to 2; common pulses then fit both tags.
     """
@@ -82,38 +82,38 @@ def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntervalSeparation:
-    """How far the intervals of two tags of one band distinguish them."""
+    """How well two tags of one band can be distinguished by their intervals."""
 
     gap_s: float
-    """Difference of their nearest intervals [s]."""
+    """Difference between the nearest intervals of the two tags [s]."""
     certain: bool
-    """True if each tag received alone is identified, if its error is within its bound."""
+    """True if each tag received alone is identified, with errors within the bounds."""
     uncertainty_s: float
-    """Declared interval uncertainty below which both are identified [s]."""
+    """Declared interval uncertainty below which both tags are identified [s]."""
     pulses: int | None
-    """Pulses needed to measure the gap; None: intervals of tags drift by more."""
+    """Number of pulses needed to measure the gap; None: intervals drift by more."""
     seconds: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class _Learnt:
-    """Measured interval of a tag."""
+    """Measured interval of a tag, kept for later decisions."""
 
     scale: float
     bound: float
     """Relative uncertainty of the measured interval."""
     otherwise_ns: float | None = None
-    """Time since which the tag was received with another interval [ns]."""
+    """Time since which the tag is received with another interval [ns]; or None."""
 
 
 class ConfirmedPulses:
-    """Pulses of confirmed trains in the last 40 s, which are bursts for no tag."""
+    """Pulses of confirmed trains in the last 40 s; no tag's detector counts them as bursts."""
 
     def __init__(self) -> None:
         self._pulses: dict[int, tuple[float, float]] = {}
         """Absolute frequency [Hz] and power of each pulse, by its time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Times of `_pulses` as an array, since they are read with every pulse."""
+        """Times of `_pulses` as an array [ns], read with every pulse."""
         self._how = np.zeros((0, 2))
 
     def update(self, detectors: Iterable[FollowingDetector]) -> None:
@@ -134,7 +134,7 @@ class ConfirmedPulses:
     def at_frequencies(
         self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Pulses of confirmed trains of the last 40 s at frequencies that are `wanted`.
+        """Pulses of confirmed trains in the last 40 s at `wanted` frequencies.
 
         Returns (times_ns, received): (n,); (n, 2), absolute frequency and power of each.
         """
@@ -157,13 +157,13 @@ class Senders(Generic[H]):
         )
         self._frequencies_hz = [detector.tag.frequency_hz for detector in self._by_frequency]
         self._rate_hz = max(detector.sample_rate_hz for detector in self.detectors)
-        # Locked or not, a search stays within its window around the tag's frequency.
+        # Locked or not, a search stays within the window around the tag's frequency.
         self._reach_hz = 1.0 + max(
             2.0 * h.half_width_hz + 1.0 / h.tag.pulse_width_s for h in self.detectors
         )
         self._near_ns = 0.75e9 * max(detector.tag.pulse_width_s for detector in self.detectors)
         self._last_properties: list[_Properties] = []
-        """Properties by which trains were last assigned."""
+        """Properties of the trains when they were last assigned."""
         self._last_assignment: list[_Assignment] = []
         self.confirmed_pulses = ConfirmedPulses()
 
@@ -186,7 +186,7 @@ class Senders(Generic[H]):
         owned = {tag_id: not others for _, tag_id, others, _ in given}
         for train, tag_id, others, sure in given:
             _assign(train, tag_id, others)
-            # What a train that comes to nothing leaves to the others teaches nothing.
+            # Learn an interval only from a confirmed train without competing tags.
             if sure and not others:
                 self._learn(train, tag_id)
         shared = {id(train) for train, *_ in given}
@@ -202,7 +202,7 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Drop tracks that only pulses of other tags have begun or just confirmed.
+        """Drop tracks that were begun or just confirmed only by pulses of other tags.
 
         One strong pulse and the largest noise an interval before and after it make a group of
         any tag, and another strong pulse on its lattice would confirm it. `trains`: dropped
@@ -216,7 +216,7 @@ class Senders(Generic[H]):
             if (slots := _unsettled_pulses(track))
         ]
         for train, tag_id, *_ in given if unsettled else ():
-            # What may be its own tag's is shared out by interval and frequency.
+            # Trains that may be the detector's own tag are assigned by interval and frequency.
             others = [
                 (detector, track, slots)
                 for detector, track, slots in unsettled
@@ -248,7 +248,7 @@ class Senders(Generic[H]):
         for detector, track in pairs:
             if track.confirmed:
                 done.add(detector, track, _reported_ns(track))
-        # What was heard longest is least likely to have others' pulses.
+        # The train received longest is least likely to have other trains' pulses.
         for detector, track in sorted(pairs, key=lambda pair: -len(pulse_times_ns(pair[1]))):
             if not track.held:
                 for times_ns in done.near(detector, track):
@@ -300,7 +300,7 @@ class Senders(Generic[H]):
             possible.append(
                 [i for i, loss in behind[at].items() if loss <= SENDERS.ruled_out_log]
             )
-            # The likeliest may not have found it yet; if nothing else can be, it is waited for.
+            # The likeliest may not have found the train yet; wait if no other is possible.
             able.append(
                 {
                     i: likely[at][i] + (0.0 if followers[i].held else SENDERS.stay_log)
@@ -335,7 +335,7 @@ class Senders(Generic[H]):
         return sorted(near, key=lambda detector: detector.tag.tag_id)
 
     def _assign_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
-        """Assign an uncertain train to the likeliest tag without one.
+        """Assign an uncertain train to the likeliest tag that has no train.
 
         `owned`: tags with a train; True if no other tag is possible for it.
         """
@@ -367,7 +367,7 @@ class Senders(Generic[H]):
             bound_s = _bound_s(tag, nominal_s)
             value = _normal(train, nominal_s, bound_s)
             if learnt is not None and value > -math.inf:
-                # What was learnt may be wrong, or no longer hold.
+                # A learned interval may be wrong, or no longer valid.
                 value -= SENDERS.ruled_out_log
                 known_s = nominal_s * learnt.scale
                 value = max(value, _normal(train, known_s, learnt.bound * nominal_s))
@@ -383,7 +383,7 @@ class Senders(Generic[H]):
         scale = train.interval_s / nominal_s
         known = self._learnt.get(tag_id)
         if known is not None and abs(scale - known.scale) > known.bound + bound:
-            # Where trains cross, a track may change over to another animal, step by step.
+            # Where trains cross, a track may change to another animal step by step.
             since_ns = train.last_pulse_ns if known.otherwise_ns is None else known.otherwise_ns
             if train.last_pulse_ns - since_ns < SENDERS.relearn_ns:
                 self._learnt[tag_id] = replace(known, otherwise_ns=since_ns)
@@ -392,7 +392,7 @@ class Senders(Generic[H]):
 
 
 def _properties(train: Train[H]) -> _Properties:
-    """Properties of a train that affect its assignment, rounded accordingly."""
+    """Properties of a train that affect its assignment, rounded."""
     return (
         round(train.interval_s, 3),
         round(train.sigma_s, 3),
@@ -407,7 +407,7 @@ def _bound_s(tag: Tag, nominal_s: float) -> float:
 
 
 def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
-    """Log-density of a train's interval around one with a bound; none beyond it."""
+    """Log-density of a train's interval, given a tag's and its bound; -inf beyond the bound."""
     miss_s = abs(train.interval_s - center_s)
     if miss_s > bound_s + SENDERS.interval_sigmas * train.sigma_s:
         return -math.inf
@@ -416,7 +416,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _unsettled_pulses(track: Track) -> list[Slot]:
-    """Pulses of a track that other tags may explain, as long as it is not settled."""
+    """Pulses of a track that other tags may explain, until the track is settled."""
     if track.dead or track.confirmed_at_assignment:
         return []
     accepted = track.received
@@ -438,7 +438,7 @@ def _assign(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> Non
         if slot.state == "reported"
     ]
     mine = [t for h, t in train.tracks if h.tag.tag_id == tag_id]
-    # Of two that one detector follows the one that is certain, then the one heard last.
+    # Of two tracks of one detector take the confirmed one, then the one received last.
     best = max(mine, key=lambda t: (t.confirmed, t.last_accepted_s), default=None)
     for _, track in train.tracks:
         begins = track is best and track.held
@@ -450,7 +450,7 @@ def _assign(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> Non
 
 
 class _Reported(Generic[H]):
-    """Pulses reported so far, indexed by frequency: few of hundreds of tags share one."""
+    """Pulses reported so far, indexed by frequency for a fast search."""
 
     def __init__(self) -> None:
         self._places: dict[int, list[tuple[H, float, list[int]]]] = {}

@@ -1,7 +1,7 @@
-"""Trains: the pulses of one transmitter, as one or several detectors follow them.
+"""Merge tracks of several detectors into trains: the pulses of one transmitter.
 
 Tracks of detectors with overlapping bands are merged by common pulses. Of the tracks in one
-train the one that explains most is used: a track with a pulse in one place of three may have
+train the one that explains most is used: a track with one of three expected pulses may have
 another interval, or belong to several trains.
 """
 
@@ -19,34 +19,34 @@ from uavrt.detection.track.two_rates import evidence, strength
 
 
 class FollowingDetector(Protocol):
-    """Detector, as far as trains need it."""
+    """Part of a detector's interface that trains use."""
 
     tag: Tag
     sample_rate_hz: float
 
     @property
     def tracks(self) -> list[Track]:
-        """All tracks that it follows."""
+        """All tracks that the detector follows."""
 
     def absolute_hz(self, track: Track) -> float:
         """Absolute frequency of a track [Hz]."""
 
     def time_ns(self, time_s: float) -> float:
-        """Absolute time [ns] of a time in the seconds of the tracks."""
+        """Convert a time on the scale of the tracks [s] to absolute time [ns]."""
 
     def may_be_at(self, frequency_hz: float) -> bool:
-        """True if it searches for its tag at an absolute frequency."""
+        """True if the detector searches for its tag at an absolute frequency."""
 
     @property
     def now_s(self) -> float:
-        """Time up to which it has searched, in the seconds of the tracks."""
+        """Time up to which the detector has searched [s], on the time scale of the tracks."""
 
     @property
     def half_width_hz(self) -> float:
-        """Half-width of its search [Hz]."""
+        """Half-width of the detector's search [Hz]."""
 
     def report(self, track: Track) -> None:
-        """Report the pulses of a track, unless it is held."""
+        """Report the pulses of a track, unless the track is held back."""
 
 
 H = TypeVar("H", bound=FollowingDetector)
@@ -62,23 +62,22 @@ class Train(Generic[H]):
     frequency_hz: float = 0.0
     confirmed: bool = False
     likely: bool = False
-    """True if it is neither noise nor, most likely, a chance series of bursts."""
+    """True if the train is neither noise nor, most likely, a chance series of bursts."""
     last_pulse_ns: float = 0.0
-    """Time of its last pulse [ns]."""
+    """Time of the last pulse [ns]."""
     pulses_ns: list[int] = field(default_factory=list)
-    """Times of its newest pulses [ns]."""
+    """Times of the newest pulses [ns]."""
     explains: float = 0.0
-    """Log-likelihood of its pulses, relative to noise."""
+    """Log-likelihood of the pulses, relative to noise."""
 
     def combine(self) -> None:
-        """Set interval, frequency and times from the best of its tracks."""
-        # What is not confirmed yet says nothing of a train that is, what is mere noise nothing
-        # of one that is likely.
+        """Set interval, frequency and times from the best track of the train."""
+        # Unconfirmed tracks do not count for a confirmed train, nor noise for a likely one.
         sure = [pair for pair in self.tracks if pair[1].confirmed]
         sure = sure or [pair for pair in self.tracks if _is_likely(pair[1])] or self.tracks
         some = _best_explained(sure)
         shortest_s = min(track.interval_s for _, track in some)
-        # One of twice the interval has every second pulse.
+        # A track of twice the interval has every second pulse.
         some = [
             pair
             for pair in some
@@ -101,14 +100,14 @@ class KnownPulse:
 
     time_ns: float
     within_ns: float
-    """Uncertainty of its time [ns]: 0 for a received pulse."""
+    """Uncertainty of the pulse's time [ns]: 0 for a received pulse."""
     frequency_hz: float
     power: float
 
     def explains(
         self, slot: Slot, frequency_hz: float, width_s: float, *, near_ns: float
     ) -> bool:
-        """True if a pulse found at a frequency is this one or its leakage."""
+        """True if a pulse found at a frequency is this pulse or its leakage."""
         if abs(slot.time_ns - self.time_ns) >= near_ns + self.within_ns:
             return False
         apart_hz = abs(frequency_hz - self.frequency_hz)
@@ -148,7 +147,7 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
 
 
 def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
-    """Find the trains with hardly a pulse of their own.
+    """Find the trains with hardly any pulse that is not another train's.
 
     A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
     1881 ms. Returns those that explain less than the confirmed trains whose pulses they share.
@@ -179,7 +178,7 @@ def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[
 
 
 def known_pulses(train: Train[H]) -> list[KnownPulse]:
-    """Newest pulses of a confirmed train, and the one that is due."""
+    """Newest pulses of a confirmed train, and the next expected one."""
     known = []
     for detector, track in train.tracks:
         if not track.confirmed or track.dead:
@@ -188,7 +187,7 @@ def known_pulses(train: Train[H]) -> list[KnownPulse]:
         received = track.received
         known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in received]
         if received:
-            # Who began with it may have been faster than this detector.
+            # Tracks that began with it may have been faster than this detector.
             time_s, half_s = track.expected()
             half_ns = NANOSECONDS_PER_SECOND * half_s
             power = max(slot.measured.power for slot in received)
@@ -222,7 +221,7 @@ def _is_found(track: Track, slot: Slot) -> bool:
 
 
 def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
-    """Tracks of one train for which no other interval is far more likely."""
+    """Tracks of a train for which no other interval is far more likely."""
     intervals_s = [track.interval_s for _, track in pairs]
     if max(intervals_s) < SENDERS.same_interval_ratio * min(intervals_s):
         return pairs
@@ -258,7 +257,7 @@ def _are_one(
     ones, twos = pulse_times_ns(one), pulse_times_ns(two)
     intervals_s = one.interval_s, two.interval_s
     if max(intervals_s) > SENDERS.same_interval_ratio * min(intervals_s):
-        # The slower one's pulses lie further back than the other's slots.
+        # The slower track's pulses are older than the other track's slots.
         ones, twos = one.past_ns + ones, two.past_ns + twos
     if ones and twos:
         first, last = max(ones[0], twos[0]) - near_ns, min(ones[-1], twos[-1]) + near_ns
@@ -268,7 +267,7 @@ def _are_one(
         if fewer > 1:
             shared = sum(any(abs(a - b) < near_ns for b in twos) for a in ones)
             return shared >= SENDERS.same_train_share * fewer
-    # Too little in common: compare the places at which they expect their pulses.
+    # Too few common pulses: compare the expected times.
     interval_ns = NANOSECONDS_PER_SECOND * min(one.interval_s, two.interval_s)
     apart_ns = one_at.time_ns(one.time_s) - two_at.time_ns(two.time_s)
     return abs(math.remainder(apart_ns, interval_ns)) < near_ns / 2.0

@@ -1,1 +1,1 @@
-"""Likelihood of a place from bearings, and whether they agree."""
+"""Compute the likelihood of a position from bearings, and check if they agree."""

@@ -1,4 +1,4 @@
-"""Likelihood of a place from bearings, each mixed with its outlier probability."""
+"""Likelihood of a position from bearings, each mixed with its outlier probability."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ _Floats = NDArray[np.float64]
 
 
 class BearingEvidence:
-    """Log-likelihood of places, given bearings from stations.
+    """Log-likelihood of positions, given bearings from stations.
 
     `east_m`, `north_m` (n,): stations in the local plane.
     `posterior` (n, 360): probability of whole degrees, for each bearing.
@@ -62,10 +62,10 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned) density of each bearing for each place and heading error.
+        """(n, places, turned) density of each bearing for each position and heading error.
 
-        `east_m`, `north_m` (places,): the places.
-        `cell_m` (places,): width of the cell that a place represents.
+        `east_m`, `north_m` (places,): the positions.
+        `cell_m` (places,): width of the cell that a position represents.
         """
         out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
         count = self._tables.shape[2]
@@ -109,8 +109,8 @@ class BearingEvidence:
     def doubts(
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
     ) -> "Doubts":
-        """Heading error and outlier probabilities, averaged over a posterior of places."""
-        # Cells in the far tails are many, and decide nothing.
+        """Heading error and outlier probabilities, averaged over a posterior of positions."""
+        # Cells in the far tails are many and have no influence.
         order = np.argsort(-probability)
         count = (
             int(np.searchsorted(np.cumsum(probability[order]), BEARING_FIX.evaluated_share)) + 1
@@ -134,7 +134,7 @@ class BearingEvidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubts:
-    """Heading error and outlier probabilities, averaged over a posterior of places."""
+    """Heading error and outlier probabilities, averaged over a posterior of positions."""
 
     heading_error_deg: float
     """Mean of the error that all headings share [deg]."""

@@ -1,4 +1,4 @@
-"""Check that bearings agree, and find a common explanation if they do not.
+"""Check if bearings agree, and find a common explanation if they do not.
 
 A wrong compass or a walking animal turns all bearings of a flight together, so that none of
 them alone is conspicuous. With four stations around the tag three explanations can be compared:
@@ -24,7 +24,7 @@ _Floats = NDArray[np.float64]
 
 Explanation = Literal["rest", "compass", "walk"]
 UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
-"""Explanations other than a resting tag with usual headings."""
+"""Explanations other than a resting tag with usual heading errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,9 +36,9 @@ class FlightBearings:
     north_m: _Floats
     bearing_deg: _Floats
     sigma_deg: _Floats
-    """(n,) standard deviation of each bearing, without errors that they share [deg]."""
+    """(n,) standard deviation of each bearing [deg], without errors that all share."""
     time_s: _Floats | None = None
-    """(n,) times of the bearings [s]; None assumes that the tag rests."""
+    """(n,) times of the bearings [s]; None: the tag rests."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +75,7 @@ class _Model:
 
 
 def stations_around(east_m: _Floats, north_m: _Floats, place: tuple[float, float]) -> bool:
-    """True if enough stations surround a place to show common errors."""
+    """True if enough stations surround a position to show common errors."""
     if len(east_m) < COMMON.least_stations:
         return False
     seen = np.degrees(np.arctan2(east_m - place[0], north_m - place[1]))
@@ -90,7 +90,7 @@ def explanations(
     outlier_share: float,
     unusual: frozenset[Explanation] = UNUSUAL,
 ) -> list[tuple[float, Fit]]:
-    """Fit all explanations, each with its probability; that of a resting tag comes first.
+    """Fit all explanations, each with its probability; the resting tag comes first.
 
     `bearings`: four or more, around the tag.
     `heading_sigma_deg`: standard deviation of the error that headings share; 0 for exact
@@ -283,7 +283,7 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
-    """(n,) True for outliers by the fit, unless a second lobe agrees by the posterior."""
+    """(n,) True for outliers by the fit, unless a second lobe of the posterior agrees."""
     odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:
         return odd

@@ -22,7 +22,7 @@ class PlanePosition:
     east_m: float
     north_m: float
     covariance_m2: _Floats | None
-    """(2, 2) covariance of east and north [m²]; None when the bearings' scatter is unknown."""
+    """(2, 2) covariance of east and north [m²]; None if the bearings' scatter is unknown."""
     weights: _Floats
     """(n,) weight of each bearing, at most 1."""
 
@@ -42,7 +42,7 @@ class Rays:
 
 
 def maximum_likelihood(rays: Rays) -> PlanePosition | None:
-    """Lenth's MLE, the least von Mises deviation of all bearings; None if it diverges."""
+    """Lenth's MLE: smallest von Mises deviation of all bearings; None if it diverges."""
     point = _start(rays, np.ones(len(rays.east_m)))
     weights = np.ones(len(rays.east_m))
     for _ in range(BEARING_FIX.iterations):
@@ -59,7 +59,7 @@ def maximum_likelihood(rays: Rays) -> PlanePosition | None:
 
 
 def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
-    """Lenth's M-estimator with Andrews' psi, c = 1.5; None when it diverges.
+    """Lenth's M-estimator with Andrews' psi, c = 1.5; None if it diverges.
 
     `as_original`: True sets kappa = 1 / A(C), A = I1/I0, as uavrt_localize does. Kappa is then
     near 2.2 for any bearings, and none is ever rejected. False sets it to the inverse function
@@ -81,7 +81,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
             return None
         moved = float(np.hypot(*(step - point)))
         if moved < BEARING_FIX.converged_m:
-            # The original hands out the iterate before the last; it is the same millimetre.
+            # The original returns the iterate before the last, less than a millimetre away.
             return _placed(rays, point, weights)
         point = step
     return None
@@ -106,8 +106,8 @@ def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
         return None
     east = float(np.median(np.nanmedian(x[crossing], axis=1)))
     north = float(np.median(np.nanmedian(y[crossing], axis=1)))
-    # Its scatter is larger than the MLE's by a factor that depends on the geometry; none is
-    # claimed.
+    # The scatter exceeds the MLE's by a factor that depends on the geometry; no covariance is
+    # given.
     return PlanePosition(
         east_m=east, north_m=north, covariance_m2=None, weights=np.ones(len(rays.east_m))
     )

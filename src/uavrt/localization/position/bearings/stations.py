@@ -1,4 +1,4 @@
-"""Bearings of one tag and their places: the input of position estimates."""
+"""Bearings of one tag and their positions: the input of position estimates."""
 
 from dataclasses import dataclass
 
@@ -14,28 +14,28 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stations:
-    """Bearings of one tag and the places where they were taken."""
+    """Bearings of one tag and the positions where they were taken."""
 
     latitude_deg: _Floats
     longitude_deg: _Floats
     bearing_deg: _Floats
     """(n,) bearings, clockwise from true north [deg]."""
     sigma_deg: _Floats | None = None
-    """(n,) standard deviations [deg]; None estimates one for all bearings."""
+    """(n,) standard deviations [deg]; None: one is estimated for all bearings."""
     posterior: _Floats | None = None
     """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
     level_db: _Floats | None = None
-    """(n,) SNR on boresight [dB], NaN where unknown. Differences show the distance."""
+    """(n,) SNR on boresight [dB], NaN if unknown. Differences show the distance."""
     level_sigma_db: _Floats | None = None
-    """(n,) standard deviations of the levels [dB]; None is 0."""
+    """(n,) standard deviations of the levels [dB]; None: 0."""
     height_m: _Floats | None = None
-    """(n,) height above the tag [m]; None is 0."""
+    """(n,) height above the tag [m]; None: 0."""
     receiver: NDArray[np.int64] | None = None
     """(n,) number of the receiver of each bearing; None if one receiver took all."""
     time_s: _Floats | None = None
-    """(n,) time of each bearing from any origin [s]; None assumes that the tag rests."""
+    """(n,) time of each bearing from any origin [s]; None: the tag rests."""
     origin_ns: int = 0
-    """UTC of `time_s` 0 [ns]; 0 where unknown."""
+    """UTC at `time_s` 0 [ns]; 0 if unknown."""
     listeners: tuple[Strengths, ...] = ()
     """Strengths of receivers that never turned, for the method ``bayes``."""
 
@@ -82,7 +82,7 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Stations with a level, and the parameters of the levels; None where there is none."""
+        """Stations with a level, and the parameters of the levels; None if there are none."""
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)

@@ -1,1 +1,1 @@
-"""Likelihood of a place from received power: levels, missed pulses, hills."""
+"""Compute the likelihood of a position from received power: levels, missed pulses, hills."""

@@ -1,9 +1,9 @@
-"""Regression of pulse powers on distance, when pulses were missed because they were weak.
+"""Regression of pulse powers on distance, when weak pulses were missed.
 
 A fit to the received pulses alone is biased: near the threshold the loss looks flat. Each miss
 is therefore replaced by its expected level below the threshold, and the fit repeated
 (expectation maximisation of Tobin's model). Some misses have other reasons, such as an
-interferer: their share is estimated at each place in the same way.
+interferer: their share is estimated at each position in the same way.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerFit:
-    """Level and path loss exponent at each place, and the log-likelihood."""
+    """Level and path loss exponent at each position, and the log-likelihood."""
 
     log_likelihood: _Floats
     level_db: _Floats
@@ -40,7 +40,7 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
 
 
 def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Misses thinned out evenly along the track, and the weight of each."""
+    """Thin out missed pulses evenly along the track; returns these and their weights."""
     every = max(1, -(-len(missed) // POWER.most_misses))
     kept = missed[every // 2 :: every]
     return kept, len(missed) / max(1, len(kept))
@@ -59,7 +59,7 @@ def _normal_tables() -> tuple[_Floats, _Floats, _Floats, _Floats]:
 
 
 def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
-    """Normal distribution function, and the density over it (inverse Mills ratio).
+    """Normal distribution function, and the density divided by it (inverse Mills ratio).
 
     Linear interpolation in tables is several times as fast as the functions, with errors up to
     8e-6 and 2e-5. Beyond the tables the values stay constant; the ratio continues below as a
@@ -90,7 +90,7 @@ def censored_fit(
     *,
     correlation: float = 0.0,
 ) -> PowerFit:
-    """Fit level, exponent, fading and random misses at each place.
+    """Fit level, exponent, fading and random misses at each position.
 
     `loss`, `level_heard_db`: (places, received) -10 log10 of distance over 100 m, and levels
         less the antenna's gain.
@@ -138,7 +138,7 @@ def censored_fit(
         + miss_weight * misses
         + count * np.log1p(-chance)
     )
-    # Fading that lasts makes neighbours one fact.
+    # Correlated fading makes neighbours count as one.
     score *= (1.0 - correlation) / (1.0 + correlation)
     prior_pulses = POWER.missed_share * POWER.missed_pulses
     score += prior_pulses * np.log(chance)
@@ -190,7 +190,7 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
 
 
 def lasting_correlation(residual: _Floats) -> float:
-    """Correlation of neighbouring residuals (n,), 0 to 0.95, less chance's 1/√n."""
+    """Correlation of neighbouring residuals (n,), 0 to 0.95, reduced by chance's 1/√n."""
     energy = max(float(residual @ residual), 1e-9)
     lag = float(residual[1:] @ residual[:-1]) / energy
     return float(np.clip(lag - len(residual) ** -0.5, 0.0, 0.95))

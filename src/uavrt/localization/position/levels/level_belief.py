@@ -1,6 +1,6 @@
-"""Estimate of a tag's strength for each possible place, and its update by a pulse or a miss.
+"""Estimate a tag's strength for each possible position, and update it by a pulse or a miss.
 
-Published trackers assume a known strength. Here every place (cell or particle) has a normal
+Published trackers assume a known strength. Here every position (cell or particle) has a normal
 distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
 its first two moments. The strength is so estimated during the search.
 """
@@ -33,11 +33,11 @@ class Listening:
     height_m: float
     """Height of the drone above the tag [m]."""
     snr_db: float | None
-    """SNR of the pulse [dB]; None is a miss, which shows where the tag is not."""
+    """SNR of the pulse [dB]; None: missed, which shows where the tag is not."""
     threshold_db: float = 10.0
     """SNR above which the pulse would have been detected [dB]."""
     yaw_deg: float | None = None
-    """Direction of the boresight, clockwise from true north; None for an upright monopole."""
+    """Direction of the boresight [°], clockwise from true north; None: upright monopole."""
 
 
 def false_pulse_density(heard: Listening) -> float:
@@ -89,14 +89,14 @@ def antenna_gain_db(
     height_m: _Floats | float,
     slant_m: _Floats,
 ) -> _Floats:
-    """Antenna gain of a level drone towards places at (dx, dy, height_m below) [dB]."""
+    """Antenna gain of a level drone towards points at (dx, dy, height_m below) [dB]."""
     if pattern is None or yaw_deg is None:
         # cos² of the elevation, not below that of the null
         flat = 1.0 - (height_m / slant_m) ** 2
         return np.asarray(10.0 * np.log10(np.maximum(flat, 10.0 ** (NULL_DB / 10.0))))
     yaw = np.radians(yaw_deg)
     if isinstance(yaw_deg, float | int):
-        # As Python's floats they leave single precision as it is.
+        # As Python floats they do not change single precision to double.
         sine, cosine = float(np.sin(yaw)), float(np.cos(yaw))
         ahead, right = dx * sine + dy * cosine, dx * cosine - dy * sine
     else:
@@ -115,19 +115,19 @@ def antenna_gain_db(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundEffect:
-    """Effect of the ground on a pulse, for a tag at each place."""
+    """Effect of the ground on a pulse, for a tag at each position."""
 
     rise_m: _Floats
     """Height of the ground above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss if the relative error of the losses is 1 [dB]."""
+    """Additional loss [dB] for a relative error of the losses of 1."""
 
     @classmethod
     def hills(
         cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
     ) -> "GroundEffect | None":
-        """Ground effect between the drone and each place; None over level ground."""
+        """Ground effect between the drone and each position; None over level ground."""
         if hills is None:
             return None
         up_m = float(heard.height_m) + hills.tag_m
@@ -146,7 +146,7 @@ class GroundEffect:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class LevelBelief:
-    """Mean and variance of the tag's SNR at 100 m, for each possible place."""
+    """Mean and variance of the tag's SNR at 100 m, for each possible position."""
 
     mean_db: _Floats
     variance_db2: _Floats
@@ -164,8 +164,8 @@ class LevelBelief:
         pattern: AntennaPattern | None,
         behind: GroundEffect | None = None,
     ) -> _Floats:
-        """Expected SNR at the drone if the tag is at each place [dB]."""
-        # As Python's floats they leave single precision as it is.
+        """Expected SNR at the drone if the tag is at each position [dB]."""
+        # As Python floats they do not change single precision to double.
         dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
         height: _Floats | float = float(heard.height_m)
         if behind is not None:
@@ -200,7 +200,7 @@ class LevelBelief:
         elsewhere: float = 0.0,
         behind: GroundEffect | None = None,
     ) -> _Floats:
-        """Update with one pulse or miss; returns its log-likelihood at each place.
+        """Update with one pulse or miss; returns the log-likelihood at each position.
 
         `fading_db`: standard deviation of fading and of other unknown parts of the level.
         `missed_share`: share of pulses missed at any strength.
@@ -218,7 +218,7 @@ class LevelBelief:
             others = chance_share * false_pulse_density(heard) + elsewhere
             mixed = density + max(others, LEVEL.least_share)
             if learns:
-                # What came by chance says nothing of the strength.
+                # Chance pulses contain no information about the strength.
                 part = density / mixed / variance
                 self._learn(behind, part * innovation, part)
             return np.asarray(np.log(mixed))

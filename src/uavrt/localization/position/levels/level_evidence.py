@@ -1,6 +1,6 @@
-"""Likelihood of a place from the levels of rotations, and of receivers that never turned.
+"""Likelihood of a position from levels of rotations, and of receivers that never turned.
 
-A mast, a person, or a passing drone gives no bearing. Its pulses still contain the antenna's
+A mast, a person, or a passing drone gives no bearing. The pulses still contain the antenna's
 gain towards the tag, and the tag's level, which all receivers share. A receiver's gain, cable,
 noise and height over the ground are unknown; together they are one error of all its levels.
 """
@@ -26,7 +26,7 @@ class Propagation:
     """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
-    """Standard deviation of the loss by ground and plants at a place [dB]."""
+    """Standard deviation of the loss by ground and plants at a position [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,12 +39,12 @@ class Levels:
     level_db: _Floats
     sigma_db: _Floats
     group: NDArray[np.int64]
-    """(n,) number of the receiver whose error a level shares; -1 where only one turns.
+    """(n,) number of the receiver whose error a level shares; -1 if only one receiver turns.
     Receivers that never turned have the first numbers."""
 
 
 class LevelEvidence:
-    """Log-likelihood of places, given two or more levels of bearings and other receivers.
+    """Log-likelihood of positions, given two or more levels of bearings and other receivers.
 
     Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
     normal error. P has a flat prior and n a normal one. The error of a receiver that never
@@ -93,7 +93,7 @@ class LevelEvidence:
         return np.asarray(np.logaddexp.reduce(scores))
 
     def _gain_db(self, dx: _Floats, dy: _Floats, slant_m: _Floats) -> _Floats:
-        """(places, n) antenna gain towards places [dB]; 0 for bearings, taken on boresight."""
+        """(places, n) antenna gain towards positions [dB]; 0 for bearings (on boresight)."""
         gain = np.zeros(dx.shape)
         for number, one in enumerate(self._listeners):
             rows = np.flatnonzero(self._levels.group == number)
@@ -116,7 +116,7 @@ class LevelEvidence:
         (xx, xr), (_, rr) = np.einsum("apn,bpn->abp", weighed, both) - np.einsum(
             "apj,bpj->abp", fitted, explained
         )
-        # What is left of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
+        # Remaining part of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
         prior = 1.0 / max(self._known.exponent_sigma, 1e-6) ** 2
         score = np.log(weight).sum(axis=1) - np.linalg.slogdet(normal)[1]
         score = score - 2.0 * listeners * np.log(gain_db) - np.log((xx + prior) / prior)

@@ -1,11 +1,10 @@
-"""Error of a ground model's losses, estimated at each place together with a tag's strength.
+"""Estimate the error of a ground model's losses at each position, with a tag's strength.
 
 Behind a round top, in woods, or where the map is some metres off, pulses lose more or less than
 by the map. The error persists while the drone flies along the same side of the hill. As an
-independent error of each pulse, twenty of them would rule out the tag's place. It is therefore
-one unknown that pulses update and that decorrelates along the drone's path. The independent
-part must be small: places behind more of a hill would otherwise become improbable with every
-pulse.
+independent error of each pulse, twenty of them would rule out the truth. It is therefore one
+unknown that pulses update and that decorrelates along the drone's path. The independent part
+must be small: places behind more of a hill would otherwise become improbable with every pulse.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss if the relative error is 1 [dB].
+    """Additional loss [dB] for a relative error of the losses of 1.
 
     Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
     """
@@ -31,7 +30,7 @@ def doubtful_db(lost_db: _Floats) -> _Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossError:
-    """Normal distribution of the losses' relative error, if the tag is at each place."""
+    """Normal distribution of the losses' relative error, if the tag is at each position."""
 
     mean: _Floats
     variance: _Floats
@@ -49,7 +48,7 @@ class LossError:
 
     @classmethod
     def of_columns(cls, columns: _Floats) -> "LossError | None":
-        """Convert (n, 3) columns; None from (n, 0), where there is no map."""
+        """Convert (n, 3) columns to a distribution; None from (n, 0), without ground model."""
         if not columns.shape[1]:
             return None
         return cls(mean=columns[:, 0], variance=columns[:, 1], with_level_db=columns[:, 2])
@@ -61,7 +60,7 @@ class LossError:
     def after(
         self, was_m: tuple[float, float] | None, now_m: tuple[float, float]
     ) -> "LossError":
-        """Distribution after a movement of the drone, by which the error changes partly."""
+        """Distribution after a movement of the drone, which partly decorrelates the error."""
         if was_m is None or was_m == now_m:
             return self
         kept = float(

@@ -1,4 +1,4 @@
-"""Losses behind hills for a flight's pulses, from each possible place of the tag."""
+"""Compute losses behind hills for a flight's pulses, from each possible tag position."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,7 +27,7 @@ class TrackHillLosses:
     ) -> "TrackHillLosses | None":
         """Losses for pulses received at positions; heights count from the take-off's ground.
 
-        `hills`: ground model in the plane of the places; None is level ground.
+        `hills`: ground model in the plane of the positions; None is level ground.
         `east_m`, `north_m`, `up_m`: shape (n,).
         """
         if hills is None:
@@ -35,7 +35,7 @@ class TrackHillLosses:
         return cls(hills=hills, losses=hills.seen_from(east_m, north_m, up_m))
 
     def lost_db(self, east_m: _Floats, north_m: _Floats) -> NDArray[np.float32]:
-        """(places, n) loss of each pulse for a tag at each of the places (places,) [dB]."""
+        """(places, n) loss of each pulse for a tag at each of the positions (places,) [dB]."""
         return self.losses(east_m, north_m) * np.float32(self.factor)
 
     def chosen(self, pulses: NDArray[np.bool_] | NDArray[np.intp]) -> "TrackHillLosses":

@@ -1,4 +1,4 @@
-"""Likelihood of a place from powers along a track, with unknown level and path loss.
+"""Likelihood of a position from powers along a track, with unknown level and path loss.
 
 The model is z = P - 10 n log10(r / 100 m) + G + e, with fading e that is correlated along the
 track (first-order autoregressive). At a given place it is linear in P and n, so both, and the
@@ -45,17 +45,17 @@ class PowerTrack:
     longitude_deg: _Floats
     height_m: _Floats
     snr_db: _Floats
-    """(n,) SNR of each pulse [dB]; NaN for a miss."""
+    """(n,) SNR of each pulse [dB]; NaN: missed."""
     threshold_db: float = 10.0
     """SNR above which a missed pulse would have been detected [dB]."""
     antenna: AntennaPattern | None = None
-    """Antenna pattern, which needs `yaw_deg`; None for an upright monopole."""
+    """Antenna pattern, which requires `yaw_deg`; None: upright monopole."""
     yaw_deg: _Floats | None = None
     """(n,) direction of the boresight, clockwise from true north [deg]."""
     time_s: _Floats | None = None
-    """(n,) rising times of the pulses [s]; None assumes that the tag rests."""
+    """(n,) rising times of the pulses [s]; None: the tag rests."""
     origin_ns: int = 0
-    """UTC of `time_s` 0 [ns]; 0 where unknown."""
+    """UTC at `time_s` 0 [ns]; 0 if unknown."""
 
     def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
         """Return the pulses selected by an index array or a mask."""
@@ -64,22 +64,22 @@ class PowerTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PulseGeometry:
-    """Geometry between places and pulses, shape (places, pulses), for any height."""
+    """Geometry between positions and pulses, shape (places, pulses), for any height."""
 
     east_m: _Reals
     north_m: _Reals
     square_m2: _Reals
     log_square: _Reals
     rise_m: _Reals | None = None
-    """(places, 1) height of the ground above that at the take-off [m]; None is level ground."""
+    """(places, 1) height of the ground above that at the take-off [m]; None: level ground."""
     lost_db: _Reals | None = None
-    """(places, pulses) loss behind hills [dB]; None is level ground."""
+    """(places, pulses) loss behind hills [dB]; None: level ground."""
 
 
 def fit_each(
     several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
 ) -> list[PowerFit]:
-    """Fit several evidences that differ only in the height of the track, at once."""
+    """Fit several evidences at once that differ only in the height of the track."""
     first = several[0]
     fits = []
     together = max(1, POWER.together // len(first.used))
@@ -91,7 +91,7 @@ def fit_each(
 
 
 class PowerEvidence:
-    """Log-likelihood of places, given powers along a track.
+    """Log-likelihood of positions, given powers along a track.
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: heights, powers, antenna.
@@ -129,11 +129,11 @@ class PowerEvidence:
         return other
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
-        """Fit level and exponent at each of the places (places,)."""
+        """Fit level and exponent at each of the positions (places,)."""
         return fit_each([self], east_m, north_m)[0]
 
     def fitted(self, seen: "PulseGeometry") -> PowerFit:
-        """Fit level and exponent at places, given their geometry to the pulses."""
+        """Fit level and exponent at positions, given their geometry to the pulses."""
         count = int(self._heard.sum())
         loss, gain = self._propagated(seen, self.used)
         heard = self._over_mean(self.used[:count], loss[:, :count], gain[:, :count])
@@ -168,7 +168,7 @@ class PowerEvidence:
         return max(lasting_correlation(residual), by_hills)
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """(places, received) loss, and level over the pulses' mean less antenna gain."""
+        """(places, received) loss, and level over the pulses' mean, without antenna gain."""
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
 
@@ -186,7 +186,7 @@ class PowerEvidence:
     def seen_from(
         self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
     ) -> "PulseGeometry":
-        """Geometry from the positions of pulses to places on the ground."""
+        """Geometry from the positions of pulses to possible tag positions on the ground."""
         single = np.float32
         dx = east_m.astype(single)[:, None] - self._east_m[pulses].astype(single)[None, :]
         dy = north_m.astype(single)[:, None] - self._north_m[pulses].astype(single)[None, :]
@@ -241,7 +241,7 @@ def _correlations(count: int) -> _Floats:
 
 
 def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
-    """Fit places to received pulses without misses; x is loss, z power (places, pulses).
+    """Fit positions to received pulses without misses; x is loss, z power (places, pulses).
 
     Level, exponent, and the fading's size and correlation integrate out. The precision of a
     first-order process with correlation rho is, up to 1 / (1 - rho²), the sum over all pulses,

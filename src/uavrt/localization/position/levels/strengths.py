@@ -1,4 +1,4 @@
-"""Strengths of a tag at a receiver that never turned: one level for each place and heading."""
+"""Levels of a tag at a receiver that never turned: one for each position and heading."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Strengths:
     pulses: int
     """Number of pulses in all levels, used or unused."""
     latitude_deg: _Floats
-    """(n,) latitude of the receiver at each level."""
+    """(n,) latitude of the receiver at each level [deg]."""
     longitude_deg: _Floats
     height_m: _Floats
     yaw_deg: _Floats
@@ -28,7 +28,7 @@ class Strengths:
     """(n,) received SNR [dB], including the antenna's gain towards the tag."""
     sigma_db: _Floats
     antenna: AntennaPattern | None
-    """Antenna pattern; None is an upright monopole."""
+    """Antenna pattern; None: upright monopole."""
     unused: str | None = None
     """Reason why none of the levels can be used; None if they can."""
 

@@ -1,6 +1,6 @@
-"""Place of the strongest signal of a survey, which is not the tag's place.
+"""Find the position of a survey's strongest signal, which is not the tag's position.
 
-A monopole receives nothing straight below it, so a tag is strongest on a ring around it: the
+A monopole receives nothing from straight below, so a tag is strongest on a ring around it: the
 largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n), 36 m for 40 m above the tag and an
 exponent of 2.5. Users of surveys walk to the peak, so maps label it.
 """
@@ -21,14 +21,14 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StrongestSignal:
-    """Place of the strongest signal on a track, some distance from the tag."""
+    """Position of the strongest signal on a track, some distance from the tag."""
 
     latitude_deg: float
     longitude_deg: float
     snr_db: float
-    """Mean SNR of the pulses at the place [dB]."""
+    """Mean SNR of the pulses at this position [dB]."""
     ring_radius_m: float
-    """Distance of the tag from the place [m], for a monopole and a loss exponent of 2.5."""
+    """Distance of the tag from this position [m], for a monopole and a loss exponent of 2.5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,7 +36,7 @@ class SignalSurface:
     """SNR over the ground, interpolated between the pulses: the colours of a signal map."""
 
     latitude_deg: float
-    """Latitude of the local plane's origin."""
+    """Latitude of the local plane's origin [deg]."""
     longitude_deg: float
     east_m: _Floats
     """(x,) grid coordinates east of the origin [m]."""
@@ -47,7 +47,7 @@ class SignalSurface:
 
 
 def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:
-    """Strongest place of a track, six pulses averaged; raises `UsageError` without pulses."""
+    """Strongest position of a track, six pulses averaged; `UsageError` without pulses."""
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):
         raise UsageError(
@@ -66,7 +66,7 @@ def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSi
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalSection:
-    """Side view of a survey: SNR by height and by distance along the ground from a place."""
+    """Side view of a survey: SNR by height and by horizontal distance from a position."""
 
     distance_m: _Floats
     """(x + 1,) edges of the cells over distance [m]."""
@@ -111,7 +111,7 @@ def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
 def signal_section(
     track: PowerTrack, latitude_deg: float, longitude_deg: float
 ) -> SignalSection:
-    """Side view of a survey: SNR by height and by the distance from a place.
+    """Compute the side view of a survey: SNR by height and by distance from a position.
 
     Around the tag a monopole's field is the same in all directions. The side view shows the
     null above the tag, and the effect of height.
@@ -148,13 +148,13 @@ def smoothed(snr_db: _Floats) -> _Floats:
 
 
 def signal_surface(track: PowerTrack) -> SignalSurface:
-    """Interpolate the smoothed SNR linearly between the places where pulses were received.
+    """Interpolate the smoothed SNR linearly between the positions where pulses were received.
 
     The grid's spacing is half of the pulses' spacing, at least 1 m, and between a 300th and a
     60th of the track's extent.
-    Raises `UsageError`: the places do not span an area.
+    Raises `UsageError`: the positions do not span an area.
     """
-    # The interpolator takes long to import, and only maps want it.
+    # The interpolator takes long to import and is needed for maps only.
     from scipy.interpolate import LinearNDInterpolator
 
     heard = ~np.isnan(track.snr_db)

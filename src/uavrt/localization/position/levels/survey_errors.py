@@ -1,9 +1,9 @@
-"""Errors common to all powers of a survey: a wrong height, pulses of other senders.
+"""Estimate errors common to all powers of a survey: a wrong height, pulses of other senders.
 
-A wrong height (terrain, a tag on a tree, a take-off on a hill) changes the place of the minimum
-and the slope of the strength; several heights are compared together with the place. Pulses of
+A wrong height (terrain, a tag on a tree, a take-off on a hill) moves the minimum and changes
+the slope of the strength; several heights are compared together with the position. Pulses of
 other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
-approximate place. Pulses far outside the others' scatter there are left out and counted.
+approximate position. Pulses far outside the others' scatter there are excluded and counted.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 class SurveyEvidence:
-    """Log-likelihood of places, given powers along a track of uncertain height.
+    """Log-likelihood of positions, given powers along a track of uncertain height.
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: reported heights, powers, antenna.
@@ -66,8 +66,8 @@ class SurveyEvidence:
             place, spread_m, shift_m = self._rough_fit(heard)
             readings = self._readings(heard, place, spread_m, shift_m)
             self.kept = readings[0]
-            # What is made of misses compares places, but not heights: a flight whose heights
-            # were true, with half of its pulses missed, was taken for one 30 m lower.
+            # Misses allow positions to be compared, but not heights: a flight with true heights
+            # and half of its pulses missed was estimated 30 m too low.
             if height_sigma_m > 0.0 and np.mean(heard) >= SURVEY.received_share:
                 shifts_m = self._weigh_heights(place, spread_m)
                 self._log_prior = _log_prior_of_height(shifts_m, self._height_sigma_m)
@@ -78,7 +78,7 @@ class SurveyEvidence:
             )
             for kept in readings
         ]
-        """For each set of the tag's own pulses, evidences of the heights and log-prior."""
+        """For each set of the tag's own pulses: evidences of the heights, and log-prior."""
 
     @property
     def foreign(self) -> int:
@@ -86,7 +86,7 @@ class SurveyEvidence:
         return int(np.sum(~self.kept))
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
-        """Fit level and exponent at each of the places (places,)."""
+        """Fit level and exponent at each of the positions (places,)."""
         if self._over_hills is None:
             return _over_readings(
                 [
@@ -150,7 +150,7 @@ class SurveyEvidence:
         return tuple(one for one in SURVEY.shifts_m if one > -lowest)
 
     def _rough_fit(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Place, search radius [m] and height error [m] of the best robust fit."""
+        """Position, search radius [m] and height error [m] of the best robust fit."""
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)
         some[pulses[:: -(-len(pulses) // SURVEY.rough_pulses)]] = True
@@ -212,11 +212,11 @@ class SurveyEvidence:
     ) -> list[NDArray[np.bool_]]:
         """Sets of the tag's own pulses, as masks (n,), the most probable first.
 
-        A pulse is left out where another sender is more probable than its deviation. That
-        depends on the place: a monopole receives little right beneath the drone, so a weak
+        A pulse is excluded where another sender is more probable than its deviation. That
+        depends on the position: a monopole receives little right beneath the drone, so a weak
         foreign pulse looks like a tag there. Places around the approximate one and beneath weak
         pulses are examined. With missed pulses or over hills, likelihoods of different sets do
-        not compare; then only pulses that are outliers at all places are left out.
+        not compare; then only pulses that are outliers at all positions are excluded.
         """
         reach_m = SURVEY.mirror_reach * step_m
         off = np.linspace(-reach_m, reach_m, SURVEY.mirror_cells)
@@ -315,19 +315,19 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
-    """(n,) log-density of height errors before the flight: usual ones and far greater ones."""
+    """(n,) log-density of height errors before the flight: usual or far greater errors."""
     usual = (1.0 - SURVEY.far_wrong_share) * _normal(shifts_m, sigma_m)
     far_wrong = SURVEY.far_wrong_share * _normal(shifts_m, SURVEY.far_wrong_sigmas * sigma_m)
     return np.asarray(np.log(usual + far_wrong))
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior of a set of the tag's own pulses (n,); the others have any strength."""
+    """Log-prior of a set of the tag's own pulses (n,); other pulses have any strength."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviation of pulses from neighbours' estimate (places, n), and its standard deviation."""
+    """Deviation of pulses from an estimate by their neighbours (places, n), and its sigma."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
@@ -344,7 +344,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum the likelihood over sets of the tag's own pulses; level and exponent of the best."""
+    """Sum the likelihood over sets of the tag's pulses; level and exponent of the best set."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])

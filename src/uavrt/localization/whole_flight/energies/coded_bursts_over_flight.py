@@ -1,4 +1,4 @@
-"""Bursts of a coded tag, whose energy is the mean of their pulses at the gaps of the code.
+"""Compute the energies of a coded tag's bursts: the mean of the pulses at the code's gaps.
 
 A column of windows becomes that of the bursts that begin there, and a folded train is one of
 bursts. If all pulses of the code are present, the train is the tag's.
@@ -21,9 +21,9 @@ class BurstColumns:
     """Energies of the bursts that begin in each column: arguments of `slot_energies`."""
 
     power: NDArray[np.float32]
-    """(rows, columns) mean power over the pulses without overlap by something loud."""
+    """(rows, columns) mean power over the pulses not overlapped by a strong signal."""
     seen: NDArray[np.bool_]
-    """(rows, columns) True where the burst is loud and looks like one."""
+    """(rows, columns) True where the burst is strong and has the shape of a burst."""
     heard: NDArray[np.bool_]
     """(columns,) True where the burst has an energy."""
     listened: NDArray[np.bool_]
@@ -31,7 +31,7 @@ class BurstColumns:
 
 
 def pulse_starts_s(tag: Tag) -> NDArray[np.float64]:
-    """Start of each pulse from the start of a burst, by the tag list [s], (pulses,)."""
+    """(pulses,) start of each pulse relative to the burst's start, from the tag list [s]."""
     return np.concatenate(([0.0], np.cumsum(tag.gaps_s)))
 
 
@@ -46,8 +46,8 @@ def burst_columns(
     """Average the pulses of each burst, with the best of some stretches of the gaps.
 
     `power`, `seen` (rows, columns): power of pulses that begin in each column, and whether they
-    are loud and look like pulses.
-    `quiet`, `whole` (columns,): True without anything loud near, and without missing samples.
+    are strong and look like pulses.
+    `quiet`, `whole` (columns,): True without a strong signal near, and without missing samples.
     `hop_s`: time from one column to the next.
     """
     rows, columns = power.shape
@@ -122,7 +122,7 @@ def sender_of(
     time_s: NDArray[np.float64],
     weight: NDArray[np.float64],
 ) -> Sender:
-    """Identify by the energies of single pulses whether a train is of this code.
+    """Identify by the energies of single pulses if a train is of this code.
 
     All pulses of a burst are equally strong. A burst of another code has pulses at some of this
     code's positions and none at others. So has a burst of this code if another of its pulses
@@ -133,7 +133,7 @@ def sender_of(
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
     capped = np.minimum(single.level[row].astype(np.float64), BURSTS.most_energy)
-    # Neighbouring slots belong to the pulse, too: the train's times are rough.
+    # Neighbouring slots belong to the pulse, too: the train's times are approximate.
     near = ndimage.maximum_filter1d(capped, 3)
     listened = near > 0.0
     reach = 2 * round((single.starts_s[-1] + BURSTS.beside_s) / slot_s)
@@ -173,7 +173,7 @@ def sender_of(
 def _inequality(
     over: NDArray[np.float64], weight: NDArray[np.float64], variance: float
 ) -> float:
-    """Chi-square of the energy sums of a burst's pulses, if all are equally strong."""
+    """Chi-square of a burst's pulse energies for the hypothesis that all are equally strong."""
     strength = np.maximum(over.mean(axis=1), 0.0)
     varies = variance + 2.0 * strength + (BURSTS.burst_scatter * strength) ** 2
     sums = weight @ over
@@ -209,7 +209,7 @@ def colliding_starts_s(
 
 
 def exponentials(mean: float, pulses: int) -> float:
-    """Number of noise bursts whose largest mean pulse energy has a given mean."""
+    """Number of noise bursts whose maximum of mean pulse energies has a given mean."""
     energy = np.arange(0.0, 12.0, 0.01)
     law = special.gammainc(pulses, pulses * energy)
     many = np.geomspace(1.0, 40.0, 400)

@@ -1,8 +1,8 @@
-"""A channel's samples as energies on a grid of slots and frequencies.
+"""Convert a channel's samples to energies on a grid of slots and frequencies.
 
 A slot is a quarter or a half of a pulse. Its energy is the largest matched-filter power of the
 windows that begin in it or within the tag's jitter of it. Energies are standardised: mean 0 and
-variance 1 in noise, 0 without samples. Signals loud enough to be detected alone are left out
+variance 1 in noise, 0 without samples. Signals strong enough to be detected alone are left out
 with their surroundings, so that no single event makes a train. Those that look like a pulse and
 not like an impulse are marked, and trains of marks are searched as well.
 """
@@ -43,21 +43,21 @@ class SlotEnergies:
     """(frequencies,) mean energy before standardisation, in units of the noise."""
     sigma: NDArray[np.float64]
     left_out: int
-    """Number of columns left out because they were too loud."""
+    """Number of columns excluded because a strong signal was received."""
     level: NDArray[np.float32]
-    """(frequencies, slots) largest power over noise, loud pulses included, or 0."""
+    """(frequencies, slots) maximum power over noise, strong pulses included; 0 if excluded."""
     loud: NDArray[np.bool_]
-    """(frequencies, slots) True for a pulse loud enough to be detected alone."""
+    """(frequencies, slots) True for a pulse strong enough to be detected alone."""
     listened: NDArray[np.bool_]
     """(slots,) True where there were samples."""
     pulses: int = 1
-    """Number of pulses in a burst of a coded tag, whose energy is their mean; else 1."""
+    """Number of pulses in a coded tag's burst, whose energy is their mean; otherwise 1."""
     single: SinglePulses | None = None
     """Energies of single pulses of a coded tag; None for other tags."""
 
     @property
     def time_s(self) -> NDArray[np.float64]:
-        """(slots,) middles of the slots, from `start_ns` [s]."""
+        """(slots,) middles of the slots, relative to `start_ns` [s]."""
         return np.asarray((np.arange(len(self.heard)) + 0.5) * self.slot_s)
 
     @property
@@ -67,7 +67,7 @@ class SlotEnergies:
         return self.start_ns + round(length_s * NANOSECONDS_PER_SECOND)
 
     def between(self, first: int, end: int) -> "SlotEnergies":
-        """Slots from one number to another, without a new standardisation."""
+        """Slots from one number to another, not standardised again."""
         start_s = first * self.slot_s
         return replace(
             self,
@@ -81,7 +81,7 @@ class SlotEnergies:
         )
 
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(slots,) True for slots with an energy not near times (n,) from `start_ns`."""
+        """(slots,) True for slots with an energy, but not near times (n,) after `start_ns`."""
         return self.heard & self._beyond(time_s)
 
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -93,7 +93,7 @@ class SlotEnergies:
         return ~gone
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
-        """Copy without energies near given times (n,) from `start_ns`."""
+        """Copy without energies near given times (n,) after `start_ns`."""
         return self.where(self._beyond(time_s))
 
     def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
@@ -224,7 +224,7 @@ def gather(
             <= gap
             < ENERGY.most_gap_s * sample_rate_hz
         ):
-            set_by += gap  # a clock that was set
+            set_by += gap  # the clock was set
             gap = 0
         if gap >= least:
             gaps.append((end, end + gap))
@@ -303,7 +303,7 @@ def slot_energies(
         quiet, whole = bursts.heard, bursts.listened
     heard = ~_spread(~quiet, reach)
     count = max(0, (columns - 2 * reach - per_slot) // per_slot)
-    # Slot s begins at column s × per_slot + reach; its value is looked at from its middle.
+    # Slot s begins at column s × per_slot + reach; the search is around its middle.
     at = np.arange(count) * per_slot + per_slot // 2
     level = _tops(power, reach, at)
     marked = _tops(seen.astype(np.float32), reach, at) > 0.0
@@ -355,7 +355,7 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 def _channel_columns(
     samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Largest sample over noise in each column, and True where the whole channel is loud."""
+    """Maximum sample over noise in each column, and True if the whole channel is strong."""
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
     beyond = -(-window // hop)
@@ -402,14 +402,14 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> NDArray[np.bool_]:
-    """Divide by the noise of each row and time, in place; returns True for loud columns."""
+    """Divide by the noise of each row and time, in place; returns True for strong columns."""
     columns = power.shape[1]
     loud = np.zeros(columns, bool)
     side = ENERGY.level_rows // 2
     for part in _stretches(columns, length):
         some, good = power[:, part], whole[part]
         if np.count_nonzero(good) < length // 8:
-            loud[part] = True  # too little to know the noise
+            loud[part] = True  # too few samples to estimate the noise
             some[:] = 0.0
             continue
         medians = np.median(some[:, good], axis=1)

@@ -1,4 +1,4 @@
-"""Sums over all pulses of a flight, for every interval and phase at once.
+"""Sum energies over all pulses of a flight, for every interval and phase at once.
 
 The fast folding algorithm (Staelin 1969, Proc. IEEE 57, 724): rows of one base period are added
 in pairs, pairs in pairs, each time with all shifts for intervals between the base period and
@@ -48,7 +48,7 @@ def _fold_numpy(
     rows = fold_rows(slots, period)
     now = np.zeros((rows, 1, period, many), np.float32)
     now.reshape(-1, many)[:slots] = values.T
-    # Two arrays for all levels: new pages for each would take as long as the sums.
+    # Two arrays for all levels: allocating new pages would take as long as the sums.
     other = np.empty_like(now)
     blocks, size = rows, 1
     while blocks > 1:
@@ -70,7 +70,7 @@ def _fold_numpy(
 def highest(
     sums: NDArray[np.float32], mixing: NDArray[np.float32], scale: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Mix the sums of patterns for each place, and find the highest of all cells.
+    """Mix the sums of patterns for each position, and find the highest of all cells.
 
     `sums`: shape (patterns, rows, period).
     `mixing`: shape (places, patterns).
@@ -92,7 +92,7 @@ def highest(
 
 
 def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
-    """Slots whose sum is the cell of a fold at a row and phase; `slots` were folded."""
+    """Indices of the slots that a fold adds in the cell at a row and phase."""
     rows = fold_rows(slots, period)
     levels = rows.bit_length() - 1
     number = np.arange(rows)

@@ -1,7 +1,7 @@
-"""Slot energies of a flight in progress: each half minute is measured once and then stored.
+"""Measure slot energies of a flight in progress: each half minute once, then stored.
 
-They equal those of a whole recording: a block is measured with its neighbours on both sides,
-and standardised together with all others.
+The energies equal those of a whole recording: a block is measured with its neighbours on both
+sides, and standardised together with all others.
 """
 
 import math
