@@ -111,7 +111,7 @@ def _measured_table(found: Measured) -> str:
         "",
         f"So an hour of recording ({hour_bytes / GB:.0f} GB) is {found.hour_cpu_s:.0f} s of "
         f"one core: {found.core_bytes_a_second / GB:.2f} GB/s, or "
-        f"{HOUR_S / found.hour_cpu_s:.0f} times real time. More tags cost more, slowly.",
+        f"{HOUR_S / found.hour_cpu_s:.0f} times real time. More tags cost little more.",
     ]
     return "\n".join(lines)
 
@@ -124,7 +124,7 @@ def _sum_table(found: Measured) -> str:
     lead_in, written = f"{100 * (more - 1.0):.0f} %", f"{WRITING_S * pulses / 60:.0f} min"
     return "\n".join(
         [
-            f"**100 TB on {MACHINES} machines**, on paper, from these figures "
+            f"**100 TB on {MACHINES} machines**, computed from these figures "
             "(`python -m uavrt_experiments.archive_sum`):",
             "",
             f"| | whole archive | {MACHINES} machines of {CORES} cores |",

@@ -88,9 +88,9 @@ def bars_kept(rows: Sequence[Row]) -> str:
     missed = [row for row in barred if not row.met]
     sure = sum(row.contradicted for row in missed)
     return (
-        f"{len(barred) - len(missed)} of {len(barred)} bars met; of the {len(missed)} not met "
-        f"{sure} beyond the 95 % interval"
-        + (f"; {unshown} more not shown" if (unshown := len(asked) - len(barred)) else "")
+        f"{len(barred) - len(missed)} of {len(barred)} requirements met; of the {len(missed)} "
+        f"missed, {sure} lie outside the 95 % interval"
+        + (f"; {unshown} more are not shown" if (unshown := len(asked) - len(barred)) else "")
     )
 
 

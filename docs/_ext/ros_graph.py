@@ -40,13 +40,13 @@ class RosGraph(SphinxDirective):
         if what == "graph":
             return [nodes.raw("", drawing(), format="html")]
         if what == "nodes":
-            return [_table(("node", "speaks of"), list(NODES.items()))]
+            return [_table(("node", "subject"), list(NODES.items()))]
         if what == "topics":
             rows: Rows = [
                 (
                     topic.name,
                     f"{topic.message.ros_name}\n{topic.publisher} → "
-                    f"{', '.join(topic.subscribers) or 'whoever listens'}\n{topic.meaning}",
+                    f"{', '.join(topic.subscribers) or 'any subscriber'}\n{topic.meaning}",
                 )
                 for topic in TOPICS.values()
             ]

@@ -9,7 +9,7 @@ from uavrt_experiments.search.scenario import Contender
 
 OURS = Contender(planner="mi_rate")
 DRONE = replace(OURS, stop="ours")
-"""Ours as a drone flies it."""
+"""Our planner as the drone's own program flies it."""
 
 
 def test_the_drone_keeps_away_from_nine_and_finds_them_without_dithering() -> None:

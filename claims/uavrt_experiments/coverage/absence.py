@@ -118,7 +118,7 @@ def silence_rows(kind: Silence, kept: KeptOutcomes) -> list[Row]:
     return [
         Row.with_interval(
             kind.experiment,
-            "share of areas said to be empty with .94 to .96 that are",
+            "empty share of areas with probability .94 to .96",
             f"{kind.case} over hills, ± {SIGMA_DB:g} dB",
             share_of(sum(empty), len(empty)),
             len(empty),

@@ -57,7 +57,7 @@ class OverHillsCase:
 CASES = (
     OverHillsCase(name="a ridge", ridge=True),
     OverHillsCase(name="hills"),
-    OverHillsCase(name="a ridge that takes 1.3 times as much", ridge=True, loss_factor=1.3),
+    OverHillsCase(name="a ridge with 1.3 times the loss", ridge=True, loss_factor=1.3),
 )
 
 

@@ -205,4 +205,4 @@ def _cases() -> tuple[Case, ...]:
     return tuple(cases)
 
 
-E1 = Experiment(name="E1", title="False alarms as often as asked for", cases=_cases())
+E1 = Experiment(name="E1", title="False alarms compared with the nominal rate", cases=_cases())

@@ -102,9 +102,9 @@ def write_results(directory: Path, results: Results) -> list[Path]:
 def markdown(results: Results) -> str:
     """Format the whole table as a Markdown page."""
     parts = [
-        "# What the detector reaches",
-        "Written by `uavrt experiment detection`. A bar is met or not by the measured "
-        "value alone; the table notes bars inside the 95 % interval.",
+        "# Results: detection",
+        "Written by `uavrt experiment detection`. The measured value decides whether a bar "
+        "(requirement) is met; the table notes bars inside the 95 % interval.",
         f"{bars_kept(results.rows)}.",
     ]
     for name, experiment in EXPERIMENTS.items():
@@ -119,7 +119,7 @@ def markdown(results: Results) -> str:
         ]
         parts += [
             f"## {name}: {experiment.title}",
-            f"Version {origin.version}, {origin.trials} trials for a point of a Pd curve, "
+            f"Version {origin.version}, {origin.trials} trials for each point of a Pd curve, "
             f"seed {origin.seed}.",
             *([origin.measured] if origin.measured else []),
             "\n".join(lines),

@@ -199,14 +199,14 @@ def _time_rows(case: str, kept: Sequence[TimesKept], share: float) -> list[Row]:
     lost = sum(k.lost for k in kept)
     named = [k.found - k.unsure for k in kept]
     if not share:
-        rows.append(_count("samples called lost, none being", case, sum(named), len(kept)))
+        rows.append(_count("samples reported lost, while none is", case, sum(named), len(kept)))
     elif share > 0.001:
         ratios = [n / k.lost for n, k in zip(named, kept, strict=True) if k.lost]
         error = 2.0 * float(np.std(ratios)) / math.sqrt(max(len(ratios), 1))
         rows.append(
             Row.with_interval(
                 "E9",
-                "samples called lost over those lost",
+                "samples reported lost over those lost",
                 case,
                 (sum(named) / lost, sum(named) / lost - error, sum(named) / lost + error),
                 len(kept),

@@ -177,7 +177,7 @@ def _curve(
         made = [level_row("I3" if kinds else "I2", case, bar_db, found)]
         if known:
             verdicts = [(one.enr_db, bool(one.known)) for one in outcomes]
-            made.append(level_row("I2", f"{case}, by who knows the place", None, verdicts))
+            made.append(level_row("I2", f"{case}, place known to the search", None, verdicts))
         return made
 
     return Case(
@@ -244,7 +244,7 @@ def _agreement(outcomes: Sequence[Both]) -> list[Row]:
 
 I2 = Experiment(
     name="I2",
-    title="How weak a tag may be",
+    title="Sensitivity to weak tags",
     cases=(
         _curve(turning(), 3.2),
         _curve(stops(), 3.3),

@@ -180,8 +180,8 @@ def _flown_case(name: str, each: tuple[World, ...], *, placed: bool, trials: int
             return [
                 level_row("I6", f"{name}, {way}", None, points)
                 for way, points in (
-                    ("each judged alone", [(one.enr_db, one.alone) for one in outcomes]),
-                    ("judged together", [(one.enr_db, one.found) for one in outcomes]),
+                    ("each evaluated alone", [(one.enr_db, one.alone) for one in outcomes]),
+                    ("evaluated together", [(one.enr_db, one.found) for one in outcomes]),
                 )
             ]
         held = [float(one.held) for one in outcomes if one.held is not None]

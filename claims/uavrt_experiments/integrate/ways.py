@@ -99,7 +99,7 @@ def _share(what: str, case: str, good: Sequence[bool], least: float, note: str) 
 
 I7 = Experiment(
     name="I7",
-    title="Ways to one verdict",
+    title="Methods that must agree",
     cases=(
         Case(
             name="samples and energies",

@@ -32,9 +32,7 @@ class RotationCase:
         text = f"{self.antenna}, {self.pulses} pulses, {self.snr_db:g} dB"
         text += f", fading {self.fading_db:g}"
         return (
-            text
-            if self.threshold_db is None
-            else f"{text}, heard from {self.threshold_db:g} dB"
+            text if self.threshold_db is None else f"{text}, threshold {self.threshold_db:g} dB"
         )
 
 

@@ -39,9 +39,9 @@ class Case:
 
 
 CASES = (
-    Case(name="survey told 40 m, true 20 m", height_m=20.0),
-    Case(name="survey told 40 m, true 60 m", height_m=60.0),
-    Case(name="survey told 40 m, true 80 m", height_m=80.0),
+    Case(name="survey, assumed 40 m, true 20 m", height_m=20.0),
+    Case(name="survey, assumed 40 m, true 60 m", height_m=60.0),
+    Case(name="survey, assumed 40 m, true 80 m", height_m=80.0),
     Case(name="survey, all drawn", drawn=True),
 )
 

@@ -76,15 +76,15 @@ def _trackerbots(name: str, title: str, threshold_db: float, *bars: Bar) -> Scen
 
 T1 = _trackerbots(
     "T1",
-    "TrackerBots, every pulse heard",
+    "TrackerBots, every pulse detected",
     -1000.0,
     Bar(quantity="error, mean, m", most=12.5),
     Bar(quantity="time, mean, s", most=160.0),
-    Bar(quantity="way, mean, km", most=0.75),
+    Bar(quantity="path, mean, km", most=0.75),
 )
 T2 = _trackerbots(
     "T2",
-    "TrackerBots, heard from -70 dBm",
+    "TrackerBots, pulses detected from -70 dBm",
     -70.0,
     Bar(quantity="error, mean, m", most=12.5),
     Bar(quantity="time, mean, s", most=260.0),
@@ -201,7 +201,7 @@ T5_19 = _conservationbots("T5-19", 19, 1665.0)
 T6 = replace(
     T5,
     name="T6",
-    title="The same nine over hills of 200 m, of which there is a map; easier: flat",
+    title="The nine animals of T5 over hills of 200 m, with a map of them; easier: flat",
     truth=replace(T5.truth, ground=Hills(seed=6)),
     known=replace(T5.known, map_of_heights=True),
     # 60 m above the highest top: a search flies at one height above its take-off.
@@ -254,7 +254,7 @@ _EASIER = tuple(
 _STRENGTHS = replace(
     T2,
     name="T8",
-    title="Strength (± 10 dB) and exponent (2 to 4) unknown; easier: each is told",
+    title="Strength (± 10 dB) and exponent (2 to 4) unknown; easier: both known",
     truth=replace(T2.truth, level_spread_db=10.0, exponent_range=(2.0, 4.0)),
     known=Known(level_sigma_db=6.0, exponent_sigma=0.6),
     bars=(Bar(quantity="time over that of the easier case", most=1.5),),
@@ -294,7 +294,7 @@ _TOGETHER = tuple(
 T2_DRONES = replace(
     T2,
     name="T2-drones",
-    title="The same by one drone, two and three, from one corner and from several",
+    title="T2 flown by one drone, two and three, from one corner and from several",
     bars=(
         Bar(quantity="time, mean, s"),
         Bar(quantity=FASTER.format(2), least=1.6),

@@ -238,7 +238,7 @@ def process_page(
     heads, lines = _figure_lines(rows)
     for line, one in zip(lines, rows, strict=True):
         line[2] = line[2] if one.met else f"**{line[2]}**"
-    parts = [f"## {PROCESSES}: A handful of searches through the real processes"]
+    parts = [f"## {PROCESSES}: Searches by the real processes"]
     parts += [f"`{command}`", code]
     for names, cells in (flight_lines(flights), (heads, lines)):
         parts.append(markdown((names, *cells)))

@@ -129,7 +129,7 @@ def _rows(scenario: Scenario, one: Flown) -> list[Row]:
         ("time, median, s", times, median),
         ("time, p90, s", times, tenth_worst),
         ("time, p95, s", times, p95),
-        ("way, mean, km", [run.distance_m / 1e3 for run in runs], mean),
+        ("path, mean, km", [run.distance_m / 1e3 for run in runs], mean),
         (_COMPLETE, [float(run.complete) for run in runs], share),
         ("decision, median, ms", [1e3 * s for run in runs for s in run.decision_s], median),
     ]

@@ -26,7 +26,8 @@ def test_nothing_wrong_in_a_few_hours_is_no_bar_met() -> None:
     assert row.verdict == "not shown"
     assert row.note == "at most 0.132; see the power law of `benchmarks coded`"
     assert bars_kept([row]) == (
-        "0 of 0 bars met; of the 0 not met 0 beyond the 95 % interval; 1 more not shown"
+        "0 of 0 requirements met; of the 0 missed, 0 lie outside the 95 % interval; "
+        "1 more are not shown"
     )
 
 

@@ -152,7 +152,7 @@ def test_the_command_writes_table_and_curve_and_keeps_earlier_rows(
     assert run() == 0
     shown = capsys.readouterr().out
     assert "E2: Pd of single decisions" in shown
-    assert "bars met" in shown
+    assert "requirements met" in shown
     assert (tmp_path / "pd.png").read_bytes().startswith(b"\x89PNG")
     first = read_results(tmp_path / "results.json")
     assert {row.experiment for row in first.rows} == {"E2"}

@@ -93,7 +93,7 @@ def test_the_command_prints_the_table_and_writes_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     localization(runs=3, only="L5", output=tmp_path / "bars.csv")
-    assert "of 1 bars met" in capsys.readouterr().out
+    assert "of 1 requirements met" in capsys.readouterr().out
     with (tmp_path / "bars.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["experiment"] for row in rows] == ["L5", "L5"]

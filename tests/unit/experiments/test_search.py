@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 
 OURS = Contender(planner="mi_rate")
 DRONE = replace(OURS, stop="ours")
-"""Ours as a drone flies it."""
+"""Our planner as the drone's own program flies it."""
 
 
 def test_worlds_of_one_seed_are_the_same_for_every_planner() -> None:

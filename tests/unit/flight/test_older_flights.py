@@ -5,6 +5,7 @@ from pathlib import Path
 
 import made
 import numbered
+import pytest
 from sql import sql
 
 from uavrt.core.messages import FlightInfo, PulsePose
@@ -25,19 +26,22 @@ CREATE TABLE pulses (
 """
 
 
-def record_and_age(info: FlightInfo) -> list[PulsePose]:
-    """Record a flight and make its database one of version 1."""
+def record_and_age(info: FlightInfo, version: int = 1) -> list[PulsePose]:
+    """Record a flight and give its database the columns of version 1."""
     recorded = [numbered.pulse_pose(number) for number in range(5)]
     made.flight(info, pulse_poses=recorded)
     sql(info.directory, "ALTER TABLE pulses RENAME TO newer", PULSES_OF_VERSION_1)
     columns = ", ".join(row[1] for row in sql(info.directory, "PRAGMA table_info(pulses)"))
     copy = f"INSERT INTO pulses ({columns}) SELECT {columns} FROM newer"
-    sql(info.directory, copy, "DROP TABLE newer", "PRAGMA user_version=1")
+    sql(info.directory, copy, "DROP TABLE newer", f"PRAGMA user_version={version}")
     return recorded
 
 
-def test_a_flight_of_version_1_is_read_by_all_that_read_flights(info: FlightInfo) -> None:
-    recorded = record_and_age(info)
+@pytest.mark.parametrize("version", [1, VERSION])
+def test_a_flight_without_later_columns_is_read_by_all_that_read_flights(
+    info: FlightInfo, version: int
+) -> None:
+    recorded = record_and_age(info, version)
     assert read_flight(info.directory).pulse_poses == tuple(recorded)
     waiting, more = undelivered(info.directory, store=1, limit=10)
     assert (waiting, more) == (recorded[::-1], False)

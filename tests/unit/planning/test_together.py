@@ -125,7 +125,7 @@ def test_what_another_drone_will_hear_counts_no_more() -> None:
 
 
 def test_two_find_all_sooner_than_one_and_stay_apart() -> None:
-    """T2 in short, with four animals, flown as drones fly it."""
+    """Short T2 with four animals, flown by the drone's own program."""
     short = replace(SCENARIOS["T2"], tags=4)
     one, two = (
         FlightOfDrones(short, replace(ONE, stop="ours", drones=count, corners=True), 2).flown()

@@ -58,7 +58,7 @@ def ratio(over: list[float], under: list[float]) -> tuple[float, float, float]:
 
 
 def flown_pair(scenario: Scenario, seed: int) -> tuple[Outcome, Outcome]:
-    """Fly a table's search as drones of the tables do, and behind the link."""
+    """Fly a table's search as the tables do, and behind the link."""
     alone = FlightOfDrones(scenario, OURS, seed).flown()
     flight = FlightOfDrones(scenario, OURS, seed, BehindTheLink)
     linked = flight.flown()

@@ -116,7 +116,7 @@ def export(
     output
         Directory for the files: a folder for each flight, and the GeoParquet files.
     formats
-        Any of csv, uavrt, geojson, kmz, gpx, geopackage, movebank, geoparquet; by default all.
+        Any format of uavrt export but geotiff, or geoparquet; by default all.
     flights
         Only these; by default all that have pulses.
     """

@@ -37,7 +37,7 @@ class Topic:
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
-        Topic("assignment", Assignment, "what a starting process is to do; its first record"),
+        Topic("assignment", Assignment, "task of a starting process"),
         Topic("pulse", messages.Pulse, "a pulse that a detector found"),
         Topic(
             "search_report",
@@ -50,30 +50,25 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "pulse_pose",
             messages.PulsePose,
-            "a pulse with the antenna's pose, or the word that there is none",
+            "a pulse with the antenna's pose, or with the note that it is unknown",
         ),
-        Topic("recorded", messages.Recorded, "which of them are safe on disk"),
+        Topic("recorded", messages.Recorded, "pulses that are safely on disk"),
         Topic(
             "taken",
             messages.Taken,
-            "how many records are dealt with for good; the rest would be sent again",
+            "number of records processed; later ones are sent again after a restart",
         ),
         Topic(
             "bearing",
             messages.LiveBearing,
-            "a bearing estimated on the drone, where its table has the estimator",
+            "a bearing computed on the drone, if the estimator runs",
             newest=50,
         ),
-        Topic(
-            "beep",
-            messages.Beep,
-            "a sender of pulses that was found without knowing any tag",
-            newest=100,
-        ),
+        Topic("beep", messages.Beep, "a sender of pulses found without a tag list", newest=100),
         Topic(
             "delivered",
             messages.Delivered,
-            "pulses that reached a ground station, never to be sent again",
+            "pulses that a ground station has stored; not sent again",
         ),
         Topic(
             "poses",
@@ -86,20 +81,15 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "corrected_tags",
             messages.FlightInfo,
-            "the flight goes on with other values of its tags",
+            "the flight continues with changed tag values",
         ),
         Topic(
             "flight_end",
             messages.FlightInfo,
             "the flight has ended and all its pulses are on their way",
         ),
-        Topic("motion", messages.MotionRequest, "a motion that an operator asks for", newest=1),
-        Topic(
-            "motion_offer",
-            messages.MotionOffer,
-            "what would be flown, for the operator to confirm",
-            newest=1,
-        ),
+        Topic("motion", messages.MotionRequest, "a motion that an operator requests", newest=1),
+        Topic("motion_offer", messages.MotionOffer, "a motion to be confirmed", newest=1),
         Topic(
             "vehicle",
             messages.VehicleReport,
@@ -108,10 +98,8 @@ TOPICS: dict[str, Topic] = {
             every_s=0.1,
         ),
         Topic("vehicle_fence", messages.VehicleFence, "the autopilot's own fence", newest=1),
-        Topic("wish", messages.VehicleWish, "what the guide wishes of the vehicle", newest=4),
-        Topic(
-            "course", messages.Course, "where the drone is going, for others that fly", newest=2
-        ),
+        Topic("wish", messages.VehicleWish, "the guide's requested motion", newest=4),
+        Topic("course", messages.Course, "the drone's planned path", newest=2),
         Topic(
             "neighbour",
             messages.Neighbour,
@@ -121,20 +109,24 @@ TOPICS: dict[str, Topic] = {
         Topic(
             "search_note",
             messages.SearchNote,
-            "what a search has decided or found, and why",
+            "a search's decision or found tag, with the reason",
             newest=200,
         ),
-        Topic("command", messages.Command, "what an operator asks"),
+        Topic("command", messages.Command, "an operator's command"),
         Topic("command_reply", messages.CommandReply, "the supervisor's answer"),
         Topic(
             "operation",
             messages.Operation,
-            "how far something is that takes longer than its command",
+            "progress of an operation that takes longer than its command",
         ),
         Topic("settings", Settings, "the settings after an operator has changed one", newest=1),
         Topic("status_text", messages.StatusText, "a short text for the operator", newest=100),
         Topic(
-            "health", messages.Health, "what a process says of itself", newest=100, every_s=1.0
+            "health",
+            messages.Health,
+            "state and counters of a process",
+            newest=100,
+            every_s=1.0,
         ),
         Topic(
             "system_status",

@@ -174,8 +174,7 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
 
 def read_older(database: sqlite3.Connection) -> None:
     """Read the columns that an older flight lacks as NULL; raises `sqlite3.Error`."""
-    (version,) = database.execute("PRAGMA user_version").fetchone()
-    for table, columns in _lacking(database).items() if version < VERSION else ():
+    for table, columns in _lacking(database).items():
         nulls = ", ".join(f"NULL AS {column}" for column in columns)
         database.execute("PRAGMA temp_store=MEMORY")
         # Temporary views take precedence over tables of the same name.

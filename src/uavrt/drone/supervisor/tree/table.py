@@ -94,7 +94,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="recorder",
         module="uavrt.drone.processes.recorder",
-        meaning="writes the flight directory; makes up for poses that never come",
+        meaning="writes the flight directory; adds poses that the connection did not supply",
         runs=always,
         consumes=(
             "pulse",
@@ -161,7 +161,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="estimator",
         module="uavrt.drone.processes.estimator",
-        meaning="bearings on the drone; without it the ground alone makes them",
+        meaning="computes bearings on the drone; otherwise only the ground does",
         runs=always,
         configured=with_bearings_on_drone,
         consumes=("pulse_pose", "poses", "flight", "health"),
@@ -173,7 +173,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="integrator",
         module="uavrt.analysis.integrated.integrator",
-        meaning="tags below the noise, searched in the flight so far",
+        meaning="finds tags below the noise from the whole flight so far",
         runs=always,
         configured=with_integration_on_drone,
         consumes=("flight", "flight_end"),
@@ -185,7 +185,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="guide",
         module="uavrt.drone.processes.guide",
-        meaning="flies what an operator has confirmed; without it nothing moves",
+        meaning="flies orders that an operator has confirmed; without it uavrt moves nothing",
         runs=always,
         configured=with_guide,
         consumes=(
@@ -206,7 +206,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
     ProcessRow(
         name="ros2",
         module="uavrt.drone.processes.ros2_gateway",
-        meaning="shows everything as ROS 2 nodes and topics; takes commands from there",
+        meaning="publishes ROS 2 nodes and topics; accepts commands by ROS 2",
         runs=always,
         configured=with_ros2,
         consumes=(
