@@ -84,9 +84,9 @@ def run_batch(
     Raises
     ------
     RecordingError
-        Another run writes there, or it cannot be written.
+        Another run writes to the output, or the output cannot be written.
     UsageError
-        The extra is missing, or a step of the settings cannot run.
+        The extra ``uavrt[batch]`` is missing, or a step of the settings cannot run.
     """
     settings.check()
     need_pyarrow()

@@ -55,7 +55,7 @@ def export_archive(
     formats : sequence of str, optional
         From `FORMATS`; None: all.
     flights : sequence of str, optional
-        Only these.
+        Names of the flights to write; None: all.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def export_archive(
 
 
 def folder_for(directory: Path, flight: str) -> Path:
-    """Folder name of a flight, made valid for all operating systems."""
+    """Folder of a flight in `directory`, with a name that is valid on all operating systems."""
     parts = (encoded(one, _IN_NAMES) for one in flight.split("/"))
     return directory.joinpath(
         *(one if one.strip(".") else one.replace(".", "%2E") for one in parts)

@@ -1,7 +1,7 @@
 """Read recordings in object stores in pieces, without a local copy.
 
-A sparse local file of the true size, with only the first and last bytes, lets the readers of
-SigMF, WAV and raw files find the samples. These are then read from the store.
+A sparse local file has the true size, but only the first and last bytes. In it, the readers of
+SigMF, WAV and raw files find the samples, which are then read from the store.
 """
 
 import sys
@@ -141,7 +141,7 @@ class _StoredBytes:
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Write a sparse local file of a stored file's name and size, with its ends."""
+    """Write a sparse local file with a stored file's name, size, first and last bytes."""
     copy = folder / PurePosixPath(url).name
     with _store_errors(url):
         system, path = _opened(url)

@@ -66,7 +66,7 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
 
 
 def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Convert a path of latitudes and longitudes [deg] to a plane; returns as `read_places`."""
+    """Project a path of latitudes and longitudes [deg]; returns the same as `read_places`."""
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
     east, north = plane.to_local(latitude, longitude)

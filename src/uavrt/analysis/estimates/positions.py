@@ -63,8 +63,8 @@ def read_positions(
     """Estimate the positions of tags from flights, logs and files of bearings.
 
     `*paths` are flights, pulse logs of any kind, folders of them, and files of bearings
-    (bearings.csv, or noted by hand). All bearings of a tag give one position, on the assumption
-    that it rests. Positions in a positions.csv, or an estimate CSV of UCSD's tracker, are
+    (bearings.csv, or noted by hand). All bearings of a tag give one position, assuming that
+    the tag rests. Positions in a positions.csv, or an estimate CSV of UCSD's tracker, are
     returned unchanged.
     Without an antenna in `how`, each flight's own is used, RA-23K for other logs, and a
     monopole for UCSD's pings. `warn` receives warnings about a log.
@@ -276,7 +276,7 @@ def _positions_of_turns(
     """Estimate positions from bearings and signal strengths; a tag without either gets the
     reason.
 
-    `standing` has logs of a whip at one place, which give no bearing.
+    `standing` has logs of a whip antenna at a fixed position, which give no bearing.
     """
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
@@ -380,7 +380,7 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """Positions in the original's positions.csv; ``bayes`` returns those of all methods."""
+    """Positions in an original positions.csv by one method; by all methods for ``bayes``."""
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):

@@ -33,8 +33,8 @@ _GEO_KEYS = (
 def geotiff_bytes(grid: PositionGrid, description: str) -> bytes:
     """Encode a heat map as GeoTIFF.
 
-    The northern axis of `grid` may run either way. `description` becomes the image description
-    tag.
+    The northern axis of `grid` may ascend or descend. `description` becomes the image
+    description tag.
     """
     rising = grid.north_m[-1] >= grid.north_m[0]
     pixels = np.asarray(grid.probability, "<f4")

@@ -1,8 +1,8 @@
 """Find copies of one flight: the drone's own record and those of ground stations.
 
-Records with pulses are compared by these, records without by their times. To keep the run time
-proportional to the number of flights, each flight is compared with few others: those that share
-some randomly chosen pulses, or its time span.
+Records with pulses are compared by these, records without by their times. Each flight is
+compared only with flights that share some randomly chosen pulses, or its time span. So the run
+time is proportional to the number of flights.
 """
 
 from bisect import bisect_left, bisect_right
@@ -25,8 +25,8 @@ SAME_LEVEL_DB = 0.1
 SAME_SPAN = 0.9
 """Least time overlap of two records of one flight without pulses, as a share of the longer."""
 _PROBES = 32
-"""Pulses of a flight that are looked up in all others. If a quarter of the pulses agree, one
-pair of records in 900 shares fewer than two of them."""
+"""Number of a flight's pulses that are searched for in all other flights. If a quarter of the
+pulses agree, one pair of records in 900 shares fewer than two of them."""
 _FEW = 8
 """Number of pulses below which two flights are compared if a single pulse agrees."""
 

@@ -1,7 +1,7 @@
 """Noise that the drone itself causes in a flight, measured by its detectors.
 
-A receiver does not measure watts. So noise is given relative to the quietest time of the same
-receiver in the same flight: on the ground with motors off, or else the lowest tenth.
+A receiver does not measure watts. So noise is relative to the receiver's quietest time in
+the same flight. That is the time on the ground with motors off, or else the lowest tenth.
 """
 
 from dataclasses import dataclass

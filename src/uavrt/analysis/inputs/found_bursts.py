@@ -40,7 +40,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
     A pulse that several antennas of a station received counts once, where it is strongest. Each
     pulse belongs to one burst at most: the one whose gaps fit best. If the gaps of several tags
-    fit, the interval to other bursts decides; if that is unclear, the burst lists the others. A
+    fit, the interval to other bursts decides; if that is unclear, the burst lists the other ids. A
     burst is confirmed if another of its tag lies whole burst intervals away.
     Raises `UsageError` if no tag in `tags` has a code.
     """
@@ -93,9 +93,7 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Assign bursts to tags by burst interval; returns other possible ids, and the confirmed
-    bursts.
-    """
+    """Assign bursts to tags by burst interval; adds other possible ids, and if confirmed."""
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {
         tag_id: np.array(

@@ -1,6 +1,6 @@
 """Find the times at which a flight has samples for a tag.
 
-Coverage excludes times without samples: the ring buffer of a channel overwrites its beginning,
+Coverage excludes times without samples. The ring buffer of a channel overwrites its beginning,
 a full card ends it, and a recording may be shorter than the flight.
 """
 
@@ -17,7 +17,7 @@ Stretch = tuple[int, int]
 """Start and end of a time span [ns, UTC]."""
 _SECOND = NANOSECONDS_PER_SECOND
 _COMPLETE_SHARE = 0.95
-"""Share of the flight with samples above which missing ones are not mentioned."""
+"""Share of the flight with samples above which missing samples are not mentioned."""
 _POSELESS_SHARE = 0.02
 _POSE_REACH_NS = 2 * _SECOND
 

@@ -48,8 +48,8 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 def fold_of(one: IntegratedTag) -> FlightFold:
     """Fold a flight at a tag's interval, with energies weighted as in the search.
 
-    The search excludes pulses strong enough to be detected singly. Here those of any source
-    count as in `train_pulses`, slightly more than others.
+    The search excludes pulses that are strong enough to be detected singly. The fold includes
+    them with a limited energy, as in `train_pulses`.
     """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
@@ -81,7 +81,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """Index of a tag's most likely place; of one not found, its strongest train's place."""
+    """Index of a tag's most likely place, or of the strongest train's place if not found."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

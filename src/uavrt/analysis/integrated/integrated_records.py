@@ -21,7 +21,7 @@ class OtherTrainRecord:
     interval_s: float
     frequency_hz: float
     ratio: str | None
-    """Ratio of its interval to the tag's, such as ``3/2``."""
+    """Ratio of this train's interval to the tag's, such as ``3/2``."""
     other_code: bool
 
 

@@ -282,7 +282,7 @@ def _metadata(file: str, counts: Counter[str], first_ns: int, last_ns: int) -> s
 
 
 def _qos_yaml(topic: str) -> str:
-    """Quality-of-service settings of a topic as YAML, with the numbers of rmw."""
+    """Quality-of-service settings of a topic as YAML, with the numeric codes of ROS 2's rmw."""
     forever = {"sec": 9223372036, "nsec": 854775807}
     late = topic == LOG_TOPIC
     return json.dumps(

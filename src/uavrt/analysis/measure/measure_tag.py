@@ -36,12 +36,12 @@ from uavrt.radio.source import SampleSource
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Samples kept before and after a pulse's middle [s]; the outer halves contain only noise."""
+"""Time cut out before and after a pulse's middle [s]; the outer halves contain only noise."""
 _MOST_SUSPECTS: Final = 8
 """Most frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Distance from a coded tag within which other short pulses are its own [Hz]."""
+"""Frequency difference to a coded tag below which other short pulses are its own [Hz]."""
 _SAME_INTERVAL_S: Final = 0.002
 """Difference in interval below which a beeping signal is part of a coded tag's bursts [s]."""
 _LEAST_ALIKE: Final = 0.6

@@ -26,7 +26,7 @@ _MOST_OFF: Final = 0.75
 
 
 class MaximumHold:
-    """Running maxima of spectra in fixed, evenly many columns, joined in pairs when full."""
+    """Running maxima of spectra in an even, fixed number of columns; joins pairs when full."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self._values = np.zeros((columns, rows), dtype=np.float32)

@@ -289,7 +289,7 @@ def _heat(chart: LocalMap, position: Position) -> None:
 
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
-    """Draw a tag's SNR map, and the strongest place with the ring that the tag is on."""
+    """Draw a tag's SNR map, its strongest place, and the circle on which the tag lies."""
     if signal.surface is not None:
         drawn = draw_surface(chart, signal.surface)
         target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
@@ -317,7 +317,7 @@ def draw_surface(
 
 
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
-    """Mark the place of strongest signal, and the ring that the tag is on."""
+    """Mark the place of strongest signal, and the circle around it on which the tag lies."""
     x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
     label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
     chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)

@@ -1,9 +1,9 @@
 """Give pulses the poses of another program's log, and estimate the clocks' offset.
 
-An unclear offset is rejected: if another one 5 s away fits nearly as well (misfit within 15 %),
-or if its standard deviation (jackknife over eighths of the flight) moves the headings of a turn
-by more than 3°. A single turn at a constant rate fits any offset with another bearing; starts,
-stops and several places remove the ambiguity.
+An offset is rejected if another one 5 s away fits nearly as well (misfit within 15 %). It is
+also rejected if its standard deviation (jackknife over eighths of the flight) moves the
+headings of a turn by more than 3°. A single turn at a constant rate fits any offset with
+another bearing; starts, stops and several places remove the ambiguity.
 """
 
 import math
@@ -122,8 +122,8 @@ def estimate_offset(
     SNR along the track is matched with the antenna's pattern and the distance, at the best
     place of each tag. A lone turn at a constant rate cannot separate offset from bearing;
     starts, stops and several turns can.
-    Raises `UsageError` if the logs have too little in common (fewer than 12 pulses or a quarter
-    of them), or if two offsets fit nearly as well, or if the remaining uncertainty moves the
+    Raises `UsageError` if the logs share too little: fewer than 12 pulses, or a quarter
+    of them. It is also raised if two offsets fit nearly as well, or if the uncertainty moves the
     headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:

@@ -25,7 +25,7 @@ def flight_of_track(
     """Make a flight of a track, with five antenna poses a second.
 
     `tags` are the tags searched for, and `name` is the flight's name in messages. `offset_s` is
-    how far the samples' clock is ahead, and is added to the track's times. `yaw_offset_deg` is
+    the lead of the samples' clock [s], and is added to the track's times. `yaw_offset_deg` is
     the antenna's boresight, clockwise from the nose. Raises `UsageError` if the track has no
     poses.
     """

@@ -40,7 +40,7 @@ from uavrt.radio.source import SampleSource
 POSITION_M = 2000.0
 """Radius of the 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
-"""Least probability for a separate place to be listed."""
+"""Minimum probability of a separate possible position that is listed."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
 """Most channels kept in memory at once; ten minutes of one are 36 MB."""
@@ -50,7 +50,7 @@ Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IntegratedTag:
-    """Whole-flight result for one tag, with the data behind it."""
+    """Whole-flight result for one tag, with the data from which it was computed."""
 
     tag: Tag
     found: bool

@@ -117,7 +117,7 @@ def judge_together(
 
     `judged` has each flight's own result at `share_alone`. `false_alarm_probability` is that of
     the joint decision for this tag. With `moves` the tag may be at another place in each
-    flight. `elevation` is that of the single flights.
+    flight. `elevation` is the terrain used for the single flights.
     Raises `ConfigError` for fewer than two flights, and `UsageError` if they are too far apart
     for one place.
     """

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import duckdb
 
 _LIMITS = {"threads": "1", "memory_limit": "100MB", "temp_directory": ""}
-"""DuckDB's limits; the station must receive pulses meanwhile. 10 million rows need 50 MB."""
+"""DuckDB's limits, so that the station can receive pulses. 10 million rows need 50 MB."""
 _FLOWN = """
 SELECT flight, min(path) AS path, min(start_time_ns) AS start_time_ns,
        max(start_time_ns + CAST(1e9 * (coalesce(length_s, 0)
@@ -77,14 +77,14 @@ def find_flights(
     tag_id : int, optional
         Only flights with confirmed pulses of this tag.
     since_ns, before_ns : int, optional
-        Only flights that ended at or after the one, and began before the other [ns since 1970].
+        Only flights that ended at or after `since_ns` and began before `before_ns` [ns, UTC].
     after, limit : int
         Number of flights to skip, and most to return.
 
     Raises
     ------
     FormatError
-        No batch has written there, or a file is damaged.
+        No batch has written to `archive`, or a file is damaged.
     UsageError
         The extra is missing.
     """

@@ -61,7 +61,7 @@ class Ledger(Generic[R]):
         self.damaged: dict[str, str] = {}
         """Reason for each missing or damaged file; its content is computed again."""
         self.withdrawn: set[str] = set()
-        """Files of rows that were removed because a table of theirs is damaged."""
+        """Files of rows that were removed because one of their tables is damaged."""
         try:
             self._load(thorough=thorough)
         except PermissionError as error:
@@ -101,7 +101,7 @@ class Ledger(Generic[R]):
     def record(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
         """Write a finished row, and remove the rows and tables that it replaces.
 
-        `files` are its tables, already on the disk; None keeps those of the row before. Raises
+        `files` are its tables, already on the disk; None: those of the previous row. Raises
         `OSError` if the directory cannot be written.
         """
         key, before = row.fingerprint, self.files(row.fingerprint)
@@ -165,8 +165,8 @@ class Ledger(Generic[R]):
     def _remove_strays(self) -> None:
         """Remove tables without a row, which an interrupted run left.
 
-        If damaged rows were set aside, in this or an interrupted run, tables are kept, since
-        they may belong to these. Files of other programs stay.
+        If this or an interrupted run set damaged rows aside, the tables stay, since they may
+        belong to those rows. Files of other programs stay.
         """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Number of files below which they are opened one by one."""
+"""Least number of new files that are copied by month; fewer are opened one by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
 """Longest wait for an interrupted query [s]; DuckDB cannot interrupt its functions."""

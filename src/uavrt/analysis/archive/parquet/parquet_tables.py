@@ -45,7 +45,7 @@ class RecordingRow:
     fault: str | None = None
     start_time_ns: int | None
     length_s: float | None = None
-    """Duration of the samples without lost ones [s]; None if unknown."""
+    """Duration of the samples, lost samples excluded [s]; None if unknown."""
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
     pulses: int

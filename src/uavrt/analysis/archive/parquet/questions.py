@@ -116,7 +116,7 @@ def check_archive(archive: Path) -> None:
 def in_archive(
     archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
 ) -> T:
-    """Run `query` with a DuckDB connection to an archive, and convert its errors to ours.
+    """Run `query` with a DuckDB connection to an archive; DuckDB's errors become uavrt's.
 
     `limits` are DuckDB settings such as `threads` and `memory_limit`. Raises `FormatError` if
     no batch has written there or a file is damaged, and `UsageError` if the query is wrong or
@@ -181,13 +181,13 @@ def keep_answers(archive: Path, index: Index) -> Index:
 
 
 def kept_answer(archive: Path, name: str) -> Path | None:
-    """Cached result of one of the queries `KEPT`; None unless it is of the present pulses."""
+    """Cached result of a query in `KEPT`; None if missing or older than the pulse tables."""
     place = _place(archive, name)
     return archive / place if place in read_index(archive)[0] else None
 
 
 def _place(archive: Path, name: str) -> str:
-    """File of a cached result, named after the content of all pulse files."""
+    """Path of a cached result's file, named after the content of all pulse files."""
     whole = archive.absolute()
     said = f"{source_of(whole, PULSES)} {SCHEMA_VERSION}".replace(str(whole), "")
     state = hashlib.sha256(said.encode()).hexdigest()[:16]

@@ -29,7 +29,7 @@ class BatchSettings:
     placing: PlacingSettings = field(default_factory=PlacingSettings)
 
     def check(self) -> None:
-        """Reject unknown steps, and steps without one that they need; raises `UsageError`."""
+        """Reject unknown steps, and steps that lack a step they need; raises `UsageError`."""
         if unknown := sorted(set(self.steps) - set(STEPS)):
             raise NotFound(
                 f"there is no step {unknown[0]}", remedy=f"Choose from {', '.join(STEPS)}"

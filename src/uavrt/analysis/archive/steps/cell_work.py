@@ -143,7 +143,7 @@ def _chain(task: CellTask, source: RecordingSource) -> DetectionChain:
 
 
 def _gone(task: CellTask, error: UavrtError) -> bool:
-    """True if the samples cannot be reached now; a bad sector of a disk is permanent."""
+    """True if the samples cannot be reached now; false for a bad sector of a disk."""
     if not out_of_reach(error):
         return False
     cause = error.__cause__
@@ -157,7 +157,7 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """True if a pulse lies in the cell's own time, within the tolerance of its limits."""
+    """True unless a pulse ends before the cell's own time begins."""
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 

@@ -40,7 +40,7 @@ class RunMarker:
         self._read_s, self._stop = 0.0, False
 
     def write(self) -> None:
-        """Write the file."""
+        """Write the run's identifier to the marker file."""
         write_atomically(self._path, self._run, sync=False)
 
     def should_stop(self) -> bool:
@@ -109,7 +109,7 @@ class _Cluster:
             self._client.close(timeout=_CLOSE_S)
 
     def at_once(self) -> int:
-        """Number of tasks to submit: no worker idles, and an adaptive cluster grows."""
+        """Number of tasks to submit, so that no worker idles and an adaptive cluster grows."""
         now_s = time.monotonic()
         if now_s - self._looked_s > 1.0 and self._client.status == "running":
             self._looked_s = now_s

@@ -42,7 +42,7 @@ from uavrt.localization.antenna import MONOPOLE
 
 R = TypeVar("R")
 TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
-"""Table of each step that can be kept when other steps are run again."""
+"""Table of each step whose earlier results can stay while other steps run again."""
 
 
 class Placing:
@@ -68,7 +68,7 @@ class Placing:
     def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
         """Add tasks for all unfinished flights, and recordings with a track of their own.
 
-        `keys` has the ledger's key of each recording, and `copies` the chosen flight by the
+        `keys` has the ledger's key of each recording, and `copies` the chosen flight for the
         directory of each other copy.
         """
         if "attach" not in self._settings.steps:

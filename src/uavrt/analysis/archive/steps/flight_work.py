@@ -112,7 +112,7 @@ class FlightTask:
     settings: PlacingSettings
 
     def packed(self) -> "FlightTask":
-        """Load the pulses, as workers read no Parquet; raises `FormatError` if damaged."""
+        """Copy with pulses loaded, since workers read no Parquet; raises `FormatError`."""
         return replace(
             self,
             searched=tuple(

@@ -14,7 +14,7 @@ from uavrt.core.messages import Tag
 from uavrt.flight.flight_layout import FlightLayout
 
 PLACING_STEPS = ("attach", "bearing", "localize")
-"""Steps that run together, since each uses the result of the one before."""
+"""Steps that run together, since each uses the result of the step before it."""
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
