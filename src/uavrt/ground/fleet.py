@@ -1,8 +1,8 @@
 """All vehicles that one ground station serves.
 
-The first vehicle has the main page. The operator may add further ones: each is a session with
-its own tags, flights and commands on the first one's links, and has its own page below
-``/vehicle/NUMBER/``. Their results for a tag are combined into one position.
+The first vehicle has the main page. The operator may add vehicles, which use the same links.
+Each has its own session with tags, flights and commands, and its own page below
+``/vehicle/NUMBER/``. The vehicles' results for a tag are combined into one position.
 """
 
 import asyncio
@@ -28,8 +28,8 @@ from uavrt.link.mavlink.sending.signing import Signing
 MOST_VEHICLES = 16
 """Most vehicles served; heartbeats and poses of more would overload any radio."""
 REPORT_S, REPORT_DELAY_S = 1.0, 0.05
-"""Interval of the reports to each drone about the others [s], and longest delay of a changed
-report [s]."""
+"""Interval of the reports to each drone about the other drones [s], and longest delay of a
+changed report [s]."""
 
 
 class Fleet:
@@ -137,7 +137,7 @@ class Fleet:
             self._report_courses()
 
     def _report_courses(self) -> None:
-        """Report the others' courses to each drone that flies by commands."""
+        """Send the other drones' courses to each drone that flies by commands."""
         self._tell_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
         flying = [

@@ -36,7 +36,7 @@ SHARE = 9.0
 RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""Least number of confirmed pulses of a tag that is not reported: the detectors find it."""
+"""A tag with at least this many confirmed pulses in flight is not reported to the ground."""
 CLOSER = 0.5
 """Factor by which a reported position's radius must shrink before it is reported again."""
 

@@ -123,7 +123,7 @@ def estimate_offset(
     place of each tag. A lone turn at a constant rate cannot separate offset from bearing;
     starts, stops and several turns can.
     Raises `UsageError` if the logs share too little: fewer than 12 pulses, or a quarter
-    of them. It is also raised if two offsets fit nearly as well, or if the uncertainty moves the
+    of them. It is also raised if two offsets fit nearly as well, or the uncertainty moves the
     headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:

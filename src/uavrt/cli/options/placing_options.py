@@ -38,7 +38,7 @@ class Placing:
         With a monopole: standard deviation of the error common to all heights above a tag [m]:
         terrain, a tag on a tree, a take-off on a hill. 0 trusts the heights.
     dem
-        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
+        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken signals,
         and explain silence. Without it the ground is taken as level.
     sea
         Treat ground that no elevation file covers as water at height 0.

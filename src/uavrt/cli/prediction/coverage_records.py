@@ -67,7 +67,7 @@ def chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 
 
 def mean_inside(one: "Coverage", cells: Any) -> float:
-    """Mean probability of the cells inside an outline whose ground height is known."""
+    """Mean detection probability over the cells of known ground height in an outline."""
     import numpy as np
 
     known = one.heard[cells & np.isfinite(one.heard)]

@@ -86,10 +86,10 @@ def batch(
     lead_in
         Seconds before each cell that are read again to settle the noise estimate.
     steps
-        Only these of detect, attach, bearing, localize, integrate; by default all but the last,
-        which judges tags below the noise over each whole flight that kept its channels, and
-        takes some seconds and 0.7 GB of memory for each. Without detect, what is detected
-        already is used.
+        Only these of detect, attach, bearing, localize, integrate; by default all but the last.
+        It searches each whole flight with recorded channels for tags below the noise, and
+        takes some seconds and 0.7 GB of memory for each flight. Without detect, the pulses
+        detected earlier are used.
     method
         How bearings become positions: {position_methods}.
     verify

@@ -27,7 +27,7 @@ def season(
 ) -> None:
     """Summarize a folder of flights: flights, minutes for each animal, batteries.
 
-    A flight that was received and fetched, too, counts once.
+    A flight that exists twice, received from the air and fetched, counts once.
 
     Parameters
     ----------

@@ -40,8 +40,8 @@ def attach(
     antenna
         Name of the antenna's pattern, for estimating the offset from signal strength.
     tags
-        Tag list with codes: pulses of a log that knows none, as a SensorGnome's, are put
-        together to the bursts of these codes; the others are left out.
+        Tag list with codes: pulses of a log without codes, such as a SensorGnome's, are
+        grouped into bursts of these codes; all other pulses are left out.
     """
     check_place(output, overwrite=True)
     keep_inputs(output, (pulses, track, *([] if tags is None else [tags])))

@@ -3,8 +3,8 @@
 Equal names are no evidence: two simulated flights may begin in the same second, a drone's clock
 may be wrong, and another server may answer. So the content decides. A log only grows, so a new
 one begins with all of the old one. A database keeps its pulses, so the new one has the same
-flight and all pulses of the old one. A recording's description keeps its stretches, whose times
-are corrected at most once.
+flight and all pulses of the old one. A recording's description keeps its time spans;
+their times are corrected at most once.
 """
 
 import sqlite3
@@ -22,7 +22,7 @@ CHUNK = 1 << 20
 OTHER_SUFFIX = ".other-"
 MOST_RECORDS = 100
 _CORRECTED_S = 2.0
-"""Largest correction of a recorded stretch's start time once the drone's clock is set [s]."""
+"""Largest correction of a recorded span's start time once the drone's clock is set [s]."""
 
 _FLIGHT = "SELECT start_time_ns, clock_offset_ns, center_frequency_hz FROM {}.flight"
 _LACKING = (

@@ -18,5 +18,5 @@ def sample_part(path: str) -> SampleKind | None:
 
 
 def is_samples(path: str) -> bool:
-    """Whether a file on the drone holds samples."""
+    """True if a file on the drone holds samples."""
     return sample_part(path) is not None

@@ -37,7 +37,7 @@ class Situation:
     link_open: bool
     drone_present: bool
     state: SystemState | None
-    """The drone's reported state; None for a drone that reports none, such as the thesis's."""
+    """State that the drone reports; None if its software reports none, as in the thesis."""
     tags: int
     """Number of tags in the ground station's table."""
     tags_sent: bool
@@ -50,7 +50,7 @@ class Situation:
 
 
 def action_states(now: Situation) -> dict[str, dict[str, Any]]:
-    """For each action: whether it is enabled, and the reason if not."""
+    """For each action: its label, whether it is enabled, and the reason if not."""
     reasons = {action: _reason(action, now) for action in ACTIONS}
     return {
         action: {"label": ACTIONS[action], "enabled": reason is None, "reason": reason}
@@ -59,7 +59,7 @@ def action_states(now: Situation) -> dict[str, dict[str, Any]]:
 
 
 def unreachable(now: Situation) -> str | None:
-    """Reason why no command can be sent, not even a stop; None if one can."""
+    """Reason why no command can be sent, not even a stop; None if commands can be sent."""
     if not now.link_open:
         return "Not connected: choose the connection under Set-up"
     if not now.drone_present:
@@ -68,7 +68,7 @@ def unreachable(now: Situation) -> str | None:
 
 
 def cannot_command(now: Situation) -> str | None:
-    """Reason why no command but a stop can be sent; None if all can."""
+    """Reason why only a stop can be sent, or nothing; None if all commands can be sent."""
     reason = unreachable(now)
     if reason is None and now.foreign:
         return "Two vehicles have the same number: choose one above"
@@ -76,7 +76,7 @@ def cannot_command(now: Situation) -> str | None:
 
 
 def wait_for(now: Situation) -> str | None:
-    """Text that names the command in progress, which must end before another; else None."""
+    """Request to wait for the end of the command in progress, named; None without one."""
     return None if now.busy is None else f"Please wait: {now.busy.text}"
 
 

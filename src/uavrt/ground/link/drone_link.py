@@ -214,12 +214,12 @@ class GroundLink:
     async def start_detection(
         self, *, center_frequency_hz: float | None = None, gain: int = 0
     ) -> str:
-        """Start detection, tuned automatically for None; return the flight directory."""
+        """Start detection; return the flight directory. Frequency None: automatic."""
         payload = self.writing.start(center_frequency_hz, gain)
         return (await self.command(payload)).message
 
     async def stop_detection(self) -> None:
-        """Stop detection; return the drone's message."""
+        """Stop detection, and wait for the drone's acknowledgement."""
         await self.ask("stop_detection")
 
     async def ask(self, name: CommandName) -> str:

@@ -154,7 +154,7 @@ class Estimator:
         strengths.
 
         For tags that were searched for, missed pulses count, too. A bearing computed on the
-        drone is kept if it used more pulses of its turn than have reached the ground.
+        drone stays if it used more pulses of its turn than have reached the ground.
         """
         sent = {tag.tag_id for tag in tags}
         every = (*tags, *(tag for tag in listed if tag.tag_id not in sent))

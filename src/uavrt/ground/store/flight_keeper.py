@@ -88,7 +88,7 @@ class FlightKeeper:
         return len(self._live.keys)
 
     def begin(self, tags: Iterable[Tag], flown: Path | None = None) -> str:
-        """Begin a flight; return its name. `flown`: drone's recording that ours copies."""
+        """Begin a flight; return its name. `flown`: the drone's recording with that name."""
 
         def is_taken(path: Path) -> bool:
             return path in self._begun or path.exists()

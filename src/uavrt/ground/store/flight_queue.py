@@ -85,7 +85,7 @@ class FlightQueue:
         return self._taken - self._durable
 
     def store(self, work: Callable[[FlightWriter], None]) -> None:
-        """Queue a write that a receipt waits for; raises `RecordingError` if it is full."""
+        """Queue a write that a receipt waits for; raises `RecordingError` if too many wait."""
         if self._waiting >= MOST_WAITING:
             raise RecordingError(self.fault or "the disk is too slow for the pulses received")
         self.put(work, counts=True)
@@ -104,7 +104,7 @@ class FlightQueue:
             log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write all to the disk; refused writes stay queued, and `fault` has the reason.
+        """Write the queue to the disk; refused writes stay in it, and `fault` has the reason.
 
         After a fault the next try comes a second later, unless `at_once`.
         """

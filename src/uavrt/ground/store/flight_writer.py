@@ -90,7 +90,7 @@ class FlightWriter:
         self._flight = None
 
     def write(self, works: list[tuple[bool, Callable[["FlightWriter"], None]]]) -> Written:
-        """Execute queued writes and make them durable, with all that waited before."""
+        """Execute queued writes and make them durable, also earlier ones that had failed."""
         for _, work in works:
             work(self)
         fault = None

@@ -241,7 +241,7 @@ class GroundStore:
         self._write_soon()
 
     def set_served(self, system_id: int | None, uid: str | None, page: str | None) -> None:
-        """Store the served vehicle and commanding page, again after a refused write."""
+        """Store the served vehicle and commanding page if changed, or if a write had failed."""
         if self._behind or (self.vehicle, self.commander) != ((system_id, uid), page):
             self.vehicle, self.commander = (system_id, uid), page
             self._write_soon()

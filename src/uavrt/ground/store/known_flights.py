@@ -28,7 +28,7 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` if this ground station recorded the flight, ``"drone"`` if it was copied."""
+    """``"ground"`` if this ground station recorded the flight, ``"drone"`` if copied."""
     starred: bool = False
     """True for a flight that is never removed automatically."""
     vehicle: str | None = None

@@ -78,7 +78,7 @@ class MotionCommands:
             self._vehicle.feed.send_state()
 
     def forget(self) -> None:
-        """Clear the state: another vehicle is served."""
+        """Clear the motion state, because another vehicle is now served."""
         self._state = self._offered = self._flown = None
         self._heard_ns, self._told = 0, ("", "")
 

@@ -1,9 +1,9 @@
 """Assign paths to the drones of one ground station, so that they stay apart. No I/O.
 
 A drone that requests a path names the other drones' paths that it has received. It gets the
-path only if that list is complete. So no two drones choose at once without each other's plans,
-however late a message is. Until it reports that it flies the new path, its old one stays
-reserved, too. A silent drone's paths stay reserved.
+path only if that list is complete. So no two drones choose paths without knowing each other's,
+even if messages are late. A drone's old path stays reserved until the drone reports that it
+flies the new one. A silent drone's paths stay reserved.
 """
 
 from collections.abc import Collection
@@ -64,7 +64,7 @@ class PathAssignments:
         return (not early and self._grant_or_refuse(vehicle, one)) or changed
 
     def _grant_or_refuse(self, vehicle: int, one: _Member) -> bool:
-        """Grant or refuse a requested path; return True if the others must be informed."""
+        """Grant or refuse a requested path; return True if other drones must be informed."""
         asked = one.course.asked
         if not asked or not one.course.asked_way or asked in (one.granted, one.denied):
             return False
@@ -82,7 +82,7 @@ class PathAssignments:
         return True
 
     def recipients(self, flying: Collection[int]) -> set[int]:
-        """Select the drones that get reports about the others.
+        """Select the drones that get reports about other drones.
 
         With several drones: all that fly or ever sent a course. A single drone gets one only
         while it requests a path. A drone that once got a report needs further ones, even when
@@ -120,7 +120,7 @@ class PathAssignments:
 
 
 def _leaves_path(before: Course, course: Course) -> bool:
-    """True for a course that leaves its path without a request: home, or by an own order."""
+    """True if a drone's goal moved without a request, as for a return or another order."""
     if course.flown != before.flown or course.goal == course.place:
         return False
     return distance_m(*before.goal, *course.goal) > MOVED_M

@@ -1,1 +1,1 @@
-"""What the drone reported, kept for the flight's files and for pages."""
+"""Reports of the drone, stored for the flight's files and for pages."""

@@ -1,1 +1,1 @@
-"""Commands and parameters on their way to the drone."""
+"""Sending commands and parameters to the drone, and waiting for the answers."""

@@ -2,8 +2,8 @@
 
 Heartbeats go out on all links, so that a drone learns every link. The drone sends each pulse on
 one link. Our messages use the link on which the drone was last received, in the given order of
-preference. Sessions of several drones share the links: each receives every frame and selects
-its drone's.
+preference. Sessions of several drones share the links: each session receives every frame
+and selects those of its drone.
 """
 
 import asyncio
@@ -61,7 +61,7 @@ class Links:
             self._listeners.remove(listener)
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open at least one link; return the tasks that keep trying to open the others."""
+        """Open at least one link; return the tasks that keep trying the other links."""
         self._links = [None] * len(addresses)
         self._writers = [self._writer(number) for number in range(len(addresses))]
         failed: dict[int, LinkError] = {}
@@ -104,7 +104,7 @@ class Links:
                 await self._open(number, address)
 
     def _hear(self, frame: Frame, number: int) -> None:
-        """Pass a frame to all listeners; an error in one does not affect the others."""
+        """Pass a frame to all listeners; an error in one does not stop the rest."""
         with ExitStack() as stack:
             for listener in reversed(self._listeners):
                 stack.callback(listener, frame, number)
@@ -191,7 +191,7 @@ class DroneLinks:
             self._pulses_by = link
 
     def _hear(self, frame: Frame, number: int) -> None:
-        """Handle a frame. An autopilot's counts on one link only, for a single sequence."""
+        """Handle a frame; an autopilot's frames are used from one link, without duplicates."""
         if frame.component_id == MavComponent.COMP_ID_AUTOPILOT1 and self._shared.count > 1:
             now_ns = self._clock_ns()
             on, heard_ns = self._autopilots.get(frame.system_id, (number, now_ns))

@@ -154,7 +154,7 @@ class FlightApi:
         return await asyncio.to_thread(fold_pictures, await self._path(request))
 
     async def silence(self, request: Request) -> Any:
-        """Map of where a tag would have been detected, or its progress."""
+        """Map of where a tag would have been detected, or the computation's progress."""
         path, wanted = await self._path(request), await json_body(request)
         asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
         return await asyncio.to_thread(self._silence.answer, asked, again=is_repeated(wanted))

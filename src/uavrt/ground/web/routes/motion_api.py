@@ -44,7 +44,7 @@ class MotionApi:
         return self._flying.plan(await json_body(request))
 
     async def coverage(self, request: Request) -> Any:
-        """Map of where a tag would be detected along a plan, or its progress."""
+        """Map of where a tag would be detected along a plan, or the computation's progress."""
         store, wanted = self._store, await json_body(request)
         asked = PlanMapRequest.from_request(wanted, store.tags, store.settings.antenna_choice)
         return await asyncio.to_thread(self._foresight.answer, asked, again=is_repeated(wanted))
@@ -58,7 +58,7 @@ class MotionApi:
         return await self._flying.ask(await json_body(request), page_of(request))
 
     async def confirm(self, request: Request) -> Any:
-        """Confirm an order, ``{"order_id": …, "sticks_unseen": false}``; it then moves."""
+        """Confirm an order, ``{"order_id": …, "sticks_unseen": false}``; the drone moves."""
         return await self._flying.confirm(await json_body(request), page_of(request))
 
     async def stop(self, request: Request) -> Any:

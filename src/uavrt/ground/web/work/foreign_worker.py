@@ -1,4 +1,4 @@
-"""Parse files of others outside the event loop, which also serves the link to the drone.
+"""Parse untrusted files outside the event loop, which also serves the link to the drone.
 
 A separate process reads files and long requests, one after the other, at a lower priority. If
 it exceeds the CPU or memory limits of `uavrt.core.foreign`, the kernel ends it. The request
@@ -54,7 +54,7 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process, ended if this is cancelled; raises `UavrtError`."""
+        """Call a function in the process; cancelling ends the process. Raises `UavrtError`."""
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"

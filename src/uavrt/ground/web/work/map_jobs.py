@@ -138,7 +138,7 @@ def map_record(coverage: "Coverage") -> Record:
 
 
 def figures(coverage: "Coverage") -> Record:
-    """Mean detection probability of a map, share of cells with at least 0.9, and their area."""
+    """Mean detection probability, share of cells with at least 0.9, and mapped area [km²]."""
     return {
         "mean_probability": _known(coverage.mean),
         "share_above_90": _known(coverage.share_above(0.9)),
