@@ -40,8 +40,8 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
     A pulse that several antennas of a station received counts once, where it is strongest. Each
     pulse belongs to one burst at most: the one whose gaps fit best. If the gaps of several tags
-    fit, the interval to other bursts decides; if unclear, the burst lists the other ids. A burst
-    is confirmed if another of its tag lies whole burst intervals away.
+    fit, the interval to other bursts decides; if unclear, the burst lists the other ids.
+    A burst is confirmed if another of its tag lies whole burst intervals away.
     Raises `UsageError` if no tag in `tags` has a code.
     """
     coded = [tag for tag in tags if tag.coded]
