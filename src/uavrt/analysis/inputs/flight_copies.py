@@ -26,7 +26,7 @@ SAME_SPAN = 0.9
 """Least time overlap of two records of one flight without pulses, as a share of the longer."""
 _PROBES = 32
 """Number of a flight's pulses that are searched for in all other flights. If a quarter of the
-pulses agree, one pair of records in 900 shares fewer than two of them."""
+pulses agree, one pair of records in 850 shares fewer than two of them."""
 _FEW = 8
 """Number of pulses below which two flights are compared if a single pulse agrees."""
 

@@ -19,7 +19,7 @@ SMOOTH_S: Final = 0.002
 IMPULSE_S: Final = 0.0013
 IMPULSE_RATIO: Final = 30.0
 """Ratio of a sample's power to the median power on both sides that marks an impulse. Noise
-reaches it once in 10¹². At the edge of a pulse, one side is as strong as the sample."""
+reaches it once in a million samples. At a pulse's edge, one side is as strong as the sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
 """Least ratio of a steady carrier's peak to the median of the spectrum."""
