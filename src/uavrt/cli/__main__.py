@@ -9,7 +9,7 @@ import sys
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the ``uavrt`` command line."""
     ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if ours:  # it may be ignored, as in a script's background
         signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -23,7 +23,7 @@ class Hub:
         return queue
 
     def leave(self, queue: asyncio.Queue[str | None]) -> None:
-        """Remove a browser's queue."""
+        """Remove the queue of a browser that has disconnected."""
         self._listeners.discard(queue)
 
     def send(self, topic: str, record: Any) -> None:
@@ -38,7 +38,7 @@ class Hub:
                 self._end(queue)
 
     def close(self) -> None:
-        """Close all queues."""
+        """Close the queues of all browsers."""
         for queue in list(self._listeners):
             self._end(queue)
 

@@ -63,7 +63,7 @@ class Reception:
             vehicle.feed.send("pose", pose_record(pose, now_ns))
 
     def take(self, event: GroundEvent) -> None:
-        """Handle an event of the drone."""
+        """Pass on an event of the drone: pulse, report, state or message."""
         vehicle, drone, keeper = self._vehicle, self._vehicle.drone, self._vehicle.flight.keeper
         if not isinstance(event, PulsePose | BurstInside):  # these once they are stored
             vehicle.feed.emit(event)

@@ -215,7 +215,7 @@ class Station:
             self._lines.write(item)
 
     def _take(self, event: GroundEvent | StationNote) -> None:
-        """Print a received event."""
+        """Print a received event, as text or as a JSON line."""
         match event:
             case PulsePose():
                 self.pulses += 1

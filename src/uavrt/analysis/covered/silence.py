@@ -236,7 +236,7 @@ class ListenedFlight:
 
 
 def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
-    """Antenna of a flight's whole-flight analysis if known here, else the flight's own."""
+    """Antenna of the whole-flight analysis if its pattern is known, else the flight's own."""
     if searched is not None and searched.antenna in PATTERNS:
         return searched.antenna
     return flight_antenna(flight)

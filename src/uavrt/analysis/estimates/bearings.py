@@ -52,7 +52,7 @@ class Recorded:
 
     @property
     def antenna(self) -> str:
-        """Antenna pattern's name, a whip for logs without headings; raises `UsageError`."""
+        """Name of the antenna pattern, a whip's without headings; raises `UsageError`."""
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA

@@ -29,7 +29,7 @@ class FlightNoise:
     """(n,) noise above the quiet reference at that frequency [dB]."""
     in_the_air: NDArray[np.bool_]
     quiet: str
-    """Description of the quiet reference."""
+    """Text that describes the quiet time used as reference."""
 
     @property
     def median_db(self) -> float:

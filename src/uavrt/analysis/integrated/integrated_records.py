@@ -27,7 +27,7 @@ class OtherTrainRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotRecord:
-    """One slot of a pulse train."""
+    """One slot of a pulse train: a time at which a pulse was expected, and its energy."""
 
     time: str
     """Start of the slot, ISO 8601, UTC."""

@@ -65,12 +65,12 @@ Entry = tuple[int, str, RosMessage]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bag:
-    """Summary of a written bag."""
+    """Directory, file and message counts of a written ROS 2 bag."""
 
     directory: Path
     file: Path
     messages: dict[str, int]
-    """Number of messages by topic."""
+    """Number of messages written, by topic."""
 
 
 def export_bag(

@@ -68,12 +68,12 @@ class DoubtfulTrain:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """All tags measured in a recording."""
+    """All beeping and coded tags measured in a recording."""
 
     tags: tuple[MeasuredTag, ...]
-    """Beeping tags, the one with the most pulses first."""
+    """Beeping tags, sorted by number of pulses, largest first."""
     codes: tuple[MeasuredCode, ...]
-    """Coded tags, the one with the most bursts first."""
+    """Coded tags, sorted by number of bursts, largest first."""
     doubtful: tuple[DoubtfulTrain, ...]
 
 

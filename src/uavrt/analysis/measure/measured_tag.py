@@ -44,7 +44,7 @@ class MeasuredTag:
     """Median pulse energy over noise density [dB]."""
     pulses: int
     rates: tuple[MeasuredRate, ...]
-    """Pulse intervals, the one with the most pulses first."""
+    """Pulse intervals, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
         """Make a tag list entry with margins for seasonal changes.

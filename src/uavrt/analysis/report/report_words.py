@@ -291,7 +291,7 @@ def made_by() -> str:
 
 
 def title_of(survey: Survey, tag_id: int) -> str:
-    """Number and name of a tag."""
+    """Heading for a tag: its number and name."""
     tag = survey.tag(tag_id)
     return f"{tag_id} {tag.name}" if tag is not None and tag.name else str(tag_id)
 

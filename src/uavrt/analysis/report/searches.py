@@ -32,17 +32,17 @@ class FlownSearch:
 
     @property
     def begun(self) -> SearchNote:
-        """Entry of the search's start."""
+        """Log entry of the search's start."""
         return self.notes[0]
 
     @property
     def last(self) -> SearchNote:
-        """Entry of the search's end, or the last one before the recording broke off."""
+        """Log entry of the search's end, or the last one before the recording broke off."""
         return self.notes[-1]
 
     @property
     def decisions(self) -> list[SearchNote]:
-        """Entries of decisions where to fly next."""
+        """Log entries of decisions where to fly next."""
         return [note for note in self.notes if note.event == "decision"]
 
     @property

@@ -99,9 +99,9 @@ class JudgeAs:
     elevation: Elevation | None = None
     """Terrain heights: hills weaken pulses, and explain silence. None is level ground."""
     on_progress: Callable[[int, int | None], None] | None = None
-    """Receives the number of samples read, and their total."""
+    """Function that receives the number of samples read, and their total."""
     on_tag: Callable[[int], None] | None = None
-    """Receives the number of tags done."""
+    """Function that receives the number of tags searched so far."""
 
 
 def integrate_flight(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoverageOptions:
-    """Command-line arguments of ``uavrt coverage``."""
+    """All command-line arguments of ``uavrt coverage`` in one record."""
 
     source: Path
     elevation: "Elevation | None"

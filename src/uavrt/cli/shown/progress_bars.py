@@ -45,6 +45,6 @@ def progress_bars() -> Iterator[AddBar]:
 
 @contextmanager
 def progress_bar(what: str, total: float | None = None) -> Iterator[Advance]:
-    """Show one bar; see `progress_bars`."""
+    """Show one progress bar with a given name; see `progress_bars`."""
     with progress_bars() as add:
         yield add(what, total)

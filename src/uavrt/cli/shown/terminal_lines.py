@@ -38,7 +38,7 @@ class TerminalLines:
         """True once the reader has closed the pipe."""
 
     def __call__(self, line: str) -> None:
-        """Queue a line."""
+        """Queue a line for printing."""
         try:
             self._lines.put_nowait(line)
         except queue.Full:

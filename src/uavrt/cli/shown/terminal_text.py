@@ -28,7 +28,7 @@ class TerminalText:
         return len(text)
 
     def writelines(self, lines: Any) -> None:
-        """Write several texts."""
+        """Write several texts, with terminal commands made visible."""
         for line in lines:
             self.write(line)
 

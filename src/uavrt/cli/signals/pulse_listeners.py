@@ -47,12 +47,12 @@ class PulseDatagrams(Listener):
         self._sender.send_pulses(pulses)
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Send search reports, and a heartbeat for each."""
+        """Send search reports, and the detectors' heartbeats."""
         self._sender.send_reports(reports)
         self._sender.heartbeat(monotonic_s())
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket for datagrams."""
         self._sender.close()
 
 
@@ -122,7 +122,7 @@ class Plots(Listener):
         self._plots.add_block(block)
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Keep pulses for the plots."""
+        """Store pulses, to draw them at the end."""
         self._plots.add_pulses(pulses)
 
     def finish(self) -> None:

@@ -108,7 +108,7 @@ class FileClient:
         """Replies dropped because the queue was full."""
 
     def receive(self, payload: bytes) -> None:
-        """Handle a reply."""
+        """Queue a reply of the drone's file server."""
         if self._replies.full():
             self.dropped += 1
         else:
@@ -412,7 +412,7 @@ class _Appending:
         await asyncio.to_thread(self._file.close)
 
     async def write(self, data: bytes) -> None:
-        """Write all of the bytes."""
+        """Append all given bytes to the file."""
         left = memoryview(data)
         while left:
             left = left[await asyncio.to_thread(self._file.write, left) :]

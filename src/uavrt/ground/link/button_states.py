@@ -21,7 +21,7 @@ NOT_NOW = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Busy:
-    """A command in progress."""
+    """The operator's command in progress."""
 
     action: str
     text: str

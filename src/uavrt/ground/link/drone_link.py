@@ -223,7 +223,7 @@ class GroundLink:
         await self.ask("stop_detection")
 
     async def ask(self, name: CommandName) -> str:
-        """Send a command without fields, as ``"save_logs"``; return the drone's message."""
+        """Send a command without fields, e.g. ``"save_logs"``; return the drone's message."""
         return (await self.command(self.writing.bare(name))).message
 
     async def command(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> Acknowledged:

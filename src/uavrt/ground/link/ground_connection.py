@@ -83,14 +83,14 @@ class Connection:
         self._feed.send_state()
 
     def _fail(self, error: BaseException) -> NoReturn:
-        """Set `error`, and raise it."""
+        """Store the reason in `error`, and raise it as an error."""
         self.error = str(error)
         self._feed.note(3, self.error)
         self._feed.send_state()
         raise LinkError(self.error) from error
 
     async def close(self) -> None:
-        """Close the link."""
+        """Close the link to the vehicle."""
         if self._serving is not None:
             self._serving.cancel()
             with contextlib.suppress(asyncio.CancelledError, UavrtError):

@@ -43,7 +43,7 @@ class MyPlace:
 
     @property
     def age_s(self) -> float:
-        """Age of the position [s]."""
+        """Age of the last position [s]."""
         return self._clock_s() - self._heard_s
 
     @property
@@ -59,7 +59,7 @@ class MyPlace:
         }
 
     def take(self, sentence: Sentence) -> None:
-        """Handle an NMEA sentence."""
+        """Read the position from an NMEA sentence."""
         place = sentence.place
         if place is not None:
             self._place, self._heard_s = place, self._clock_s()
@@ -74,7 +74,7 @@ class MyPlace:
             self._task = asyncio.get_running_loop().create_task(self._run(address))
 
     async def close(self) -> None:
-        """Close the receiver."""
+        """Close the link to the GPS receiver."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):

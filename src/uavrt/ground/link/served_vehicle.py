@@ -55,7 +55,7 @@ class ServedVehicle:
 
     @property
     def companions(self) -> Sequence["ServedVehicle"]:
-        """The other served vehicles."""
+        """The other vehicles that this ground station serves."""
         return self._companions()
 
     @property
@@ -96,7 +96,7 @@ class ServedVehicle:
         await self.connection.open(lambda: self.drone.sent_tags)
 
     async def disconnect(self) -> None:
-        """Close the link."""
+        """Close the link to the vehicle."""
         await self.connection.close()
         self.drone.disconnected()
 

@@ -13,7 +13,7 @@ _ROWS = "ABCDEFGHJKLMNPQRSTUV"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readout:
-    """One position in every notation."""
+    """One position as text in every notation."""
 
     decimal: str
     dms: str

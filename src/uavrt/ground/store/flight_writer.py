@@ -84,7 +84,7 @@ class FlightWriter:
         self._listed.append(burst)
 
     def end(self) -> None:
-        """End the flight in progress."""
+        """End the flight in progress; the next `write` closes its files."""
         if self._flight is not None:
             self._ending.append(self._flight)
         self._flight = None

@@ -189,7 +189,7 @@ class GroundStore:
         return self.own / "ground_log.jsonl"
 
     def set_tags(self, tags: tuple[Tag, ...]) -> None:
-        """Store the tag list."""
+        """Replace the tag list, and write it to its file."""
         if tags:
             write_tags(self._tags_path, tags)
         else:
@@ -231,7 +231,7 @@ class GroundStore:
         return found
 
     def set_settings(self, settings: GroundSettings) -> None:
-        """Store the settings."""
+        """Replace the settings, and write them to their file."""
         self.settings = settings
         self._write()
 
@@ -321,7 +321,7 @@ _RANGES = {
 
 
 def _judged(name: str, value: Any) -> Any:
-    """Validate one setting; return its value."""
+    """Validate the value of one setting; return the value to store."""
     match name:
         case "address":
             addresses = [str(parse_address(text)) for text in str(value).split()]

@@ -42,7 +42,7 @@ class LiveColumns:
         self._takeoff = first_ns, columns.takeoff_amsl_m
 
     def add_pulse(self, item: PulsePose) -> None:
-        """Add a new pulse."""
+        """Append a pulse to the columns."""
         self.keys.add(item.pulse.key)
         self._pulses.extend(pulse_cells(item))
 
@@ -77,7 +77,7 @@ class LiveColumns:
         return self._states.add(time_ns, armed, landed)
 
     def columns(self, *, goes_on: bool) -> Columns:
-        """Copy all columns, for another thread."""
+        """Copy all pulses and poses, for use in another thread."""
         pulses = np.frombuffer(self._pulses, np.float64) if self._pulses else np.empty(0)
         poses = np.frombuffer(self._poses, np.float64) if self._poses else np.empty(0)
         return Columns(

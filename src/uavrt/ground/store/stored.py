@@ -42,7 +42,7 @@ class PulseLines:
         return True
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file of pulses."""
         self._file.close()
 
     def _append(self, record: dict[str, object]) -> None:

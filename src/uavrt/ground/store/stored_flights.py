@@ -126,7 +126,7 @@ class Columns:
     """True while the flight is in progress and more data may arrive."""
 
     def heard(self, tags: Sequence[Tag], name: str = "this vehicle") -> Heard:
-        """Convert to the estimator's input."""
+        """Convert pulses and poses to the input of the position estimator."""
         pulses, poses, rate = self.pulses, self.poses, np.nan_to_num(self["rate"], nan=1.0)
         return Heard.of(
             self["tag_id"].astype(np.int64),

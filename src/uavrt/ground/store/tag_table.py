@@ -265,7 +265,7 @@ def _gaps(
 
 
 def table_version(tags: Sequence[Tag]) -> str:
-    """Hash of a table's content."""
+    """Hash of a tag table's content, to detect changes by another page."""
     text = json.dumps(rows_from_tags(tags), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -284,7 +284,7 @@ def _at_field(fault: Fault) -> FieldFault:
 def _tracker_row(
     name: str, cells: Mapping[str, str], makers: Mapping[str, Mapping[str, str]]
 ) -> Row:
-    """Read one tag of TagTracker's ``TagInfo.db``."""
+    """Convert one row of TagTracker's ``TagInfo.db`` to a row of the page's tag table."""
     maker = makers.get(_key(cells["manufacturerid"]))
     if maker is None:
         raise UsageError(
@@ -313,7 +313,7 @@ def _percent(number: float) -> float | int | str:
 
 
 def _key(number: str) -> str:
-    """A manufacturer's number in normalised spelling."""
+    """Manufacturer number without spaces and ``.0``, for comparisons."""
     return number.removesuffix(".0").strip()
 
 

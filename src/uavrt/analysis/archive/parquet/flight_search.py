@@ -48,12 +48,12 @@ class ArchivedFlight:
     end_time_ns: int | None
     pulses: int
     heard: tuple[tuple[int, int], ...]
-    """Number of confirmed pulses by tag."""
+    """Number of confirmed pulses of each received tag, by tag id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFlights:
-    """One page of search results."""
+    """One page of the flights found in an archive."""
 
     total: int
     flights: tuple[ArchivedFlight, ...]

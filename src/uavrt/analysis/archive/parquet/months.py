@@ -58,7 +58,7 @@ class Copy(msgspec.Struct, frozen=True):
 
     seal: Seal
     keys: list[str] = []  # a struct copies it
-    """File stems of the copied files."""
+    """Names without ending of the files whose rows were copied."""
 
 
 Index = dict[str, Copy]

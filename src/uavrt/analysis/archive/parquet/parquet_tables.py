@@ -33,7 +33,7 @@ _PANDAS = {"whole": "Int64", "switch": "boolean"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingRow:
-    """Row of the table of recordings."""
+    """Row of the table of recordings: one recording and the result of its search."""
 
     path: str
     """Path of the recording, or directory of a flight without a searched recording."""
@@ -64,7 +64,7 @@ class RecordingRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRow:
-    """Row of the table of flights."""
+    """Row of the table of flights: one flight and its settings and faults."""
 
     path: str
     """Directory of the flight, or path of a recording without a flight."""
@@ -116,7 +116,7 @@ class PoseRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingOfTag:
-    """Row of the table of bearings."""
+    """Row of the table of bearings: one tag's bearing from one turn."""
 
     tag_id: int
     start_time_ns: int
@@ -144,7 +144,7 @@ class BearingOfTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionOfTag:
-    """Row of the table of positions."""
+    """Row of the table of positions: one tag's estimated position in one flight."""
 
     tag_id: int
     start_time_ns: int

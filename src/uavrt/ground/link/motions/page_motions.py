@@ -43,7 +43,7 @@ Places = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProposedMotion:
-    """Motion that the drone proposes to fly, and waits to be confirmed."""
+    """Motion that the drone proposes, and flies only after a confirmation."""
 
     state: MotionState
     way: Places

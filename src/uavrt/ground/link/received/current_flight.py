@@ -149,7 +149,7 @@ class CurrentFlight:
             asyncio.get_running_loop().call_later(wait_s, self.commit)
 
     def commit(self) -> None:
-        """Queue all received data for writing."""
+        """Start to write all received data to the disk."""
         self._commit_due = False
         self._committed_s = monotonic_s()
         self.keeper.queue.commit()

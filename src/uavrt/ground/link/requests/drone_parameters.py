@@ -45,7 +45,7 @@ class DroneParameters:
         self._setting: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     def take(self, frame: Frame) -> None:
-        """Handle a frame of the link."""
+        """Read parameter values and capability bits from a received frame."""
         if frame.component_id != DRONE_COMPONENT:
             return
         match frame.message():

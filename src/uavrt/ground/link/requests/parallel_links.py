@@ -48,15 +48,15 @@ class Links:
 
     @property
     def open_ones(self) -> tuple[Link, ...]:
-        """The open links."""
+        """The links that are open now."""
         return tuple(link for link in self._links if link is not None)
 
     def listen(self, listener: Listener) -> None:
-        """Register a listener for every frame."""
+        """Register a function that receives every frame."""
         self._listeners.append(listener)
 
     def leave(self, listener: Listener) -> None:
-        """Remove a listener."""
+        """Unregister a function given to `listen`."""
         with suppress(ValueError):
             self._listeners.remove(listener)
 
@@ -77,13 +77,13 @@ class Links:
         return [asyncio.create_task(self._keep_trying(n, addresses[n])) for n in failed]
 
     async def close(self) -> None:
-        """Close all links."""
+        """Close all links to the drones."""
         links, self._links = self.open_ones, [None] * len(self._links)
         for link in links:
             await link.close()
 
     def write(self, message: Message, number: int) -> None:
-        """Send on one link; does nothing while that link is closed."""
+        """Send a message on one link; does nothing while that link is closed."""
         link = self._links[number] if number < len(self._links) else None
         if link is not None:
             link.send(self._writers[number].encode(message))
@@ -154,7 +154,7 @@ class DroneLinks:
             await self._shared.close()
 
     def send(self, message: Message, link: int | None = None) -> None:
-        """Send on the link of this index; None: on the best one."""
+        """Send a message on the link of an index; None: on the best link."""
         number = self.best()[0] if link is None else link
         if getattr(message, "target_component", 0) == MavComponent.COMP_ID_AUTOPILOT1:
             system_id = getattr(message, "target_system", 0)
@@ -162,7 +162,7 @@ class DroneLinks:
         self._shared.write(message, number)
 
     def send_by_all(self, message: Message) -> None:
-        """Send on every link."""
+        """Send a message on every link."""
         for number in range(self._shared.count):
             self._shared.write(message, number)
 
@@ -180,7 +180,7 @@ class DroneLinks:
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
     def answer(self, message: Message) -> None:
-        """Send on the link that the drone uses for pulses; if silent there, on the best one."""
+        """Send a message on the link used for pulses; if silent there, on the best link."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 

@@ -11,7 +11,7 @@ from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink import dialect
 
 DRONE_COMPONENT = 191
-"""MAVLink component of the drone side."""
+"""MAVLink component id of uavrt's drone side."""
 FOREIGN_NS = ns_from_s(60.0)
 """Time for which a reply with a foreign unique number counts [ns]; the autopilot is queried
 three times in it."""

@@ -74,7 +74,7 @@ class VehicleMissions:
         self._busy = asyncio.Lock()
 
     def take(self, frame: Frame) -> None:
-        """Handle a frame of the link."""
+        """Handle an autopilot's frame: heartbeat, home, or an answer to a transfer."""
         if frame.component_id != MavComponent.COMP_ID_AUTOPILOT1:
             return
         message, transfer = frame.message(), self._transfer
@@ -107,7 +107,7 @@ class VehicleMissions:
         limits: Limits,
         call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
     ) -> Uploaded:
-        """Upload a survey that stays within the fence; `call` runs the check of the path."""
+        """Upload a survey that stays in the fence; `call` runs the path check in a thread."""
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
         home, fence = await self.home(), await self.fence()

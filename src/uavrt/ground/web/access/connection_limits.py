@@ -33,7 +33,7 @@ Peer = tuple[str, int]
 
 @dataclass(slots=True, eq=False)
 class _Connection:
-    """An open connection of a client."""
+    """One client's open connection to the page's server."""
 
     socket: socket.socket
     since_s: float = field(default_factory=monotonic_s)
@@ -130,13 +130,13 @@ class LimitedProtocol(H11Protocol):
     listening: ListeningSocket | None = None
 
     def handle_events(self) -> None:
-        """Handle received data, as uvicorn does."""
+        """Handle received data as uvicorn does, and report complete requests."""
         super().handle_events()
         if self.cycle is not None:
             self._asked()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Handle a WebSocket upgrade, as uvicorn does."""
+        """Handle a WebSocket upgrade as uvicorn does, and report the request."""
         self._asked()
         super().handle_websocket_upgrade(event)
 

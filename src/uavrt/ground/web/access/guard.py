@@ -170,7 +170,7 @@ class Guard:
         return kind == "Bearer" and self._right(bearer, scope)
 
     def _right(self, given: str, scope: Scope) -> bool:
-        """True for the right password; never after too many attempts."""
+        """True for the right password; False for a while after too many attempts."""
         assert self._password is not None
         address = _address(scope)
         if self.guesses.wait_s(address) > 0.0:

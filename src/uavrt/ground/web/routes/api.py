@@ -54,7 +54,7 @@ class Api:
         self._maps = session.vehicle.store.directory / "maps"
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes of a vehicle's state, settings and commands."""
         return [
             Row("/state", "GET", self.state),
             Row("/first-flight", "GET", self.first_flight),
@@ -90,11 +90,11 @@ class Api:
         return [asdict(finding) for finding in findings]
 
     async def settings(self, request: Request) -> Any:
-        """Get the settings."""
+        """Return the ground station's settings for this vehicle."""
         return asdict(self._vehicle.store.settings)
 
     async def put_settings(self, request: Request) -> Any:
-        """Change some settings."""
+        """Change the given settings, and return all."""
         store = self._vehicle.store
         wanted = store.settings.changed(await json_body(request))
         await store.disk.run(store.set_settings, wanted)
@@ -195,7 +195,7 @@ class Api:
         return asdict(readout(latitude, longitude))
 
     async def log(self, request: Request) -> Any:
-        """Lines of the operator's log."""
+        """Return the latest lines of the operator's log."""
         return self._vehicle.feed.log.lines()
 
     async def season(self, request: Request) -> Any:
@@ -235,7 +235,7 @@ def _card_and_clock(drone_settings: Path) -> list[Finding]:
 def api_rows(
     session: GroundSession, worker: ForeignWorker, drone_settings: Path | None = None
 ) -> Iterable[Row]:
-    """List the routes of one session."""
+    """List all routes of one vehicle's session."""
     vehicle = session.vehicle
     yield from Api(session, drone_settings, worker).routes()
     yield from TagApi(vehicle, worker).routes()

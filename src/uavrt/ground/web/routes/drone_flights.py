@@ -22,7 +22,7 @@ class ExtraApi:
         )
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes for flights on the drone and for waterfalls."""
         return [
             Row("/drone/flights", "POST", self.drone_flights, commands=True),
             Row("/drone/download", "GET", self.download),
@@ -38,7 +38,7 @@ class ExtraApi:
         return await self._session.downloads.flights()
 
     async def download(self, request: Request) -> Any:
-        """Progress of the last download."""
+        """Progress of the last download of a flight."""
         return self._session.downloads.record()
 
     async def start_download(self, request: Request) -> Any:

@@ -22,13 +22,13 @@ TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
 
 
 class FleetApi:
-    """All vehicles of a ground station."""
+    """Routes for all vehicles of a ground station."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes for all vehicles."""
         return [
             Row("/vehicles", "GET", self.vehicles),
             Row("/vehicles", "POST", self.serve, commands=True),

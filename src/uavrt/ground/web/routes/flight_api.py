@@ -47,7 +47,7 @@ class FlightApi:
         self._integration = IntegrationJobs()
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes of one recorded flight."""
         flight = "/flights/{flight_id}"
         return [
             Row(flight, "GET", self.flight),

@@ -33,7 +33,7 @@ class FlightListApi:
         self._session, self._worker = session, worker
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes for lists of flights."""
         return [
             Row("/flights", "GET", self.flights),
             Row("/found-flights", "GET", self.found),

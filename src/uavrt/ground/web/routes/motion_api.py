@@ -24,7 +24,7 @@ class MotionApi:
         self._foresight = plan_map_jobs()
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes for motions of the drone."""
         return [
             Row("/motion/area", "POST", self.area),
             Row("/motion/plan", "POST", self.plan),

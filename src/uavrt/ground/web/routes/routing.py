@@ -19,10 +19,10 @@ Handler = Callable[[Request], Awaitable[Any]]
 
 
 class Row(NamedTuple):
-    """One route of the page's server."""
+    """One route of the page's server: path, method and function."""
 
     path: str
-    """Path below ``/api``."""
+    """Path of the route below ``/api``."""
     method: str
     handle: Handler
     commands: bool = False
@@ -38,7 +38,7 @@ class Answer:
 
 
 def made(rows: Iterable[Row], commander: Commander) -> list[Route]:
-    """Convert rows to routes."""
+    """Make the web server's routes below ``/api`` from rows."""
     return [
         Route(
             f"/api{row.path}",

@@ -28,7 +28,7 @@ class SetUpApi:
         self._session, self._setup = session, setup
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes of the drone's first set-up."""
         return [
             Row("/set-up", "GET", self.state),
             Row("/set-up/finish", "POST", self.finish, commands=True),

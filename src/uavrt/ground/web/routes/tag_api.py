@@ -20,7 +20,7 @@ class TagApi:
         self._vehicle, self._worker = vehicle, worker
 
     def routes(self) -> list[Row]:
-        """List the routes."""
+        """List the routes of the tag table."""
         return [
             Row("/tags", "GET", self.tags),
             Row("/tags", "PUT", self.put, commands=True),
@@ -30,7 +30,7 @@ class TagApi:
         ]
 
     async def tags(self, request: Request) -> Any:
-        """Get the tag table."""
+        """Return the rows of the tag table."""
         return tag_table.rows_from_tags(self._vehicle.store.tags)
 
     async def put(self, request: Request) -> Any:
@@ -68,7 +68,7 @@ class TagApi:
         return await self._worker.call(imported_tags, await request.body())
 
     async def export(self, request: Request) -> Any:
-        """The tag table as a file."""
+        """Return the tag table as a file."""
         name = request.path_params["name"]
         text = tag_table.export_text(self._vehicle.store.tags, name)
         return download(text.encode(), name, "text/plain; charset=utf-8")

@@ -43,7 +43,7 @@ _MOST_PULSES = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanMapRequest:
-    """Requested maps of a plan."""
+    """Request for coverage maps of a planned flight."""
 
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude of each point [deg]."""

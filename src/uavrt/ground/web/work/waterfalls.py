@@ -161,7 +161,7 @@ class LiveWaterfall:
         self.address = address
 
     def close(self) -> None:
-        """Close the receiver."""
+        """Close the receiver of the channel's datagrams."""
         for transport in self._transports:
             transport.close()
         self._transports, self.address = [], None
@@ -180,7 +180,7 @@ class ChannelStream:
         """Number of datagrams that are not of a channel."""
 
     def receive(self, payload: bytes) -> None:
-        """Handle a datagram."""
+        """Add the samples of a datagram to the picture."""
         try:
             time_ns, samples = decode_channel_datagram(payload, self._style)
             self._style = self._style or stamp_style(payload)
