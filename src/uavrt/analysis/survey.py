@@ -77,11 +77,11 @@ class Survey:
     """Antenna boresight, clockwise from the heading in the poses [deg]."""
     pulse_poses: tuple[PulsePose, ...]
     track: tuple[Pose, ...]
-    """Poses of the vehicle; for a log without them, the places of the pulses."""
+    """Poses of the vehicle; for a log without them, the positions of the pulses."""
     bearings: tuple[TagBearing, ...] = ()
     positions: tuple[TagPosition, ...] = ()
     signals: tuple[TagSignal, ...] = ()
-    """Signal strength by place and height, for surveys with a monopole."""
+    """Signal strength by position and height, for surveys with a monopole."""
     warnings: tuple[str, ...] = ()
     info: FlightInfo | None = None
     health: tuple[Health, ...] = ()
@@ -155,7 +155,7 @@ class Survey:
 
     @property
     def marks(self) -> tuple[Mark, ...]:
-        """Places that the operator marked during the flight."""
+        """Positions that the operator marked during the flight."""
         return places_of(self.notes).marks
 
     @property

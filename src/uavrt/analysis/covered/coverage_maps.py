@@ -1,4 +1,4 @@
-"""Coverage maps: the probability of detecting a tag at each place, for plans and outlines."""
+"""Coverage maps: probability of detecting a tag at each position, for plans and outlines."""
 
 import math
 from collections.abc import Callable, Sequence

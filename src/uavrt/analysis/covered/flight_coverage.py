@@ -40,8 +40,8 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability that a flight detected a tag at each place, by pulse groups or by the whole
-    flight.
+    """Probability that a flight detected a tag at each position, by pulse groups or by the
+    whole flight.
 
     Times outside of `listened` count as not received, where given. `searched` gives the
     settings of a whole-flight search. Raises `UsageError` if the flight is too long.

@@ -65,7 +65,7 @@ _AMBIGUOUS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SilentMap:
-    """Probability that a tag at each place would have been detected in a flight."""
+    """Probability that a tag at each position would have been detected in a flight."""
 
     tag_id: int
     tag_power_dbm: float

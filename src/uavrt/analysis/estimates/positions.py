@@ -162,7 +162,7 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
 def _without_repeats(
     files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
 ) -> list[tuple[str, list[TagBearing]]]:
-    """Remove bearings that an earlier file also has: same tag, place, time and angle."""
+    """Remove bearings that an earlier file also has: same tag, position, time and angle."""
     key = attrgetter(
         "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
     )
@@ -395,7 +395,7 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
     """Remove pulses that another log of the same flight also has.
 
-    One pulse at two places was received by two drones, and both are kept.
+    One pulse at two positions was received by two drones, and both are kept.
     """
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []
@@ -414,7 +414,7 @@ def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> li
 
 
 def _place_and_time(posed: PulsePose) -> tuple[int, int, int, int]:
-    """Key of a pulse, equal in all copies of a flight: tag, start [ms], place to 10 m."""
+    """Key of a pulse, equal in all copies of a flight: tag, start [ms], position to 10 m."""
     pose, pulse = posed.pose, posed.pulse
     milliseconds = round(pulse.start_time_ns / 1e6)
     if pose is None:

@@ -1,7 +1,7 @@
 """Locate a tag from signal strength alone, in surveys with a monopole.
 
 Without a directional antenna there are no bearings. Received pulses along the flight, and
-expected ones that were missed, give a position. The strongest place is reported separately
+expected ones that were missed, give a position. The strongest signal is reported separately
 (`uavrt.localization.position.levels.strongest`).
 """
 

@@ -146,7 +146,7 @@ def tag_paths_csv(survey: Survey) -> str:
 
 
 def marks_csv(survey: Survey) -> str:
-    """Write the places that the operator marked."""
+    """Write the positions that the operator marked."""
     rows = (
         (iso_utc(one.time_ns), f"{one.latitude_deg:.9f}", f"{one.longitude_deg:.9f}", one.text)
         for one in survey.marks

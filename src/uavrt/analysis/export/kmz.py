@@ -173,7 +173,7 @@ def _track(folder: ET.Element, name: str, position: Position) -> None:
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """Placemark of the strongest signal, and a signal map, labelled as not the tag's place."""
+    """Placemark and map of signal strength, labelled as not the tag's position."""
     found = survey.signal_of(tag_id)
     if found is None:
         return

@@ -56,7 +56,7 @@ def missing_in_words(share: float) -> tuple[str, ...]:
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Exclude energies more than 2 s from any pose, where the drone's place is unknown."""
+    """Exclude energies more than 2 s from any pose, where the drone's position is unknown."""
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies

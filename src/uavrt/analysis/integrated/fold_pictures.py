@@ -81,7 +81,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """Index of a tag's most likely place, or of the strongest train's place if not found."""
+    """Index of a tag's likeliest position; if not found, of the strongest train's position."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

@@ -29,7 +29,7 @@ PLACE_FIELDS = (
     *("level_db", "bearing_deg", "arc50_deg", "arc95_deg"),
     *("latitude_deg", "longitude_deg", "radius50_m", "radius95_m"),
 )
-"""Names of the fields that describe a tag's place in result records."""
+"""Names of the fields that describe a tag's position in result records."""
 _DECIMALS = 7
 """Decimals of a degree in coordinates: a centimetre."""
 _SAME = 0.25
@@ -153,7 +153,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
 
 
 def _placed(place: PlaceBelief | None) -> dict[str, Any]:
-    """Verdict fields that describe the tag's place; empty without one."""
+    """Verdict fields that describe the tag's position; empty without one."""
     if place is None:
         return {}
     parts = parts_of(place)
@@ -181,7 +181,7 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
 def parts_of(
     place: PlaceBelief, least_probability: float = LEAST_PART
 ) -> tuple[IntegratedPart, ...]:
-    """Separate places that fit the flight equally well, most likely first."""
+    """Separate positions that fit the flight equally well, most likely first."""
     return tuple(
         IntegratedPart(
             latitude_deg=part.latitude_deg,

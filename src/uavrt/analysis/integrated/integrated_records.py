@@ -46,7 +46,7 @@ class PlaceRecord:
     enr_db: float | None = None
     """Energy of the tag's strongest pulse over noise density [dB]."""
     latitude_deg: float | None = None
-    """Latitude [deg]; with several possible places, that of their middle (see `places`)."""
+    """Latitude [deg]; with several possible positions, that of their middle (see `places`)."""
     longitude_deg: float | None = None
     radius50_m: float | None = None
     radius95_m: float | None = None
@@ -61,7 +61,7 @@ class PlaceRecord:
 
     @classmethod
     def of(cls, place: PlaceBelief | None) -> "PlaceRecord":
-        """Make a record of a place estimate."""
+        """Make a record of a position estimate."""
         if place is None:
             return cls()
         return cls(

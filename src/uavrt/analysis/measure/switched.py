@@ -2,7 +2,7 @@
 
 The detector finds the pulses as usual. Then their samples are read again from the recording,
 whose metadata name the antenna of each sample. A circle of antennas gives a bearing from one
-pulse. Pulses received at one place are combined.
+pulse. Pulses received at one position are combined.
 """
 
 import os
@@ -110,7 +110,7 @@ def switched_bearings(
     *,
     offset_deg: float = 0.0,
 ) -> list[TagBearing]:
-    """Estimate one bearing for each tag and place where it was received.
+    """Estimate one bearing for each tag and position where it was received.
 
     `pulse_poses` have the antenna's pose, else they are skipped. `offset_deg` is the antenna's
     direction, clockwise from the heading in the poses [deg].

@@ -66,7 +66,7 @@ def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> N
 
 
 def maps_under(survey: Survey) -> list[MapFile]:
-    """Map files that cover the first place of a flight."""
+    """Map files that cover the first position of a flight."""
     if not survey.track:
         return []
     first = survey.track[0]

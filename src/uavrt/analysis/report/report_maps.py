@@ -249,7 +249,7 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
 
 
 def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
-    """Draw the places found by whole-flight analysis, ambiguous ones included."""
+    """Draw the positions found by whole-flight analysis, ambiguous ones included."""
     verdict, places = survey.verdict_of(tag_id), _hindsight_places(survey, tag_id)
     if verdict is None or not places:
         return
@@ -289,7 +289,7 @@ def _heat(chart: LocalMap, position: Position) -> None:
 
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
-    """Draw a tag's SNR map, its strongest place, and the circle on which the tag lies."""
+    """Draw a tag's SNR map, its strongest signal, and the circle on which the tag lies."""
     if signal.surface is not None:
         drawn = draw_surface(chart, signal.surface)
         target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
@@ -317,7 +317,7 @@ def draw_surface(
 
 
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
-    """Mark the place of strongest signal, and the circle around it on which the tag lies."""
+    """Mark the position of strongest signal, and the circle around it where the tag lies."""
     x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
     label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
     chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)

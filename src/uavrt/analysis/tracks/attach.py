@@ -3,7 +3,7 @@
 An offset is rejected if another one 5 s away fits nearly as well (misfit within 15 %). It is
 also rejected if its standard deviation (jackknife over eighths of the flight) moves the
 headings of a turn by more than 3°. A single turn at a constant rate fits any offset with
-another bearing; starts, stops and several places remove the ambiguity.
+another bearing; starts, stops and several positions remove the ambiguity.
 """
 
 import math
@@ -46,10 +46,10 @@ _TURNING_DEG_S = 2.0
 """Rate above which the vehicle counts as turning [deg/s]; slower rotation is wind."""
 _NEAR_M = 20.0
 _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
-"""Half-width of the first grid around a place: share of its distance, plus metres."""
+"""Half-width of the first grid around a position: share of its distance, plus metres."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
-"""Half-width below which the grid of nine by nine places is not refined further [m]."""
+"""Half-width below which the grid of nine by nine positions is not refined further [m]."""
 
 _Floats = NDArray[np.float64]
 
@@ -118,9 +118,9 @@ def estimate_offset(
 ) -> ClockOffset:
     """Estimate the offset between the clocks of a track and a log of pulses.
 
-    If the pulses have poses, even coarse ones, headings and places are matched. Without poses,
+    If the pulses have poses, even coarse ones, headings and positions are matched. Without,
     SNR along the track is matched with the antenna's pattern and the distance, at the best
-    place of each tag. A lone turn at a constant rate cannot separate offset from bearing;
+    position of each tag. A lone turn at a constant rate cannot separate offset from bearing;
     starts, stops and several turns can.
     Raises `UsageError` if the logs share too little: fewer than 12 pulses, or a quarter
     of them. It is also raised if two offsets fit nearly as well, or the uncertainty moves the
@@ -222,7 +222,7 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Least sum of squared residuals near a place, on ever finer grids of places.
+        """Least sum of squared residuals near a position, on ever finer grids of positions.
 
         The first grid is as wide as the polar grid's cells at that distance from its `middle`.
         """
@@ -284,7 +284,7 @@ class _Common:
         return float(np.median(turning)) if len(turning) else 0.0
 
     def pose_misfit(self, offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
-        """Mean squared error of headings (unit 10°) and places (unit 5 m), each at most 9."""
+        """Mean squared error of headings (unit 10°) and positions (5 m), each at most 9."""
         inside = self._inside(self._posed_s, offset_s)
         if inside is None:
             return np.nan
@@ -304,10 +304,10 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean squared SNR residual [dB²] at a clock offset; each tag's place and level are
+        """Mean squared SNR residual [dB²] at a clock offset; each tag's position and level are
         fitted.
 
-        Power falls with the square of the distance. Candidate places are a polar grid around
+        Power falls with the square of the distance. Candidate positions are a polar grid around
         the path.
         """
         heard = self._heard(offset_s, antenna, keep)
@@ -317,7 +317,7 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Make a function like `power_misfit` for nearby offsets, with places to the metre.
+        """Make a function like `power_misfit` for nearby offsets, with positions to the metre.
 
         The cells of the polar grid are tens of metres wide, but a turn's bearing is more
         accurate. Without this step, the best offset would be one that turns all bearings to a

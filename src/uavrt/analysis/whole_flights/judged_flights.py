@@ -2,7 +2,7 @@
 
 The inputs are a recording of the band or of a channel, and the poses of its flight. Each tag
 gets a verdict at a false-alarm probability for the flight, with interval, frequency, pulses and
-place.
+position.
 """
 
 import math
@@ -60,7 +60,7 @@ class IntegratedTag:
     energies: SlotEnergies
     places: Places
     searched_place: int
-    """Index in `places` of the candidate place that gave the strongest train."""
+    """Index in `places` of the candidate position that gave the strongest train."""
     others: tuple[OtherTrain, ...]
     """Pulse trains on the tag's frequency at intervals that the tag list excludes."""
     heard_alone: int

@@ -1,7 +1,7 @@
 """Analyse several flights for one tag together, as ``uavrt integrate`` does.
 
 Half of the false-alarm probability is for all flights together. The other half is divided
-equally among the single flights. A resting tag has one place in all flights.
+equally among the single flights. A resting tag has one position in all flights.
 """
 
 import math
@@ -63,7 +63,7 @@ class TagOfFlights:
     place: PlaceBelief | None
     """Common position of the tag; None if it was not found, or moves."""
     flights: tuple[IntegratedTag, ...]
-    """Result of each flight, with the tag's pulses and the common place."""
+    """Result of each flight, with the tag's pulses and the common position."""
 
 
 def share_alone(false_alarm_probability: float, flights: int) -> float:
@@ -116,10 +116,10 @@ def judge_together(
     """Decide whether several flights together show a tag, and where it is.
 
     `judged` has each flight's own result at `share_alone`. `false_alarm_probability` is that of
-    the joint decision for this tag. With `moves` the tag may be at another place in each
+    the joint decision for this tag. With `moves` the tag may be at another position in each
     flight. `elevation` is the terrain used for the single flights.
     Raises `ConfigError` for fewer than two flights, and `UsageError` if they are too far apart
-    for one place.
+    for one position.
     """
     if len(flights) < 2:
         raise ConfigError("only one flight was given", remedy="Name two or more flights")
@@ -159,7 +159,7 @@ class _View:
     gain: _Floats
     """(places, times) antenna gain towards each place, on the scale of the search."""
     chosen: NDArray[np.intp]
-    """Indices of the places that represent all others in the search."""
+    """Indices of the positions that represent all positions in the search."""
 
     @property
     def listened(self) -> Listened:
@@ -249,7 +249,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Candidate places of the tag, relative to the middle of all flights."""
+    """Candidate positions of the tag, relative to the middle of all flights."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

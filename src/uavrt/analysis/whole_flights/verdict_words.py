@@ -15,11 +15,11 @@ def where_in_words(
     parts: Sequence[IntegratedPart],
     flown: str = "the flight",
 ) -> list[str]:
-    """Sentence on a tag's place: one place, one of several, or a direction.
+    """Sentence on a tag's position: one position, one of several, or a direction.
 
     `place` has coordinates and radii, and bearing and arcs from the middle of the flight.
-    `parts` are the possible places, most likely first. `flown` is a phrase for the path, after
-    "middle of".
+    `parts` are the possible positions, most likely first. `flown` is a phrase for the path,
+    after "middle of".
     """
     if len(parts) > 1:
         each = "; ".join(

@@ -239,7 +239,7 @@ class Commands:
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and place (by default the drone's) into the recording."""
+        """Write a remark with time and position (by default the drone's) into the recording."""
         now_ns = self._vehicle.clock.now_ns()
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:
