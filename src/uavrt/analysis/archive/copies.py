@@ -21,7 +21,7 @@ from uavrt.flight.reading.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Choose one copy of each flight; returns the chosen directory for each other copy's.
+    """Choose one copy per flight; returns the chosen directory for each other copy's directory.
 
     The copy with more to search is chosen: recordings, recorded channels, pulses. Among equals,
     an earlier run's choice stays. Two flights that have samples but no pulses are never copies.

@@ -395,7 +395,7 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
     """Remove pulses that another log of the same flight also has.
 
-    One pulse at two positions was received by two drones, and both are kept.
+    One pulse at two positions was received by two drones; both records stay.
     """
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []

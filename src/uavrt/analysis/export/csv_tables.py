@@ -77,7 +77,7 @@ def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
-    """Rows of positions for the original's ``positions.csv``, by its three estimators."""
+    """Rows for the original system's ``positions.csv``, by its three estimators."""
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:

@@ -95,7 +95,7 @@ def same_recording(new: Path, old: Path) -> bool:
 
 
 def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
-    """Read a recording's kind, and first sample, frequency and time [ns] of each stretch."""
+    """Read a recording's kind, and first sample, frequency and time [ns] of each span."""
     described = read_json(read_file(path, NOTES), NOTES)
     about = described["global"]
     kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))

@@ -17,7 +17,7 @@ class LinkKeys:
     """MAVLink component in system 254, usually 190. Stations of the same drone need different
     ones, since the drone answers each component on one link only."""
     as_gcs: bool = False
-    """Use system 255 and type GCS, which the original's drone side requires."""
+    """Use system 255 and type GCS, which the original system's drone side requires."""
     command: Key | None = None
     """Key that authenticates commands inside their payload, which PX4 forwards unchanged; None:
     no key."""

@@ -40,7 +40,7 @@ class RecordingRow:
     flight: str
     fingerprint: str
     state: str
-    """done, truncated (used up to its fault), failed (no pulse of it counts) or recorded (the
+    """done, truncated (used up to its fault), failed (no pulse counts) or recorded (the
     pulses are those that the flight itself found)."""
     fault: str | None = None
     start_time_ns: int | None
