@@ -31,7 +31,7 @@ PLACE_FIELDS = (
 )
 """Names of the fields that describe a tag's position in result records."""
 _DECIMALS = 7
-"""Decimals of a degree in coordinates: a centimetre."""
+"""Decimals of coordinates in degrees; the seventh is 1 cm."""
 _SAME = 0.25
 """Share of the pulse interval within which a pulse detected in flight belongs to a slot. Where
 samples were lost, times recorded in flight are off by tens of milliseconds."""

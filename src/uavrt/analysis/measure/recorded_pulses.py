@@ -228,7 +228,7 @@ class DetectionSummary:
     ambiguous: dict[int, int] = field(default_factory=dict)
     """Number of confirmed pulses that may be another listed tag's, by tag."""
     ghosts: dict[tuple[int, int], int] = field(default_factory=dict)
-    """Number of unconfirmed pulses that another tag causes in the receiver, by both tags."""
+    """Number of unconfirmed pulses that another tag causes in the receiver, by pair of tags."""
     clipped: int = 0
     """Number of pulses during which the receiver's converter was at its limits."""
     clipped_share: float = 0.0

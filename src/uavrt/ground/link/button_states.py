@@ -68,7 +68,7 @@ def unreachable(now: Situation) -> str | None:
 
 
 def cannot_command(now: Situation) -> str | None:
-    """Reason why only a stop can be sent, or nothing; None if all commands can be sent."""
+    """Reason why no command except a stop can be sent; None if all can be sent."""
     reason = unreachable(now)
     if reason is None and now.foreign:
         return "Two vehicles have the same number: choose one above"
@@ -76,7 +76,7 @@ def cannot_command(now: Situation) -> str | None:
 
 
 def wait_for(now: Situation) -> str | None:
-    """Request to wait for the end of the command in progress, named; None without one."""
+    """Text that asks to wait for the command in progress; None without one."""
     return None if now.busy is None else f"Please wait: {now.busy.text}"
 
 

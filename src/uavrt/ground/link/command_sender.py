@@ -112,7 +112,7 @@ class Commands:
         return await self.send_tags_by(self._allowed("send_tags"))
 
     async def send_tags_by(self, link: GroundLink) -> str:
-        """Send the tag table whatever state the drone last reported."""
+        """Send the tag table over `link`, whatever state the drone last reported."""
         tags = self._vehicle.store.chosen_tags
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
@@ -124,7 +124,7 @@ class Commands:
         return await self.start_by(self._allowed("start"))
 
     async def start_by(self, link: GroundLink) -> str:
-        """Start detection whatever state the drone last reported."""
+        """Start detection over `link`, whatever state the drone last reported."""
         settings = self._vehicle.store.settings
         async with self._working("start", "starting"):
             frequency = settings.center_frequency_mhz
@@ -148,7 +148,7 @@ class Commands:
             return "stopped"
 
     async def capture(self) -> str:
-        """Record raw samples on the drone."""
+        """Start to record raw samples on the drone."""
         link = self._allowed("capture")
         settings = self._vehicle.store.settings
         async with self._working("capture", "asking for a raw capture"):
@@ -263,7 +263,7 @@ class Commands:
         return note
 
     def _allowed(self, action: str) -> GroundLink:
-        """The link, if the action is enabled now; raises `CommandRefused` if not."""
+        """Return the link if the action is enabled now; raises `CommandRefused` if not."""
         state = action_states(self._vehicle.situation())[action]
         if not state["enabled"]:
             raise LinkError(str(state["reason"]))

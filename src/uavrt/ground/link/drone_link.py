@@ -122,9 +122,9 @@ class GroundLink:
             self.protocol, self._links, self.contact, clock_ns, ack_wait_s
         )
         self.parameters = DroneParameters(self.protocol, self.send, ack_wait_s)
-        """The drone's parameters."""
+        """Lists and sets the drone's parameters."""
         self.missions = VehicleMissions(self.protocol.own, self.send, self._vehicle_id)
-        """The autopilot's mission and fence."""
+        """Uploads and downloads the autopilot's mission and fence."""
 
     @property
     def link(self) -> Link | None:
@@ -236,7 +236,7 @@ class GroundLink:
         return await self._exchange.motion(payload, request_id)
 
     def send_neighbour(self, neighbour: Neighbour) -> None:
-        """Report another drone to this one; nothing is sent before contact is made."""
+        """Send this drone a report about another one; nothing is sent before contact."""
         with contextlib.suppress(LinkError):
             payload = encode_neighbour(neighbour)
             self.send(self.protocol.tunnel_message(payload, NEIGHBOUR_TYPE))
