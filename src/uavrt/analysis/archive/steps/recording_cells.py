@@ -18,7 +18,7 @@ LEAD_IN_S = 120.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """Part of a recording that is searched separately, with limits in samples of the file."""
+    """Part of a recording that is searched separately; limits are samples of the file."""
 
     number: int
     lead_in: int
