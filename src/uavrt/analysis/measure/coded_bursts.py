@@ -35,7 +35,7 @@ _PEAKED: Final = 4.0
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's time from whole burst intervals [s]."""
 _MOST_LOST: Final = 4
-"""Largest number of burst intervals tried for the shortest time between two bursts."""
+"""Most burst intervals that the shortest time between two received bursts may contain."""
 _WINDOW_HZ: Final = 1000.0
 
 

@@ -1,8 +1,8 @@
 """Fit one pulse: start, end and frequency of a rectangular burst of carrier in noise.
 
-For a carrier of frequency f that is on from sample a to sample b, the log likelihood, maximised
-over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` over the noise. C is the running sum
-of the samples shifted by -f. All pairs (a, b) are tried at once.
+A carrier of frequency f is assumed to be on from sample a to sample b. The log likelihood,
+maximised over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` over the noise. C is the
+running sum of the samples shifted by -f. All pairs (a, b) are tried at once.
 """
 
 from dataclasses import dataclass

@@ -48,7 +48,7 @@ class DetectionChain:
     `on_band` receives each block of the radio, and its decimation to the band of the tags, if
     all samples are finite.
     Raises `ConfigError` without tags or for an invalid window, `TunerError` for tags outside
-    the span of the samples, and `UsageError` if no channels can be made at this sample rate.
+    the span of the samples. Raises `UsageError` if this sample rate allows no channels.
     """
 
     def __init__(

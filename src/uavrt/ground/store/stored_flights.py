@@ -249,7 +249,7 @@ class FlightLibrary:
         )
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
-        """Idle receiver noise in past flights of a vehicle, or of an unknown one [dB]."""
+        """Usual idle receiver noise in past flights that may be of a vehicle [dB]."""
         flights = (
             flight
             for flight in self.summaries()

@@ -1,7 +1,7 @@
 """Divide recordings into cells of equal duration, so that results do not depend on the workers.
 
-The detector restarts in each cell. It also reads some time before the cell (two minutes by
-default), so that noise estimates and tracks are settled when the cell's own time begins.
+The detector restarts in each cell. It also reads some time before the cell, two minutes by
+default. So noise estimates and tracks are settled when the cell's own time begins.
 """
 
 import math

@@ -2,8 +2,8 @@
 
 The radio link is far too slow for samples. A waterfall therefore needs samples on this
 computer. One source is a recording in a flight's ``iq/``: downloaded, copied, or made by
-``uavrt run --ground``. The other is channels that the drone sends as datagrams over a fast link
-(``[udp_channels]``), or over the loopback if the page runs on the drone.
+``uavrt run --ground``. The other is channels that the drone sends as datagrams
+(``[udp_channels]``): over a fast link, or over the loopback if the page runs on the drone.
 """
 
 import asyncio
