@@ -24,7 +24,7 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 
 
 def note_flight(flight: Path) -> None:
-    """Append a new flight to the list; raises `OSError` if the disk fails, so try again."""
+    """Append a new flight to the list; raises `OSError` if the disk fails."""
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)
     if names and names[-1] == flight.name:

@@ -154,7 +154,7 @@ class Discovery:
         return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
 
     def target(self, now_ns: int) -> Peer | None:
-        """Address for messages to all ground stations: that of the only one, or everyone."""
+        """Address for messages to all ground stations: the only station's, or everyone's."""
         stations = self.stations(now_ns)
         if not stations:
             return None

@@ -18,7 +18,7 @@ LEAST_SPAN_S = 4.0
 """Least time span of round trips for a reliable skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
-"""Largest uncertainty of a skew from a shorter time span: 2 ms in a second."""
+"""Largest uncertainty of a skew that is used from a shorter time span: 2 ms in a second."""
 ONE_WAY_NS = ns_from_s(3.0)
 """Time over which messages are collected before their smallest delay is used [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
@@ -176,7 +176,7 @@ class TimeSync:
     def _least_offset(self, at_ns: int) -> int:
         """Offset at a time, by the lower bound of the messages' offsets.
 
-        Its slope is that from messages of smallest delay in the first and second half.
+        The slope follows from the messages of smallest delay in the first and second half.
         """
         points = list(self._one_way)
         half = len(points) // 2

@@ -60,7 +60,7 @@ class LinkCounters:
 class Link:
     """Base of the links over UDP, TCP and serial ports.
 
-    `on_frame`: called with each received frame. `parser`: None: for MAVLink.
+    `on_frame`: called with each received frame. `parser`: None means MAVLink's.
     """
 
     def __init__(

@@ -12,7 +12,7 @@ capacity that pulses leave. The server allows for differences between clients:
 A disk that stalls must not silence the link, so everything that touches it is a job for `Disk`;
 the reply is made when that is done.
 
-Replies sent at once would overrun the autopilot's ring after two. In the queue a transfer
+More than two replies sent at once would overrun the autopilot's buffer. In the queue a transfer
 reaches at most 12 kB/s, even over a faster network.
 """
 

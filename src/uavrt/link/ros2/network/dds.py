@@ -270,7 +270,7 @@ class Participant:
     ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI replaces
     `cyclone_config`. `nodes`: some of `uavrt.link.ros2.graph.NODES`; only one for a detector on
     another computer. `names`: replacements of these node names. Raises `ConfigError` for an
-    invalid variable, `LinkError` if the network cannot be used so.
+    invalid variable, `LinkError` if the network cannot be used.
     """
 
     def __init__(

@@ -27,8 +27,8 @@ store is ignored as made up or not receiving [ns]."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""Sendings of each burst content to a store that has acknowledged none, and total above which
-it is 1. At 40 % loss each way, none of 32 is answered in one case of a million."""
+"""Sendings of one burst's content to a store that has acknowledged none; after 32 in total,
+one. At 40 % loss each way, none of 32 is answered in one case of a million."""
 
 
 @dataclass(slots=True)
@@ -147,14 +147,14 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """Store, or None, for which pulses may be on disk; an unconfirmed store if allowed."""
+        """Store that may lack pulses on disk; None without any; unconfirmed only if allowed."""
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number
         return PLAIN if self._plain_on_disk and not self._stores else None
 
     def note_on_disk(self, number: int, *, on_disk: bool = True) -> None:
-        """Set whether pulses that a store lacks, or `PLAIN`, may be on disk."""
+        """Set whether pulses that a store (or `PLAIN`) lacks may be on disk."""
         if number == PLAIN:
             self._plain_on_disk = on_disk
         elif number in self._stores:
