@@ -54,7 +54,7 @@ LEAST_FREE_BYTES = 1_000_000
 """Free space below which any commit may fail [bytes]."""
 
 MAX_WAITING_PULSES = 100_000
-"""Largest number of pulses kept while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
+"""Largest number of pulses in memory while the disk fails: 84 MB, 3.5 hours at 8 a second."""
 
 MAX_WAITING_OTHERS = 20_000
 """Largest number of waiting poses and health records: half an hour; pulses carry poses too."""

@@ -54,8 +54,7 @@ class ChannelBudget:
         self._pieces.append((path, size))
 
     def make_room(self, more: int) -> bool:
-        """Remove the oldest files until `more` bytes fit, and reserve these; False if
-        impossible."""
+        """Remove the oldest files until `more` bytes fit, then reserve them; else False."""
         while self.bytes + more > self._most_bytes and self._pieces:
             self._remove(*self._pieces.popleft())
         if self.bytes + more > self._most_bytes:

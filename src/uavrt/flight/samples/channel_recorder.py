@@ -3,9 +3,9 @@
 `put` only queues blocks. A thread writes each channel to a series of files, so that the oldest
 can be removed (`uavrt.flight.samples.channel_budget`). Samples that a slow or full disk cannot
 take are dropped, counted and marked as a gap. Each file's scale depends on its noise. With 8
-bits, the noise has at least 3 steps. Rounding then adds .02 to .04 dB, and signals up to 26 dB
+bits, the noise has at least 3 steps. Rounding then adds .02 to .04 dB. Signals up to 26 dB
 above the noise fit: 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a new
-file of 16 bits, with 20 to 40 steps for the noise (.001 dB) and 58 dB above it, or a wider
+file of 16 bits. There the noise has 20 to 40 steps (.001 dB), with 58 dB above it, or a wider
 scale. So nothing is clipped, and rounding adds less than .05 dB while the amplitude is less
 than 73 dB above the noise's. A new 8-bit file begins before falling noise reaches 2 steps.
 """

@@ -93,7 +93,7 @@ class Discovery:
         self._kept: Peer | None = None
 
     def heartbeat(self, peer: Peer, heartbeat: Heartbeat, now_ns: int) -> bool:
-        """Handle a heartbeat; True if it shows a new autopilot or one that was lost."""
+        """Handle a heartbeat; True if the autopilot is new, or back after it was lost."""
         if is_station(heartbeat):
             self._add_station(peer, now_ns)
             if heartbeat.type == MavType.GCS:

@@ -9,7 +9,7 @@ everything between marker and checksum, then the message's own seed byte. MAVLin
 len seq sysid compid id) are read too, because some radios still send RADIO_STATUS in them.
 
 After a bad checksum, parsing resumes at the byte after the false marker, not after the false
-frame: on a noisy serial line a stray 0xFD would otherwise discard up to 280 good bytes.
+frame. Otherwise a stray 0xFD on a noisy serial line would discard up to 280 good bytes.
 """
 
 import binascii

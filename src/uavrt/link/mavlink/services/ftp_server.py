@@ -9,8 +9,8 @@ capacity that pulses leave. The server allows for differences between clients:
 - Some first ask for opcode 16, the listing with times: unknown opcodes get a NAK at once.
 - A request that comes again with the same sequence number gets the same reply again.
 
-A disk that stalls must not silence the link, so everything that touches it is a job for `Disk`;
-the reply is made when that is done.
+A disk that stalls must not silence the link. So all disk work is a job for `Disk`, and the
+reply is made when the job is done.
 
 More than two replies sent at once would overrun the autopilot's buffer. In the queue a transfer
 reaches at most 12 kB/s, even over a faster network.

@@ -170,7 +170,7 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 def reach_of(environment: Mapping[str, str]) -> Reach:
     """Network reach that ROS 2's variables allow, limited to that of `interfaces`.
 
-    ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
+    ROS_LOCALHOST_ONLY (Humble) overrides ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
     `ConfigError` if the latter is invalid.
     """
     if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":

@@ -3,8 +3,8 @@
 A ground station that acknowledges (`uavrt.link.tunnel.own_messages.private`) gets every pulse:
 unacknowledged ones are sent again. A station that does not acknowledge gets each pulse once.
 
-A message is lost when three later ones were acknowledged and the round trip has passed; or when
-it is not acknowledged within the retransmission time-out of RFC 6298 with a floor of 0.4 s.
+A message counts as lost once three later ones were acknowledged and the round trip has passed.
+It also does after the retransmission time-out of RFC 6298, at least 0.4 s.
 
 The content of a burst does not fit into its pulse message
 (`uavrt.link.tunnel.own_messages.burst`). The content goes to a store that has acknowledged the
