@@ -124,7 +124,7 @@ class Receiver:
         self.samples = 0
         self.samples_lost = 0
         self.samples_unsure = 0
-        """Number of samples missing, judging by arrival times and the radio's nominal clock."""
+        """Number of samples that are lost, or only seem so by a wrong clock rate."""
         self._next_loss_report_s = LOSS_REPORT_S
         self.first_sample_ns = 0
         self.last_sample_ns = 0

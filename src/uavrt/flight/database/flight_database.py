@@ -123,8 +123,7 @@ class FlightDatabase:
     def insert(
         self, pulses: Iterable[Pulse | PulsePose], *others: Iterable[Statement]
     ) -> list[PulsePose]:
-        """Insert all rows in one transaction; return the pulses that were stored with a new
-        pose."""
+        """Insert all rows in one transaction; return the pulses that got a new pose."""
         database = self.connected()
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}

@@ -1,7 +1,7 @@
 """Handlers for everything the connection process receives, in two tables.
 
-Messages of ground stations are looked up by their type number; a sealed message by its
-content's. Records of the supervisor are looked up by their class.
+Messages of ground stations are looked up by their type number; for a sealed message, by that of
+its content. Records of the supervisor are looked up by their class.
 """
 
 from collections.abc import Callable

@@ -3,11 +3,10 @@
 Replies go one by one to the paced queue, after pulses, so that a download uses only the
 capacity that pulses leave. The server allows for differences between clients:
 
-- Some choose a random session id and take only replies that echo it (MAVProxy), others use 0
-  (QGroundControl, MAVSDK): a file is opened under the id that the client sent, for each client
-  apart.
-- Some first ask for opcode 16, the listing with times: unknown opcodes get a NAK at once.
-- A request that comes again with the same sequence number gets the same reply again.
+- Some choose a random session id and accept only replies that return it (MAVProxy); others use
+  0 (QGroundControl, MAVSDK). So each client's files are opened under the id that it sent.
+- Some first request opcode 16, the listing with times. Unknown opcodes get a NAK at once.
+- A repeated request, with the same sequence number, gets the same reply again.
 
 A disk that stalls must not silence the link. So all disk work is a job for `Disk`, and the
 reply is made when the job is done.
