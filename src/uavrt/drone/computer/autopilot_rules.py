@@ -4,7 +4,7 @@ PX4 (docs.px4.io, "Serial Port Configuration", "MAVLink Peripherals"): instance 
 runs on the port MAV_n_CONFIG (0: off), sends the messages of MAV_n_MODE (2: onboard), and
 forwards messages if MAV_n_FORWARD is 1. The port's rate is SER_<port>_BAUD. ArduPilot
 (ardupilot.org, "Serial Port Configuration Options"): port n speaks SERIALn_PROTOCOL (2: MAVLink
-2; TUNNEL does not exist in 1) at SERIALn_BAUD. It forwards nothing with bit 10 of
+2; TUNNEL does not exist in 1) at SERIALn_BAUD. It forwards nothing if bit 10 is set in
 SERIALn_OPTIONS, since 2026 bit 1 of MAVn_OPTIONS. All take effect after a restart.
 """
 

@@ -5,9 +5,9 @@ can be removed (`uavrt.flight.samples.channel_budget`). Samples that a slow or f
 take are dropped, counted and marked as a gap. Each file's scale depends on its noise. With 8
 bits, the noise has at least 3 steps. Rounding then adds .02 to .04 dB. Signals up to 26 dB
 above the noise fit: 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a new
-file of 16 bits. There the noise has 20 to 40 steps (.001 dB), with 58 dB above it, or a wider
-scale. So nothing is clipped, and rounding adds less than .05 dB while the amplitude is less
-than 73 dB above the noise's. A new 8-bit file begins before falling noise reaches 2 steps.
+file of 16 bits. There the noise has 20 to 40 steps (.001 dB), and 58 dB fit above it, or the
+scale is wider. So nothing is clipped, and rounding adds less than .05 dB while the amplitude is
+less than 73 dB above the noise's. A new 8-bit file begins before falling noise reaches 2 steps.
 """
 
 import math
@@ -46,7 +46,7 @@ that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
 """Least rms of the noise's I and Q at the start of a file [steps], by bits per value."""
 FINER = math.sqrt(0.5)
-"""Amplitude ratio of present noise to noise at the file's start that ends a file of 8 bits."""
+"""Ratio of present to initial noise [amplitude] below which an 8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
 """Factor by which a scale is wider than the strong signal that required it."""

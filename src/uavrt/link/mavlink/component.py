@@ -151,7 +151,7 @@ class Component:
         return "ready"
 
     def has_number(self, now_ns: int) -> bool:
-        """True once the system number is known; frames wait, so none has a wrong number.
+        """True once the system number is known; no frame is sent before that.
 
         After `ALONE_NS` without an autopilot, the component takes the usual number.
         """

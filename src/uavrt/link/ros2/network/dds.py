@@ -9,8 +9,8 @@ binding, were found by experiment against ROS 2 Jazzy:
 - samples are read by one thread with a wait set: listeners of the binding deadlock;
 - writers keep the last few messages: with "keep all" a stopped subscriber stops the writer.
 
-Samples go in and out as bytes; `uavrt.link.ros2.types.cdr` makes and reads them, five times
-faster than the binding, and checks what others send.
+Samples go in and out as bytes. `uavrt.link.ros2.types.cdr` makes and reads them, five times
+faster than the binding, and checks received ones.
 """
 
 import os

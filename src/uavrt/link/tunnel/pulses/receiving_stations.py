@@ -147,7 +147,7 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """Store that may lack pulses on disk; None without any; unconfirmed only if allowed."""
+        """Store for which pulses may be on disk, an unconfirmed one if allowed; else None."""
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number
