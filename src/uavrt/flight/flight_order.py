@@ -70,7 +70,7 @@ def flights_in_order(directory: Path) -> list[Path]:
 
 
 def order_noted(directory: Path) -> dict[str, int]:
-    """Rising number of each listed flight, by the flight's name."""
+    """Number of each listed flight in the order of flights, by the flight's name."""
     return {name: number for number, name in enumerate(_noted(directory / FLIGHT_ORDER))}
 
 

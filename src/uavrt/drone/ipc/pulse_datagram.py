@@ -165,7 +165,7 @@ class PulseDatagramSender:
         self._found_ns[pulse.tag_id] = begin_ns, end_ns
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the UDP socket."""
         self._socket.close()
 
     def _send(self, record: PulseRecord) -> None:

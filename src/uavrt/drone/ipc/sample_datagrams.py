@@ -141,7 +141,7 @@ class ChannelSender:
 
 
 class ChannelReceiver:
-    """Receives channel blocks in a detector."""
+    """Receives the channel blocks that a receiver sends to one detector."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)

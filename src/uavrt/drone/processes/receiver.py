@@ -306,7 +306,7 @@ def new_recording_name(directory: Path) -> Path:
 
 
 def main() -> None:
-    """Receive until stopped."""
+    """Receive radio samples until stopped."""
     run(Receiver)
 
 

@@ -28,7 +28,7 @@ RETRY_S = 10.0
 
 
 def main() -> None:
-    """Publish and receive until stopped."""
+    """Exchange records with the ROS 2 network until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         participant = join(frame)

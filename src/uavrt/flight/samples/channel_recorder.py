@@ -123,7 +123,7 @@ class ChannelRecorder:
         self._waiting_bytes = 0
         self._piece_s = PIECE_S
         self._last: _Batch | None = None
-        """Last batch written."""
+        """Last batch written to the files; None before the first one."""
         self._rest_until_s = float("-inf")
         self._overflowing = False
         self._condition = threading.Condition()

@@ -106,7 +106,7 @@ class SampleFile:
         self._next_index = None
 
     def close(self) -> None:
-        """Close the file."""
+        """Complete the metadata and close the data file."""
         if self._place_stretch():
             with suppress(OSError):  # a full disk: the first reading of the clock stands
                 self._write_metadata()

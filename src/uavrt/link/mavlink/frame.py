@@ -61,7 +61,7 @@ class Frame:
         return self.message_id in MESSAGES
 
     def message(self) -> Message | None:
-        """The decoded message; None if the dialect lacks it."""
+        """The decoded message; None if the dialect does not contain it."""
         kind = MESSAGES.get(self.message_id)
         return None if kind is None else kind.decode(self.payload)
 
@@ -98,7 +98,7 @@ class FrameWriter:
         self._sequence = 0
 
     def encode(self, message: Message) -> bytes:
-        """Encode the next frame."""
+        """Encode a message as the next frame; sequence numbers rise from 0 to 255."""
         frame = encode_frame(
             message,
             system_id=self.system_id,

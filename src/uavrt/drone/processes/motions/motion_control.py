@@ -140,7 +140,7 @@ class MotionControl:
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
-        """Begin the confirmed order; raises `CommandRefused`."""
+        """Begin the order that the operator has confirmed; raises `CommandRefused`."""
         self.known.confirm(
             confirmation.order_id,
             confirmation.nonce,

@@ -64,7 +64,7 @@ class PacedSender:
 
     @property
     def rate(self) -> LinkRate:
-        """Estimate of this link's rate."""
+        """Estimate of the rate that this link can carry."""
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:

@@ -251,7 +251,7 @@ class FileServer:
         self._disk(partial(close, job.file), _nothing)
 
     def close(self) -> None:
-        """Close all files."""
+        """Close all files that clients have opened."""
         for key in list(self._sessions):
             self._end(key)
         while self._crcs:
@@ -501,7 +501,7 @@ class FilesOnLink:
         return self._files.wait_ns(now_ns, self._link)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Message | None:
-        """Return the next reply."""
+        """Return the next reply for this link."""
         return self._files.take(now_ns, rate_bytes_s, self._link)
 
 

@@ -72,7 +72,7 @@ class CommandMessage:
 
 
 class Message(Protocol):
-    """Protocol of every tunnel message."""
+    """Protocol of every tunnel message: it can be encoded."""
 
     def encode(self) -> bytes:
         """Encode the message as payload bytes."""

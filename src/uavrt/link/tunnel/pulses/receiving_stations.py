@@ -127,7 +127,7 @@ class Stores:
         return min(unconfirmed, key=lambda number: self._stores[number].received_ns)
 
     def add(self, number: int, place: Ids, now_ns: int) -> None:
-        """Add a new store."""
+        """Add the store of a newly received ground station."""
         self._stores[number] = Store(place, now_ns, since_ns=now_ns)
 
     def silent(self, now_ns: int) -> list[int]:

@@ -179,7 +179,7 @@ class ReliableSender(Generic[T]):
         )
 
     def _count(self, entry: Entry[T]) -> None:
-        """Count a sent message."""
+        """Count a sent message in the totals and for each store."""
         for number in entry.missing_at:
             self.stores[number].sends += 1
             self.stores[number].insides += entry.inside is not None
