@@ -65,8 +65,8 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
     A slot gives a pulse if the tag was at that rate and the slot's energy is significant: noise
     reaches it in at most one slot of twenty (`slots_of`). `snr_db` is this energy above the
-    mean of noise, and up to 2 dB too great if the jitter allows a choice. Score, group and noise
-    density are unknown.
+    mean of noise, and up to 2 dB too great if the jitter allows a choice. Score, group and
+    noise density are unknown.
     """
     if not result.found:
         return []
