@@ -87,7 +87,7 @@ def batch(
         Seconds before each cell that are read again to settle the noise estimate.
     steps
         Only these of detect, attach, bearing, localize, integrate; by default all but the last.
-        It searches each whole flight with recorded channels for tags below the noise, and
+        Integrate searches each flight with recorded channels for tags below the noise, and
         takes some seconds and 0.7 GB of memory for each flight. Without detect, the pulses
         detected earlier are used.
     method

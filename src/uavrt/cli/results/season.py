@@ -27,7 +27,7 @@ def season(
 ) -> None:
     """Summarize a folder of flights: flights, minutes for each animal, batteries.
 
-    A flight that exists twice, received from the air and fetched, counts once.
+    A flight that was both received live and fetched from the drone counts once.
 
     Parameters
     ----------
