@@ -147,8 +147,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find pairs of similar codes in one band; each comes with the gaps' total difference [s].
-    """
+    """Find pairs of similar codes in one band, each with the gaps' total difference [s]."""
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):

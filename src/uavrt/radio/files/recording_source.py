@@ -134,11 +134,11 @@ class RecordingSource:
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """Parts of the file that contain samples."""
+        """Parts of the recording, each with consecutive samples, between its gaps."""
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Continue at a sample, counted over all segments; nothing follows the last."""
+        """Continue reading at a sample, counted over all segments without gaps."""
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:
