@@ -212,7 +212,7 @@ class PointSearch:
         frames, bins = power.shape
 
         def around(rows: range, columns: range) -> NDArray[np.float32]:
-            """Levels around each cell, shape (cells, rows, columns); zero outside."""
+            """Levels around each cell, shape (cells, rows, columns); zero beyond `power`."""
             at = row[:, None, None] + np.array(rows)[:, None]
             bins_at = column[:, None, None] + np.array(columns)
             inside = (at >= 0) & (at < frames) & (bins_at >= 0) & (bins_at < bins)

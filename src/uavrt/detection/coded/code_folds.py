@@ -23,7 +23,7 @@ from uavrt.detection.coded.tuning import SUMS
 class Found:
     """Several bursts of one code with a sum that exceeds noise.
 
-    `score`: sum of amplitudes over the required. `also_possible`: ids of other tags.
+    `score`: sum of amplitudes over the required sum. `also_possible`: ids of other senders.
     """
 
     tag: Tag
@@ -74,7 +74,7 @@ class Waiting:
 class Folds:
     """Sums several bursts of the codes with equal numbers of pulses.
 
-    `kept_s`: duration for which cells are stored [s].
+    `kept_s`: duration for which energy cells are stored [s].
     """
 
     def __init__(

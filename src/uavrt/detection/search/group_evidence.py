@@ -134,7 +134,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
     """Position of each pulse for each lattice around the candidate, shape (K, lattices).
 
-    Lattices are shifted at their middle, and at their ends against that.
+    Each lattice is shifted as a whole, and its two ends are shifted against each other.
     """
     middle, turn = np.meshgrid(np.arange(-side, side + 1), np.arange(-side, side + 1))
     inside = np.abs(middle) + np.abs(turn) <= side

@@ -90,7 +90,7 @@ class RateSearch(ABC):
             (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
             * intervals[np.newaxis, np.newaxis, :]
         ).astype(np.intp)
-        """(place, place, intervals): columns from one pulse to another."""
+        """(k, k, intervals): columns from one of the K pulses to another."""
         self.columns = 0
         """Number of columns whose maxima over the jitter are known."""
         self.piece = max(16, math.ceil(GROUPS.piece_s / hop_s))

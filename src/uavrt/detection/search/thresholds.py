@@ -84,7 +84,7 @@ def group_tail(k: int, spread: float, threshold: float) -> float:
 
 _FACTOR_K = np.log(THRESHOLDS.ks)
 _FACTOR_LOG = np.log(THRESHOLDS.hypotheses)
-"""Effective hypotheses per independent cell and interval, by K: calibrated."""
+"""Log of the calibrated effective hypotheses per independent cell and interval, by K."""
 
 
 def effective_hypotheses(

@@ -35,7 +35,7 @@ class NoiseTuning:
     short_s: float = 1.0
     """Time constant of the average that shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of recent to steady noise above which the recent counts; 3 % pulses give 1.3."""
+    """Ratio of recent to steady noise above which the recent is used; usual pulses give 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row with its neighbours [s]."""
     young_s: float = 8.0
@@ -104,9 +104,9 @@ class NoiseLevelTuning:
     learnt_slots: int = 40
     """Number of slots with a level of one that are assumed before the first slot."""
     steady_ratio: float = 0.5
-    """Minimum ratio of the lowest to the highest level for the cells' limits to remain."""
+    """Minimum ratio of lowest to highest level at which the limits on cells remain valid."""
     least_level: float = 1e-9
-    """Minimum level, since a receiver may be silent."""
+    """Minimum noise level [noise powers]; avoids division by zero if samples are zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +137,7 @@ class GroupTuning:
     same_bins: float = 1.5
     """Frequency difference below which a known pulse explains another [bins]."""
     leak_share: float = 0.2
-    """Minimum leakage of a known pulse that explains a candidate, over its strength."""
+    """Minimum leakage of a known pulse that explains a candidate, as a share of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

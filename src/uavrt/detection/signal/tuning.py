@@ -55,7 +55,7 @@ class CarrierTuning:
     """Rank, by power, of the bin whose power represents a group's noise. The frame of 60 ms of
     an idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
     floor_scale: float = 2.0
-    """Ratio of the median of a group of noise to its bin of `floor_rank`."""
+    """Ratio of the median power of a group of noise bins to that of its bin of `floor_rank`."""
     most_lines: int = 240
     """Maximum number of carriers: a transmitter's frame of 60 ms has one every 16.7 Hz."""
     few_lines: int = 6
@@ -72,7 +72,7 @@ class CarrierTuning:
     residual_share: float = 0.02
     """Residual power of the carriers at which the fit ends, as a share of the noise power."""
     strong_ratio: float = 1e4
-    """Minimum power of a strong carrier over the median around it: 25 dB in a bin."""
+    """Minimum ratio of a strong carrier's bin to the median bin around it: 24 dB in 50 Hz."""
     held_searches: int = 40
     """Number of searches, one each 0.44 s or less, for which a carrier is subtracted after it
     was last found. A line of hum fades for seconds: without this its return gave 17 times the

@@ -231,11 +231,11 @@ class Judge:
         return evidence > 0.0
 
     def overlaps(self, track: Track, group: list[Measured]) -> bool:
-        """True if a group shares a pulse with a track."""
+        """True if a candidate group shares a pulse with a track."""
         return share_a_pulse(group, [s.measured for s in track.slots], self._grid.window)
 
     def equals(self, track: Track, group: list[Measured]) -> bool:
-        """True if at most one pulse of the group is new to the track."""
+        """True if a track has all pulses of a candidate group, or all but one."""
         own = [s.measured for s in track.slots]
         shared = sum(share_a_pulse([m], own, self._grid.window) for m in group)
         return shared >= len(group) - 1

@@ -102,7 +102,7 @@ class Track:
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from others."""
     trust: float = FOLLOW.most_trust
-    """Log odds that a confirmed track is a tag: pulses raise it, missing pulses lower it."""
+    """Log odds that a confirmed track is a tag; raised by pulses, lowered by missing ones."""
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
@@ -334,7 +334,7 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True for a lattice number without a pulse if the tag has twice the interval."""
+        """True if the tag has twice the interval and sends no pulse at this slot's number."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 

@@ -51,7 +51,7 @@ def _at_other_rate(track: Track, start: Slot) -> Track:
 
 
 def lags(track: Track, other: Track) -> bool:
-    """True if the other rate's track expects a pulse no later than the track's last slot."""
+    """True if the track at the other rate has not been evaluated as far as this track."""
     return other.expected()[0] < track.time_s + _margin_s(track)
 
 
@@ -138,7 +138,7 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
 
 def strength(track: Track) -> float:
-    """ENR of the recent accepted pulses, limited to what a fade leaves.
+    """Mean ENR of the recent accepted pulses, limited to 8 to 30 because pulses fade.
 
     Uses the stronger half of the last four: at the longer interval every second is noise.
     """

@@ -103,7 +103,7 @@ class _Learnt:
     bound: float
     """Relative uncertainty of the measured interval."""
     otherwise_ns: float | None = None
-    """Time since which the tag is received with another interval [ns]; or None."""
+    """Time at which the tag was first received with another interval [ns]; or None."""
 
 
 class ConfirmedPulses:
@@ -316,7 +316,7 @@ class Senders(Generic[H]):
         ]
 
     def _likely(self, train: Train[H]) -> dict[int, float]:
-        """Log-likelihood of a train for each possible tag, and the value of any tag."""
+        """Log-likelihood of a train for each possible tag, plus the value of having any tag."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
         return {
             i: value + SENDERS.any_tag_log for i, value in values.items() if value > -math.inf
