@@ -1,8 +1,8 @@
 """Compute frequencies where a receiver shows ghosts of a strong signal, such as mirror images.
 
-If a ghost of one tag may appear at another tag's frequency, both tags go to the same detector
-process as long as the load stays even. One process then compares both trains at once. Through
-the supervisor a train would arrive a second later, and some flights would confirm a ghost.
+If a ghost of one tag may appear at another tag's frequency, one detector process gets both
+tags, while the load stays even. One process then compares both trains at once. Through the
+supervisor a train would arrive a second later, and some flights would confirm a ghost.
 """
 
 import itertools

@@ -3,8 +3,8 @@
 ``y[n] = sum_k h[k] x[D n - k]``. The input is cut, without copying, into blocks of ``P = R D``
 samples, the rows of a matrix. A block contributes to the R outputs that start in it and to the
 E that start before it and reach into it. A product with an (R + E, P) matrix of shifted taps
-gives all these parts, and adding each block's parts to those of the blocks after it gives the
-outputs (overlap-add). This rounds a little differently from a plain sum: up to 3e-7 of the
+gives all these parts. Each block's parts are added to those of the blocks after it, which gives
+the outputs (overlap-add). This rounds a little differently from a plain sum: up to 3e-7 of the
 largest sample.
 """
 

@@ -18,8 +18,7 @@ _CONSECUTIVE_CHECKS: Final = 3
 _SAME_LEVEL: Final = 0.6
 """Maximum share of samples at one level of the converter; noise of 0.6 steps costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
-"""Amplitude below which noise has values, but data in a wrong format have none [full scales].
-"""
+"""Amplitude below which noise has values, but a wrong format has none [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
 """Ratio of the powers of I and Q above which the input is wrong; no radio produces it."""
 _ON_DC_HZ: Final = 300.0

@@ -1,10 +1,10 @@
 """Choose the radio frequency that serves all tags.
 
-The default keeps all tags within the clean span of the decimator, widened if needed, and away
-from the radio's own centre, where a zero-IF receiver has its DC spur. Then it avoids mirror
-images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near channel centres.
-Among such frequencies it prefers those with no higher cost in the original's tuner than that
-tuner's own choice. The plan then also suits the original's detectors.
+The default keeps all tags within the clean span of the decimator, widened if needed. It keeps
+them away from the radio's centre, where a zero-IF receiver has its DC spur. Then it avoids
+mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near channel
+centres. Among such frequencies it prefers those with no higher cost in the original's tuner
+than that tuner's own choice. The plan then also suits the original's detectors.
 """
 
 from collections.abc import Sequence
@@ -119,8 +119,8 @@ def compatible_cost(
 ) -> CompatibleCost:
     """Cost of candidate radio frequencies by the original's tuner.
 
-    With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
-    (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing. `tags_hz`
+    Let d be a tag's distance from its channel's edge, rounded to 1 Hz, and w half a shoulder
+    (7.5 % of the channel). A tag costs ``|w / d - 1|`` where d < w, else nothing. `tags_hz`
     (tags,); `centers_hz` (candidates,).
     """
     offsets = tags_hz - centers_hz[:, None]

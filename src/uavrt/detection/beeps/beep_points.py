@@ -1,8 +1,8 @@
 """Find strong pulses at any frequency in a band, without a list of tags.
 
-A cell of the spectrogram is a point if it stands above three levels: its frequency's at other
-times (carriers), those of other frequencies at its time (impulses, voice), and those 0.6 to 1.1
-kHz away (the spectrum of a strong pulse's keying).
+A cell of the spectrogram is a point if it stands above three levels: that of its frequency at
+other times (carriers), that of other frequencies at its time (impulses, voice), and that 0.6 to
+1.1 kHz away (spectrum of a strong pulse's keying).
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Compute the evidence that the pulses at the positions of a listed code are that code's.
 
-The listed code, whose pulses are equally strong, is compared with an unlisted one that has some
-pulses at these positions by chance, and with noise. An unlisted code explains all positions but
-one at the price of the coincidences; that position must show a pulse by itself.
+The listed code, whose pulses are equally strong, is compared with noise. It is also compared
+with an unlisted one that has some pulses there by chance. An unlisted code explains all
+positions but one at the price of the coincidences; that position must show a pulse by itself.
 """
 
 import math

@@ -129,8 +129,8 @@ class SparkTuning:
     mean_ratio: float = 1.8
     """Ratio of the mean level of steady noise to its quiet quantile: 1.79, with a margin."""
     high_ratio: float = 5.0
-    """Ratio of a burst's level to the quiet quantile. Of steady noise 0.8 % is higher, with the
-    edges of pulses of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
+    """Ratio of a burst's level to the quiet quantile. The share above is 0.8 % in steady noise,
+    1.3 % with edges of 60 dB pulses, and at least 16 % with sparks of 3 dB mean power."""
     sparking_share: float = 0.135
     """Share of high levels above which limiting begins; ten 5 ms bursts a second give 0.1."""
     steady_share: float = 0.11

@@ -1,8 +1,8 @@
 """Measure a candidate on the samples and decide if it is a group of the tag.
 
-If the energy of a window is six standard deviations above the noise, one row must have 0.35 of
-it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. Blanking
-longer bursts would blank pulses, too, and miss pairs of impulses.
+If a window's energy is six standard deviations above the noise, one row must have 0.35 of it:
+the pulse's row or a stronger signal's; otherwise the candidate is an impulse. Blanking longer
+bursts would blank pulses, too, and miss pairs of impulses.
 """
 
 import math

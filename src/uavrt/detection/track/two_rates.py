@@ -1,13 +1,13 @@
 """Decide at which of its two rates a tag is sending, by comparing both lattices.
 
-Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
+Every second pulse of a rate is a train of twice its interval. So a pulse that a track expects
 may be of the other rate. The other rate is followed from each pulse at which the tag may have
 switched. The evidence for each is a sum of log-likelihood ratios, a pulse against none, over
 its expected places.
 
-A pulse that both rates expect waits until one rate leads by a log-likelihood of 8, and is
-reported as detected after two and a half of the longer intervals. Without waiting, about two
-pulses after each switch were confirmed at the wrong rate; with it, none in 256 switches.
+A pulse that both rates expect waits until one rate leads by a log-likelihood of 8. After 2.5 of
+the longer intervals it is reported as detected. Without waiting, about two pulses after each
+switch were confirmed at the wrong rate; with it, none in 256 switches.
 """
 
 import math

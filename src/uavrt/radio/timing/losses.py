@@ -9,10 +9,10 @@ single arrivals. The pattern of later arrivals distinguishes the three::
          |     :    :                 a stall: then all at once, each less late than the last
          |__:_.__:_._:_:___________
 
-Arrivals are grouped in cells of 20 ms, each with its smallest lateness. Consecutive cells that
-are all late, at the pace of the samples and level, count as a loss once there are too many for
-the present jitter. With exponential jitter of mean u, n cells are all later than c with
-probability exp(-n c / u). After a loss, half of that evidence is enough.
+Arrivals are grouped in cells of 20 ms, each with its smallest lateness. Consecutive late cells,
+level and at the pace of the samples, count as a loss once they are too many for the present
+jitter. With exponential jitter of mean u, n cells are all later than c with probability exp(-n
+c / u). After a loss, half of that evidence is enough.
 
 A lateness that rises evenly, faster than any clock error, means a source slower than real
 time: a slow disk, network or computer before the pipe. Then nothing is lost, and arrival times

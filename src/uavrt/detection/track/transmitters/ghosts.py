@@ -1,10 +1,10 @@
 """Recognise ghosts: copies of a stronger tag's pulses that the receiver produces.
 
-A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre,
-and a saturated one also at multiples of its distance from the centre. Two simultaneous signals,
-such as a tag and a steady carrier, have products at 2 f1 - f2 and others. A ghost has the
-pulses of its original at the same instants and at such a frequency. The chance that another tag
-does so is computed from its phase, interval and frequency.
+A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre.
+A saturated one also shows it at multiples of its distance from the centre. Two simultaneous
+signals, such as a tag and a steady carrier, have products at 2 f1 - f2 and others. A ghost has
+the pulses of its original at the same instants and at such a frequency. The chance that another
+tag does so is computed from its phase, interval and frequency.
 """
 
 import math

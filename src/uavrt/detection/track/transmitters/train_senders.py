@@ -205,7 +205,7 @@ class Senders(Generic[H]):
         """Drop tracks that were begun or just confirmed only by pulses of other tags.
 
         One strong pulse and the largest noise an interval before and after it make a group of
-        any tag, and another strong pulse on its lattice would confirm it. `trains`: dropped
+        any tag. Another strong pulse on its lattice would confirm the group. `trains`: dropped
         tracks are removed. `given`: those assigned. Returns whether there were any.
         """
         dropped: set[int] = set()
