@@ -334,7 +334,7 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Add a sender in place of its older measurements; return whether it is new."""
+    """Store a measurement of a sender, drop older ones; return whether the sender is new."""
     for place, other in enumerate(known):
         if other.same_as(new):
             known[place] = new
@@ -399,7 +399,7 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """Report of the records a process has handled; after its restart the others are resent."""
+    """Report of how many records a process has handled; the next one resumes after these."""
 
     records: int
     """Number of records since the process started that are on the disk or need not be stored.

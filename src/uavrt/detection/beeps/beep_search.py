@@ -22,7 +22,7 @@ from uavrt.dsp.block_times import BlockTimes
 class _Band:
     """Searches a band periodically, for a part of the time.
 
-    `turns`: durations of searching at the start and at the end of each period, and the period.
+    `turns`: duration searched at the start and at the end of each period; the period [s].
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:

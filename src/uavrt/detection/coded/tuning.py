@@ -209,7 +209,7 @@ class ForeignTuning:
     start_s: float = 10.0
     """Time added to the time since the start [s], so that one early burst is no high rate."""
     weakest_energy: float = 10.0
-    """Minimum energy of a foreign pulse with two others [noise energies]."""
+    """Minimum energy of each of three foreign pulses in one burst [noise energies]."""
     sure_energy: float = 14.0
     """Minimum energy of a single foreign pulse [noise energies]."""
     beside_share: float = 0.25

@@ -146,7 +146,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Collect the anchors with a complete last pulse, for each place in a group."""
+        """Collect the anchors with complete groups, as each of the K pulses."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return

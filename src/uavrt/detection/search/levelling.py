@@ -99,8 +99,8 @@ class _LevelRecord:
 class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
-    `keep`: number of columns whose levels are kept. `steepness`: threshold of the search over
-    K: false alarms grow so much faster than a level's error. `circular`: rows form a circle.
+    `keep`: number of columns whose levels are stored. `steepness`: threshold of the search over
+    K, the growth of false alarms with a level's error. `circular`: rows form a circle.
     """
 
     def __init__(

@@ -22,9 +22,10 @@ other pulses, and reduction of the tag's interval [columns]."""
 class NullLattices:
     """Counts the groups of one search on lattices that no tag has.
 
-    `lows` (places, k - 1): columns from an anchor in each place to the stretches of the other
-    pulses. `expected_per_column`: groups of white noise on one lattice at `NULL.counted_share`
-    of the threshold. `threshold`, `limit`: for a sum and for a cell in it [noise powers].
+    `lows` (places, k - 1): columns from an anchor, as each of the K pulses, to the range of
+    each other pulse. `expected_per_column`: groups of white noise on one lattice at
+    `NULL.counted_share` of the threshold. `threshold`, `limit`: for a sum and for a cell in it
+    [noise powers].
     """
 
     def __init__(

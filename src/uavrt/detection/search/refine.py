@@ -208,7 +208,7 @@ class Refiner:
         """Matched-filter power of pulses at many start times and some frequencies.
 
         `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
-        frequencies, count), or None if fewer samples are kept than needed for one pulse;
+        frequencies, count), or None if fewer samples are stored than needed for one pulse;
         (pulses,), number of samples by which each start was moved to available samples.
         """
         length = self._window + count - 1

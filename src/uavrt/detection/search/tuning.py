@@ -88,7 +88,7 @@ class NoiseLevelTuning:
     pulse_ratio: float = 1.7
     """Ratio of a slot to the slots on both sides that marks a strong pulse."""
     pulse_sigmas: float = 2.6
-    """Excess of three slots over others that marks a weak pulse [standard deviations]."""
+    """Excess of three slots over those around that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
     """Distances of the slots compared with a pulse, which takes three or four [slots]."""
     median_slots: int = 11
@@ -115,8 +115,8 @@ class GroupTuning:
 
     cell_limit: float = 14.0
     """Largest contribution of a cell to a sum of several [noise powers]: half of the threshold
-    at K = 3. It keeps one impulse from carrying a group, and costs nothing: it lowers the false
-    alarms of noise as much (measured: docs/explanation/detection.md)."""
+    at K = 3. It keeps one impulse from carrying a group, and costs no sensitivity, since it
+    lowers sums of noise as much (measured: docs/explanation/detection.md)."""
     piece_s: float = 0.46
     """Longest piece of columns searched at once [s]; a detector's pieces are of 0.44 s."""
     measured_columns: int = 4
@@ -195,7 +195,7 @@ class NullTuning:
     """Highest threshold as a share of the largest sum, K cells at their limit. Strong pulses of
     other transmitters are counted, too, and must not hide a strong tag."""
     tolerated_ratio: float = 1.6
-    """Ratio of counted groups to those of white noise up to which the threshold is kept."""
+    """Ratio of counted groups to those of white noise up to which the threshold stays."""
     tolerated_coloured_ratio: float = 1.2
     """Tolerated ratio in coloured noise, where an excess is hardly due to chance."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)

@@ -47,7 +47,7 @@ class Counters:
 class SampleBuffer:
     """The recent samples of a channel, addressed by their index since the start.
 
-    `keep`: number of newest samples that are kept. `tolerance_s`: deviation of a block's time
+    `keep`: number of newest samples that are stored. `tolerance_s`: deviation of a block's time
     below which the clock is slow and nothing is lost [s].
     """
 

@@ -100,7 +100,7 @@ class Track:
     stands_out: bool = False
     """True if noise alone is unlikely to have brought the track so far."""
     interval_open: bool = False
-    """True if the pulses are too few to distinguish the interval from others."""
+    """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
     """Log odds that a confirmed track is a tag; raised by pulses, lowered by missing ones."""
     at_other_rate: "list[Track]" = field(default_factory=list)
@@ -117,7 +117,7 @@ class Track:
     ) -> None:
         """Start from a detected group.
 
-        `pulses`: each (place, time_s, time_ns, Measured), in order of time.
+        `pulses`: each (number among the K, time_s, time_ns, Measured), in order of time.
         """
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]

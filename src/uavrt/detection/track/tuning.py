@@ -235,7 +235,7 @@ class GhostTuning:
     stronger_ratio: float = 10.0**0.8
     """Minimum ratio of an original's power to its ghost's. An image is 25 to 40 dB down. The
     third harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its
-    products. Of a product of two signals, each is stronger by this ratio."""
+    products. Both originals of a product of two signals are stronger by this ratio."""
     least_pulses: int = 3
     """Minimum number of pulses of a ghost."""
     mistaken_share: float = 1e-3

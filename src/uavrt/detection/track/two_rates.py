@@ -3,7 +3,7 @@
 Every second pulse of a rate is a train of twice its interval. So a pulse that a track expects
 may be of the other rate. The other rate is followed from each pulse at which the tag may have
 switched. The evidence for each is a sum of log-likelihood ratios, a pulse against none, over
-its expected places.
+its expected pulses.
 
 A pulse that both rates expect waits until one rate leads by a log-likelihood of 8. After 2.5 of
 the longer intervals it is reported as detected. Without waiting, about two pulses after each

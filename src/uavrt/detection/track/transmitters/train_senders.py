@@ -4,7 +4,7 @@ Detectors with overlapping bands receive the same pulses, and each would report 
 tag's. Tracks of the same pulses are merged into trains, which are assigned one to one to tags,
 by interval and frequency. A declared uncertainty is taken as three standard deviations of a
 normal error, and as a bound. Other tags at least a twentieth as likely are reported with the
-pulses. A tag's interval measured without competing tags is kept for later decisions.
+pulses. A tag's interval measured without competing tags is stored for later decisions.
 """
 
 import math
@@ -97,7 +97,7 @@ class IntervalSeparation:
 
 @dataclass(frozen=True, slots=True)
 class _Learnt:
-    """Measured interval of a tag, kept for later decisions."""
+    """Measured interval of a tag, stored for later decisions."""
 
     scale: float
     bound: float
