@@ -160,7 +160,7 @@ class PulseDetector:
         return self.drain()
 
     def take_all(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> None:
-        """Run `take` on several blocks."""
+        """Add several blocks without searching."""
         count = 0 if self._intake.stale_blocks else self._buffer.extend(blocks)
         for samples, _ in blocks[:count]:
             self._longest.note(len(samples))

@@ -102,7 +102,7 @@ class Folds:
         }
 
     def note(self, first: int, count: int) -> None:
-        """Find seeds among bursts that begin at the given columns."""
+        """Find seeds at the given columns; they wait until their sums are complete."""
         pulses = self._book.pulses
         seeds = find_seeds(
             *(self._cells, self._book, first, count),

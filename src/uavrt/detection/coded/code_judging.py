@@ -310,7 +310,7 @@ class Overlaps:
         self._sum()
 
     def add(self, *bursts: Burst) -> None:
-        """Add accepted bursts."""
+        """Add accepted bursts; count each possible burst's pulses that they overlap."""
         for burst in bursts:
             apart = np.abs(self._columns[:, :, None] - burst.columns)
             hit = (apart <= self._guard).any(axis=2)

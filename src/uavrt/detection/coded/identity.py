@@ -76,7 +76,7 @@ class Sighting:
     """A burst found singly, until its sender is identified."""
 
     tags: tuple[Tag, ...]
-    """Possible tags, the likeliest first."""
+    """Tags that may have sent the burst, the likeliest first."""
     hit: tuple[int, ...]
     """Ids of tags whose bursts overlap too many pulses of this burst."""
     start_ns: int

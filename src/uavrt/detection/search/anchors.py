@@ -140,7 +140,7 @@ class AnchorSearch(RateSearch):
         return first
 
     def note(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
-        """Add anchors in the order of their columns."""
+        """Add anchors to be tested, in the order of their columns."""
         self.anchor_columns += columns
         self.anchor_rows += rows
         self.anchor_powers += powers

@@ -24,8 +24,7 @@ class NullLattices:
 
     `lows` (places, k - 1): columns from an anchor, as each of the K pulses, to the range of
     each other pulse. `expected_per_column`: groups of white noise on one lattice at
-    `NULL.counted_share` of the threshold. `threshold`, `limit`: for a sum and for a cell in it
-    [noise powers].
+    `NULL.counted_share` of the threshold. `threshold`, `limit`: of a sum, of a cell in it.
     """
 
     def __init__(

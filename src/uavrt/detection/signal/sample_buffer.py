@@ -40,7 +40,7 @@ class Counters:
     """Number of candidates above the threshold that were rejected, by reason."""
 
     def reject(self, reason: str, count: int = 1) -> None:
-        """Count rejected candidates."""
+        """Count rejected candidates, separately for each reason."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
 
 

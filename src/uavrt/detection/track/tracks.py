@@ -90,7 +90,7 @@ class Track:
     """Number of slots tested since the group that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Group sequence number by group of K lattice numbers."""
+    """Sequence number of each group, by its lattice number divided by K."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
@@ -108,7 +108,7 @@ class Track:
     settled_s: float = -math.inf
     """Time of the last pulse before which the rate is known [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at even and at odd numbers; old evidence decays."""
+    """Log odds that the tag sends at even, and at odd, lattice numbers; old evidence decays."""
     certain_s: float = math.inf
     """Time until which the rate is certain [s]; later pulses are not reported yet."""
 

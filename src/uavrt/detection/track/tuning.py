@@ -121,7 +121,7 @@ class ChanceTuning:
     received_share: float = 0.75
     """Share of a tag's pulses that are detected: one in four is faded."""
     period_s: float = 200.0
-    """Decision period of a track [s]."""
+    """Time to which the allowed number of confirmed burst tracks refers [s]."""
     confirmed_falsely: float = 1e-3
     """Number of burst tracks that may be confirmed per decision period."""
     frequency_hz: float = 7.0

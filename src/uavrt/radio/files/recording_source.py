@@ -32,10 +32,10 @@ class Segment:
     """Consecutive samples in a file."""
 
     first: int
-    """Position in the file [samples]."""
+    """Position of the first of these samples in the file [samples]."""
     count: int
     sample_index: int
-    """Index since the start of the recording, including lost samples."""
+    """Index of the first of these samples since the recording's start, including lost ones."""
     time_ns: int
     lost_before: int = 0
 
