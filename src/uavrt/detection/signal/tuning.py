@@ -95,7 +95,7 @@ class WhiteningTuning:
     """Ratio of the newest median to the averaged density above which the median replaces it."""
     suppressed_ratio: float = 10.0
     """Ratio of a density to that of the tag's band above which the filter divides by its square
-    root. The power of a neighbour after the filter is one over this."""
+    root. A neighbour at this ratio has the inverse ratio after the filter."""
     smoothed_bins: int = 5
     """Number of bins over which the density is averaged."""
     coloured_ratio: float = 3.0
