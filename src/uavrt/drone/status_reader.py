@@ -114,5 +114,5 @@ class StatusReader:
         self._sock.setblocking(False)
 
     def close(self) -> None:
-        """Close the connection."""
+        """Close the connection to the supervisor."""
         self._sock.close()

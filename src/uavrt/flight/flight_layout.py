@@ -32,7 +32,7 @@ class FlightLayout:
 
     @property
     def write_ahead_log(self) -> Path:
-        """Log of committed records that SQLite has not yet folded into the database."""
+        """Log of committed records that SQLite has not yet copied into the database file."""
         return self.root / "flight.sqlite-wal"
 
     @property

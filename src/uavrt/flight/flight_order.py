@@ -24,7 +24,7 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 
 
 def note_flight(flight: Path) -> None:
-    """Append a new flight to the list; raises `OSError` if the disk fails, so try again."""
+    """Append a new flight to the list; raises `OSError` if the disk fails."""
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)
     if names and names[-1] == flight.name:
@@ -37,7 +37,7 @@ def note_flight(flight: Path) -> None:
 
 
 def flown_name(name: str) -> str:
-    """Name of the flight of which a directory is a copy; else the directory's own name.
+    """Name of the flight that a directory copies; the directory's own name if it is no copy.
 
     >>> flown_name("flight_log_2026-05-01_08-15-00_ground_2")
     'flight_log_2026-05-01_08-15-00'
@@ -70,7 +70,7 @@ def flights_in_order(directory: Path) -> list[Path]:
 
 
 def order_noted(directory: Path) -> dict[str, int]:
-    """Rising number of each listed flight, by the flight's name."""
+    """Number of each listed flight in the order of flights, by the flight's name."""
     return {name: number for number, name in enumerate(_noted(directory / FLIGHT_ORDER))}
 
 

@@ -2,10 +2,10 @@
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
 committed record through ``kill -9``. In a flight that is received or flown, each commit also
-reaches the disk (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the
-database at a size of `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does both. The
-text log is a second copy. While the disk is full or read-only, records wait in memory, and
-every commit tries again.
+reaches the disk (``synchronous=FULL``, one fsync), and the write-ahead log is checkpointed at a
+size of `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does both. The text log is a
+second copy. While the disk is full or read-only, records wait in memory, and every commit tries
+again.
 """
 
 import itertools
@@ -54,10 +54,10 @@ LEAST_FREE_BYTES = 1_000_000
 """Free space below which any commit may fail [bytes]."""
 
 MAX_WAITING_PULSES = 100_000
-"""Largest number of pulses kept while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
+"""Largest number of pulses in memory while the disk fails: 84 MB, 3.5 hours at 8 a second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Largest number of poses and health records kept: half an hour; pulses carry poses too."""
+"""Largest number of waiting poses and health records: half an hour; pulses carry poses too."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 _STATEMENTS: dict[type, tuple[str, Callable[[Any], schema.Row]]] = {
@@ -226,7 +226,7 @@ class FlightRecorder:
         return full or gone or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, fold the log into the database and close, even if the commit fails.
+        """Commit, checkpoint the write-ahead log and close, even if the commit fails.
 
         Raises `RecordingError` if the commit failed.
         """
@@ -293,7 +293,7 @@ class FlightRecorder:
             self.dropped_records += 1
 
     def _failure(self, error: Exception) -> RecordingError:
-        """Roll back, close the file, which may be on another disk soon, and make the error."""
+        """Roll back, close the file until the next commit, and make the error."""
         if isinstance(error, RecordingError):
             return error
         if is_damage(error):

@@ -43,7 +43,7 @@ class IntegratedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """Tag and settings of a search; without a detection, only such a tag is excluded."""
+    """Tag and settings of a search; if nothing is found, only a tag like this is excluded."""
 
     frequency_hz: float
     """Frequency in the tag list [Hz]; the fields up to `gaps_s` are also from the tag list."""
@@ -88,9 +88,9 @@ class IntegratedVerdict:
     interval_s: float
     frequency_hz: float
     level_db: float | None = None
-    """Strongest pulse's energy over noise density [dB]; None, like the position, if none."""
+    """Strongest pulse's energy over noise density [dB]; None without a detection."""
     bearing_deg: float | None = None
-    """Bearing from the middle of the flight [deg]."""
+    """Bearing of the tag from the middle of the flight [deg]."""
     arc50_deg: float | None = None
     arc95_deg: float | None = None
     latitude_deg: float | None = None
@@ -98,7 +98,7 @@ class IntegratedVerdict:
     radius50_m: float | None = None
     radius95_m: float | None = None
     places: int = 1
-    """Number of positions that fit equally well: mirror images across a straight path."""
+    """Number of equally likely positions, such as mirror images across a straight path."""
     pulses: int = 0
     """Number of pulses in ``pulses.jsonl`` that only the whole-flight analysis found."""
     flights: int = 1
@@ -119,7 +119,7 @@ class IntegratedVerdict:
     searched: SearchedFor | None = field(default=None, metadata=_NO_COLUMN)
     """Tag and settings of the search; None in results of earlier versions."""
     silent: SilentAround | None = field(default=None, metadata=_NO_COLUMN)
-    """Area in which the tag cannot be; None if the tag was received, or without a map."""
+    """Area that excludes the tag; None if the tag was received, or no area was computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -59,7 +59,7 @@ class KeptFile(Generic[R]):
             self._complain(error)
 
     def remove(self) -> None:
-        """Delete the file."""
+        """Delete the file with the record."""
         try:
             self.path.unlink(missing_ok=True)
             sync_to_disk(self.path.parent)

@@ -16,7 +16,7 @@ class Allowance:
         self._left = self.burst
 
     def take(self, now_ns: int, tokens: float = 1.0) -> bool:
-        """Take `tokens` at a rising time [ns]; False, and none taken, if too few are left."""
+        """Take `tokens` at `now_ns`, which must rise; False, and none taken, if too few."""
         if self._at_ns is not None:
             earned = (now_ns - self._at_ns) * 1e-9 * self.per_s
             self._left = min(self.burst, self._left + earned)

@@ -2,9 +2,9 @@
 
 PX4 (docs.px4.io, "Serial Port Configuration", "MAVLink Peripherals"): instance n of MAVLink
 runs on the port MAV_n_CONFIG (0: off), sends the messages of MAV_n_MODE (2: onboard), and
-forwards messages if MAV_n_FORWARD is 1; the port's rate is SER_<port>_BAUD. ArduPilot
+forwards messages if MAV_n_FORWARD is 1. The port's rate is SER_<port>_BAUD. ArduPilot
 (ardupilot.org, "Serial Port Configuration Options"): port n speaks SERIALn_PROTOCOL (2: MAVLink
-2; TUNNEL does not exist in 1) at SERIALn_BAUD, and forwards nothing with bit 10 of
+2; TUNNEL does not exist in 1) at SERIALn_BAUD. It forwards nothing if bit 10 is set in
 SERIALn_OPTIONS, since 2026 bit 1 of MAVn_OPTIONS. All take effect after a restart.
 """
 
@@ -17,7 +17,7 @@ from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
 """Value of MAV_n_CONFIG for each port, and the port's name in SER_…_BAUD."""
 ARDUPILOT_PORTS = {"TELEM1": 1, "TELEM2": 2, "TELEM3": 5}
-"""Default serial number of each port; boards differ, see SERIALn."""
+"""Usual n of SERIALn for each port; boards differ."""
 PX4_INSTANCES = (0, 1, 2)
 ARDUPILOT_SERIALS = (1, 2, 3, 4, 5, 6)
 ARDUPILOT_CHANNELS = (1, 2, 3, 4)

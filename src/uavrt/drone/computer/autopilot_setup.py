@@ -26,9 +26,9 @@ def examine_autopilot(
 ) -> Iterator[Finding]:
     """Compare the autopilot's parameters with what uavrt needs.
 
-    `port`: the autopilot's port of the companion; None: TELEM2 for a serial address, else none.
-    `baud`: rate of the companion's serial port in flight; None: the address's. `fix`: set wrong
-    parameters, unless the vehicle is armed.
+    `port`: autopilot's port to the companion; None: TELEM2 for a serial address, otherwise no
+    port. `baud`: rate of the companion's serial port in flight; None: the address's. `fix`: set
+    wrong parameters, unless the vehicle is armed.
     """
     place = parse_address(address)
     if port is None and place.device:

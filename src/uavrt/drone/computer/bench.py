@@ -207,7 +207,7 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Finding on a noise level that is equal at all tags and steady, by past flights."""
+    """Compare a noise level, steady and equal at all tags, with that of past flights."""
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(

@@ -230,7 +230,7 @@ def check_card(settings: Settings) -> Finding:
 
 
 def check_processor(measure_s: float = 1.0) -> Finding:
-    """Check that processor time is left."""
+    """Check that enough processor cores are idle."""
     before = _idle_s()
     time.sleep(measure_s)
     idle = (_idle_s() - before) / measure_s

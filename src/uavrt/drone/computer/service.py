@@ -3,7 +3,7 @@
 The unit is ``Type=notify`` with a watchdog (systemd.service(5)). systemd restarts the
 supervisor when it ends or stops reporting, and the supervisor resumes the flight. The service
 may access only its directory, removable drives, USB radios, serial ports and the network
-(systemd.exec(5)). The rule lets the group ``plugdev`` use the radio; Debian's own rule
+(systemd.exec(5)). The rule lets the group ``plugdev`` use the radio. Debian's own rule
 (``TAG+="uaccess"``) admits only the user at the screen, not ssh and not a service.
 """
 

@@ -26,8 +26,8 @@ def data_home() -> Path:
 def install_starter(program: Path, place: Path) -> list[Path]:
     """Write the menu entry and its icon; can be repeated.
 
-    `program`: the ``uavrt`` command. `place`: usually `data_home`. Returns the files written.
-    Raises `UsageError` if the program is missing, or the place cannot be written.
+    `program`: the ``uavrt`` command. `place`: directory, usually `data_home`. Returns the files
+    written. Raises `UsageError` if the program is missing, or the directory cannot be written.
     """
     if not program.exists():
         raise NotFound(

@@ -60,10 +60,10 @@ class Seen:
     state: SystemState | None = None
     restarts: dict[str, int] = field(default_factory=dict)
     restarted: tuple[str, ...] = ()
-    """Processes restarted since the previous record."""
+    """Names of the processes restarted since the previous status record."""
 
     def take(self, record: Any, now_s: float) -> None:
-        """Add a record of the system."""
+        """Add a record of the system; only poses and status records are used."""
         match record:
             case Poses():
                 self.poses_s = now_s
@@ -117,7 +117,7 @@ class Trial:
         """Text on what was missing at the last check."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
-        """Add new records; return the decision."""
+        """Add new records; return the decision on the new version."""
         for record in records:
             self.seen.take(record, now_s)
             if self.seen.restarted:

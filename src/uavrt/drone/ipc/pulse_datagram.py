@@ -41,8 +41,8 @@ HEARTBEAT_S: Final = 1.0
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3
 OVERDUE_NS: Final = ns_from_s(1.0)
-"""Time after the expected end of a tag's next pulse at which it counts as missed [ns];
-detectors report a pulse about half a second late, in steps of up to 0.44 s."""
+"""Time after the expected end of a tag's next pulse at which it counts as missed [ns].
+Detectors report a pulse about half a second late, in steps of up to 0.44 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +165,7 @@ class PulseDatagramSender:
         self._found_ns[pulse.tag_id] = begin_ns, end_ns
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the UDP socket."""
         self._socket.close()
 
     def _send(self, record: PulseRecord) -> None:

@@ -1,9 +1,9 @@
 """Channel samples from the receiver to a detector, as Unix datagrams.
 
-A radio block becomes a block in each channel; the blocks for one detector are sent together, so
-that it wakes once or twice for each radio block and not once for each channel. A datagram is 8
-bytes, in the first of a radio block the stretches with clipped samples, the frequencies of
-carriers, and the blocks, little endian::
+A radio block becomes a block in each channel. The blocks for one detector are sent together, so
+that it wakes once or twice for each radio block, not once for each channel. A datagram has 8
+bytes, then, in the first of a radio block, the clipped stretches and carriers, then the blocks,
+little endian::
 
     offset  type  field
     0       u16   blocks  in this datagram
@@ -28,7 +28,7 @@ carriers, and the blocks, little endian::
     32            complex64            samples
 
 A socket pair has no queue limit but its send buffer. While a detector stalls or restarts, the
-sender keeps up to `BACKLOG_BYTES` of datagrams, then drops the oldest and counts them; the gap
+sender keeps up to `BACKLOG_BYTES` of datagrams, then drops the oldest and counts them. The gap
 shows in `sample_index`.
 
 Shared memory would save one copy of 4 MB/s, but needs names, an owner and a clean-up after a
@@ -141,7 +141,7 @@ class ChannelSender:
 
 
 class ChannelReceiver:
-    """Receives channel blocks in a detector."""
+    """Receives the channel blocks that a receiver sends to one detector."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)

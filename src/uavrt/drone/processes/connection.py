@@ -347,7 +347,7 @@ class ConnectionProcess:
 
 
 def _address(text: str | None) -> Address | None:
-    """Parse a link's address; None if invalid, an error reported when the link is opened."""
+    """Parse a link's address; None if invalid, which opening the link reports."""
     with suppress(ConfigError):
         return parse_address(text or "")
     return None

@@ -70,7 +70,7 @@ class Outgoing:
         return first.bearing
 
     def clear(self) -> None:
-        """Remove all bearings."""
+        """Remove all bearings, because a new flight begins."""
         self._waiting.clear()
 
 
@@ -89,7 +89,7 @@ class Estimation:
         self.made = self.sent = 0
 
     def take(self, topic: str, record: object) -> None:
-        """Handle a record from the supervisor."""
+        """Handle a pulse, poses, health report or flight from the supervisor."""
         match record:
             case PulsePose():
                 self._stage.add_pulse(record)
@@ -129,7 +129,7 @@ class Estimation:
 
 
 def main() -> None:
-    """Estimate until stopped."""
+    """Estimate bearings until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         try:

@@ -258,7 +258,7 @@ class Guide:
         frame.send("wish", VehicleWish(order_id=None, ends=True))
 
     def take(self, topic: str, record: object) -> None:
-        """Handle a record from the supervisor."""
+        """Handle an order, vehicle report, neighbour, flight or pulse from the supervisor."""
         match record:
             case VehicleReport():
                 self._vehicle = record
@@ -545,7 +545,7 @@ class Guide:
 
 
 def main() -> None:
-    """Guide until the supervisor ends the process."""
+    """Plan and fly orders until the supervisor ends the process."""
     heap_of_short_arrays()
     with ProcessFrame.start() as frame:
         guide = Guide(frame)

@@ -124,7 +124,7 @@ class Receiver:
         self.samples = 0
         self.samples_lost = 0
         self.samples_unsure = 0
-        """Number of samples missing by arrival times, if the radio's clock is accurate."""
+        """Number of samples that are lost, or only seem so by a wrong clock rate."""
         self._next_loss_report_s = LOSS_REPORT_S
         self.first_sample_ns = 0
         self.last_sample_ns = 0
@@ -306,7 +306,7 @@ def new_recording_name(directory: Path) -> Path:
 
 
 def main() -> None:
-    """Receive until stopped."""
+    """Receive radio samples until stopped."""
     run(Receiver)
 
 

@@ -342,7 +342,7 @@ class Recorder:
             self._report_taken()
 
     def report(self) -> None:
-        """Send a health report."""
+        """Send a health report if it is due: recording, idle or unable to write."""
         status = "idle" if self._flight is None else "recording"
         self._frame.report(
             "cannot write the flight" if self._fault else status,
@@ -370,7 +370,7 @@ class Recorder:
 
 
 def main() -> None:
-    """Record until stopped."""
+    """Record the flights until stopped."""
     with ProcessFrame.start(finishes=True) as frame:
         recorder = Recorder(frame)
         try:

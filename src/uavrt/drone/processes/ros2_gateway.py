@@ -1,6 +1,6 @@
 """The gateway process: publishes the drone's data as ROS 2 topics and accepts commands.
 
-Faults of the gateway or the network do not affect detection: the process has a limited queue
+Faults of the gateway or the network do not affect detection. The process has a limited queue
 and a low priority, and is restarted like any other.
 """
 
@@ -28,7 +28,7 @@ RETRY_S = 10.0
 
 
 def main() -> None:
-    """Publish and receive until stopped."""
+    """Exchange records with the ROS 2 network until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         participant = join(frame)

@@ -38,7 +38,7 @@ class PaceWatch:
             came_s.clear()
 
     def came(self, topic: str, now_s: float) -> None:
-        """Register a record's arrival."""
+        """Register that a record of the process has arrived."""
         came_s = self._came_s.get(topic)
         if came_s is not None:
             came_s.append(now_s)

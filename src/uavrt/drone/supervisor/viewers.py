@@ -30,7 +30,7 @@ UNWRITABLE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 class Viewers:
-    """The connected viewer programs."""
+    """Sends records to the connected viewer programs, and accepts their commands."""
 
     def __init__(self) -> None:
         self._writers: set[asyncio.StreamWriter] = set()

@@ -152,7 +152,7 @@ class DiskBatches(Generic[T, R]):
         self.write()
 
     def write(self) -> None:
-        """Submit the waiting items, even if there are none, after the batch being written."""
+        """Submit the waiting items, even if none; a batch being written ends first."""
         self._again = self.handed_s is not None
         if self._again:
             return

@@ -12,11 +12,11 @@ from uavrt.flight.database import schema
 from uavrt.flight.flight_layout import FlightLayout
 
 CHECKPOINT_S = 2.0
-"""Time between checkpoints if commits do not wait for the disk [s]; a power cut loses that."""
+"""Time between checkpoints without durable commits [s]; a power cut loses at most this."""
 
 WAL_BYTES = 4_000_000
-"""Size at which the write-ahead log is folded into the database [bytes]: about ten minutes.
-Pages rewritten meanwhile are copied once. Reading the log takes 10 ms."""
+"""Size at which the write-ahead log is checkpointed [bytes], after about ten minutes. A page
+rewritten in this time is copied only once. Reading the log takes 10 ms."""
 
 PAGE_BYTES = 512
 """Database page size [bytes], below SQLite's 4096: a commit writes ten partly filled pages."""
@@ -77,7 +77,7 @@ class FlightDatabase:
             self._open = None
 
     def roll_back(self) -> None:
-        """Roll back after a failure and close the file, which may return on another disk."""
+        """Roll back after a failure and close the file; the next commit opens it again."""
         if self._open is not None:
             try:
                 if self._open.in_transaction:
@@ -123,7 +123,7 @@ class FlightDatabase:
     def insert(
         self, pulses: Iterable[Pulse | PulsePose], *others: Iterable[Statement]
     ) -> list[PulsePose]:
-        """Insert all rows in one transaction; return the pulses whose pose is new."""
+        """Insert all rows in one transaction; return the pulses that got a new pose."""
         database = self.connected()
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
@@ -147,9 +147,9 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """Fold the write-ahead log into the file if it is due; False if that failed.
+        """Checkpoint the write-ahead log if it is due; False if that failed.
 
-        `first` is called before the log is folded in.
+        `first` is called before the checkpoint.
         """
         if self._durable:
             with suppress(OSError):
@@ -173,7 +173,7 @@ class FlightDatabase:
         return True
 
     def fold_all(self) -> None:
-        """Fold the whole write-ahead log into the database, and delete the log."""
+        """Checkpoint the whole write-ahead log into the database, and delete the log."""
         if self._open is not None:
             self._open.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             self.syncs += 1

@@ -14,14 +14,14 @@ from functools import lru_cache
 from pathlib import Path
 
 STEPS = 50_000
-"""Number of steps of SQLite's virtual machine between two checks of the time, some ms."""
+"""Number of steps of SQLite's virtual machine between two checks of the time limit: some ms."""
 LONGEST_VALUE_BYTES = 16_000_000
 """Largest size of one value [bytes]; a flight's settings have about 10 kB."""
 LONGEST_S = 120.0
 """Longest use of a database [s]; reading 100 000 pulses takes one second."""
 _SUFFIXES = ("", "-wal", "-shm", "-journal")
 LONGEST_DEFINITION = 20_000
-"""Largest number of characters in a table's definition; a long default is every row's value."""
+"""Largest number of characters in a table's definition, which may contain a default value."""
 _COMPUTED = re.compile(r"(?<![a-z_])as(?![a-z_])", re.IGNORECASE)
 """Pattern that every definition of a table with a generated column contains."""
 
@@ -32,8 +32,8 @@ queries_ended = threading.Event()
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
     """Open a database for reading; only tables are allowed, and queries have a time limit.
 
-    With the `mode` ``"rw"`` SQLite may fold in its write-ahead log, as for a copy. Raises
-    `sqlite3.Error` if it cannot be opened, is damaged, or is not a flight's.
+    With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
+    Raises `sqlite3.Error` if it cannot be opened, is damaged, or is not a flight's.
     """
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
@@ -90,7 +90,7 @@ def require_plain_files(path: Path) -> None:
 def limit_queries(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
     """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C.
 
-    CPU time of this thread is used, so that a busy computer makes no query too long.
+    The limit counts this thread's CPU time, so a busy computer ends no query early.
     """
     until_s = time.thread_time() + longest_s
     database.set_progress_handler(

@@ -49,7 +49,7 @@ class PulseLogs:
         self._new.extend(pulse_poses)
 
     def compare_first(self) -> None:
-        """Make the next `write` append only pulses that a log lacks, by tag and time."""
+        """Make the next `write` skip pulses that a log has already, by tag and time."""
         self._behind = True
         self._retry_at_s = 0.0
 
@@ -101,7 +101,7 @@ class PulseLogs:
     def _complete(
         self, database: sqlite3.Connection, log: PulsePoseLog, tag_id: int | None
     ) -> None:
-        """Append the pulses that a log lacks, of one tag or of all tags.
+        """Append to a log its missing pulses, of one tag or of all tags.
 
         SQLite compares in a temporary file, so memory does not grow with the flight.
         """

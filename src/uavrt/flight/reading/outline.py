@@ -18,7 +18,7 @@ _HEARD = (
     f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns), count(*)"
     " FROM pulses GROUP BY tag_id"
 )
-"""SQL query of each tag's confirmed pulses, their last end, and pulses of any status."""
+"""SQL query by tag: number and times of confirmed pulses; last end and number of all pulses."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )

@@ -33,7 +33,7 @@ class ChannelBudget:
         self.bytes = sum(size for *_, size in found)
 
     def _found(self) -> list[tuple[int, int, Path, int]]:
-        """Find each file's place in the order of flights, modification time, path and size."""
+        """List the files: number of the flight, modification time [ns], path, size [bytes]."""
         found = []
         flights = [
             path for path in flights_in_order(self._flight.parent) if path != self._flight
@@ -54,7 +54,7 @@ class ChannelBudget:
         self._pieces.append((path, size))
 
     def make_room(self, more: int) -> bool:
-        """Remove the oldest files until `more` bytes fit, and reserve these; else False."""
+        """Remove the oldest files until `more` bytes fit, then reserve them; else False."""
         while self.bytes + more > self._most_bytes and self._pieces:
             self._remove(*self._pieces.popleft())
         if self.bytes + more > self._most_bytes:

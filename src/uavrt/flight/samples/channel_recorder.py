@@ -3,11 +3,11 @@
 `put` only queues blocks. A thread writes each channel to a series of files, so that the oldest
 can be removed (`uavrt.flight.samples.channel_budget`). Samples that a slow or full disk cannot
 take are dropped, counted and marked as a gap. Each file's scale depends on its noise. With 8
-bits, the noise has at least 3 steps, which adds .02 to .04 dB and leaves 26 dB above it, 48 dB
-in the energy of a pulse of 20 ms. A stronger signal begins a new file of 16 bits, with 20 to 40
-steps for the noise (.001 dB) and 58 dB above it, or with a wider scale. So nothing is ever
-clipped, and rounding adds less than .05 dB while the amplitude is less than 73 dB above the
-noise's. A new file of 8 bits also begins before falling noise reaches 2 steps.
+bits, the noise has at least 3 steps. Rounding then adds .02 to .04 dB. Signals up to 26 dB
+above the noise fit: 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a new
+file of 16 bits. There the noise has 20 to 40 steps (.001 dB), and 58 dB fit above it, or the
+scale is wider. So nothing is clipped, and rounding adds less than .05 dB while the amplitude is
+less than 73 dB above the noise's. A new 8-bit file begins before falling noise reaches 2 steps.
 """
 
 import math
@@ -46,7 +46,7 @@ that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
 """Least rms of the noise's I and Q at the start of a file [steps], by bits per value."""
 FINER = math.sqrt(0.5)
-"""Ratio of the noise to that at the start below which a file of 8 bits ends [amplitude]."""
+"""Ratio of present to initial noise [amplitude] below which an 8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
 """Factor by which a scale is wider than the strong signal that required it."""
@@ -123,7 +123,7 @@ class ChannelRecorder:
         self._waiting_bytes = 0
         self._piece_s = PIECE_S
         self._last: _Batch | None = None
-        """Last batch written."""
+        """Last batch written to the files; None before the first one."""
         self._rest_until_s = float("-inf")
         self._overflowing = False
         self._condition = threading.Condition()
@@ -272,7 +272,7 @@ class ChannelRecorder:
             self._drop(left - written, fault)
 
     def _bytes(self, number: int) -> int:
-        """Number of bytes per complex sample in the channel's file; 2 in a new file."""
+        """Number of bytes per complex sample in the channel's file; 2 before its first file."""
         channel = self._channels.get(number)
         if channel is None or channel.file is None:
             return BYTES_PER_SAMPLE // 2
@@ -324,7 +324,7 @@ class ChannelRecorder:
         return bits == 8 or (channel.widened and file.full_scale > 4.0 * scale)
 
     def _length_of_pieces(self, rate_hz: float) -> float:
-        """Duration of one file with which several of each channel fit into the budget [s]."""
+        """Duration of one file [s]; several files of each channel fit into the budget."""
         share_s = self._budget_bytes / (rate_hz * BYTES_PER_SAMPLE) / PIECES_OF_BUDGET
         return min(PIECE_S, max(SHORTEST_PIECE_S, share_s))
 

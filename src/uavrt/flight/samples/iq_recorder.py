@@ -83,7 +83,7 @@ class IQRecorder:
 
     @property
     def written_samples(self) -> int:
-        """Number of samples in the file."""
+        """Number of samples written to the file."""
         return self.file.written_samples
 
     def put(self, block: IQBlock) -> bool:

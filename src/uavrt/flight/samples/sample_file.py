@@ -27,10 +27,9 @@ class SampleFile:
     with `sync`, after a power cut. `base` is directory and NAME, without a suffix; the
     directory is made. `description` and `hardware` are texts of the metadata. An input of
     `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which need
-    `append_stored`. For `settled_after_s` a new radio's clock is corrected; then, or at the end
-    of the stretch, the stretch's time is corrected.
-    Raises `FileExistsError` for another recording's file, and `OSError` if the files cannot be
-    made.
+    `append_stored`. A new radio's clock is corrected during `settled_after_s`. Afterwards, or
+    when a stretch ends, the stretch's time is corrected. Raises `FileExistsError` for another
+    recording's file, and `OSError` if the files cannot be made.
     """
 
     def __init__(
@@ -107,7 +106,7 @@ class SampleFile:
         self._next_index = None
 
     def close(self) -> None:
-        """Close the file."""
+        """Complete the metadata and close the data file."""
         if self._place_stretch():
             with suppress(OSError):  # a full disk: the first reading of the clock stands
                 self._write_metadata()

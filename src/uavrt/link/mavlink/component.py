@@ -151,7 +151,7 @@ class Component:
         return "ready"
 
     def has_number(self, now_ns: int) -> bool:
-        """True once the system number is known; earlier frames could seem another vehicle's.
+        """True once the system number is known; no frame is sent before that.
 
         After `ALONE_NS` without an autopilot, the component takes the usual number.
         """
@@ -298,7 +298,7 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """True if an answer may be sent before the queue; limited, except to the autopilot."""
+        """True if an answer may bypass the queue; limited, except to the autopilot."""
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
         self.counters["questions_passed_over"] += 1

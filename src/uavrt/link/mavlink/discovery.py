@@ -93,7 +93,7 @@ class Discovery:
         self._kept: Peer | None = None
 
     def heartbeat(self, peer: Peer, heartbeat: Heartbeat, now_ns: int) -> bool:
-        """Handle a heartbeat; True if it shows a new autopilot or one that was lost."""
+        """Handle a heartbeat; True if the autopilot is new, or back after it was lost."""
         if is_station(heartbeat):
             self._add_station(peer, now_ns)
             if heartbeat.type == MavType.GCS:
@@ -154,7 +154,7 @@ class Discovery:
         return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
 
     def target(self, now_ns: int) -> Peer | None:
-        """Address for messages to all ground stations: that of the only one, or everyone."""
+        """Address for messages to all ground stations: the only station's, or everyone's."""
         stations = self.stations(now_ns)
         if not stations:
             return None

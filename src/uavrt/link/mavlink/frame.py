@@ -9,7 +9,7 @@ everything between marker and checksum, then the message's own seed byte. MAVLin
 len seq sysid compid id) are read too, because some radios still send RADIO_STATUS in them.
 
 After a bad checksum, parsing resumes at the byte after the false marker, not after the false
-frame: on a noisy serial line a stray 0xFD would otherwise discard up to 280 good bytes.
+frame. Otherwise a stray 0xFD on a noisy serial line would discard up to 280 good bytes.
 """
 
 import binascii
@@ -61,7 +61,7 @@ class Frame:
         return self.message_id in MESSAGES
 
     def message(self) -> Message | None:
-        """The decoded message; None if the dialect lacks it."""
+        """The decoded message; None if the dialect does not contain it."""
         kind = MESSAGES.get(self.message_id)
         return None if kind is None else kind.decode(self.payload)
 
@@ -98,7 +98,7 @@ class FrameWriter:
         self._sequence = 0
 
     def encode(self, message: Message) -> bytes:
-        """Encode the next frame."""
+        """Encode a message as the next frame; sequence numbers rise from 0 to 255."""
         frame = encode_frame(
             message,
             system_id=self.system_id,

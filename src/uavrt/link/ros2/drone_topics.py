@@ -27,7 +27,7 @@ HEARTBEAT_PERIOD_S = 1.0
 
 
 class DroneTopics:
-    """Publishes the drone's topics."""
+    """Publishes pulses, poses, states and commands of the drone on ROS 2."""
 
     def __init__(
         self, bus: Bus, drone: DroneState, log: RosLog, now_ns: Callable[[], int]
@@ -42,7 +42,7 @@ class DroneTopics:
         self._detectors: frozenset[int] = frozenset()
         """Tags whose detectors have their own ROS 2 node."""
         self.published = 0
-        """Number of published pulses."""
+        """Number of pulses published on ROS 2."""
         self._show_detectors()
 
     def pulse(self, pulse: Pulse) -> None:

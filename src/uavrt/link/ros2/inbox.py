@@ -21,7 +21,7 @@ GATEWAYS_NAMED = 20
 
 
 class Inbox:
-    """Received messages in order of arrival, commands before pulses; no closed topics."""
+    """Queues received messages, commands before pulses; refuses those of `closed` topics."""
 
     def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
         self._now_ns = now_ns
@@ -33,7 +33,7 @@ class Inbox:
         self.of_gateways = 0
         """Number of messages from other gateways, which are ignored."""
         self.gateways: set[str] = set()
-        """Keys of the participants that sent messages as other gateways."""
+        """Keys of other gateways' participants that have sent messages."""
 
     def put(self, arrival: Arrival) -> None:
         """Queue a message, or drop it and count it as dropped."""

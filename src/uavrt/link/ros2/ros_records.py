@@ -85,7 +85,7 @@ def pulse_to_ros(pulse: Pulse, detector_dir: str) -> RosPulse:
 
 
 def burst_to_ros(pulse: Pulse, detector_dir: str) -> RosBurst:
-    """Convert a coded tag's burst, with its pulses."""
+    """Convert a coded tag's burst, with its pulses, to a ROS 2 message."""
     return RosBurst(
         pulse=pulse_to_ros(pulse, detector_dir),
         starts=tuple(map(time_to_ros, pulse.burst_starts_ns)),
@@ -147,7 +147,7 @@ def heartbeat(tag_id: int, time_ns: int, detector_dir: str) -> RosPulse:
 
 
 def pulse_pose_to_ros(pulse_pose: PulsePose, detector_dir: str) -> RosPulsePose:
-    """Convert a pulse with its pose."""
+    """Convert a pulse with its pose to a ROS 2 message."""
     return RosPulsePose(
         pulse=pulse_to_ros(pulse_pose.pulse, detector_dir),
         antenna_pose=pose_to_ros(pulse_pose.pose),
@@ -171,7 +171,7 @@ def tag_to_ros(tag: Tag) -> RosTag:
 
 
 def coded_tag_to_ros(tag: Tag) -> RosCodedTag:
-    """Convert a coded tag."""
+    """Convert a coded tag to a ROS 2 message."""
     return RosCodedTag(tag=tag_to_ros(tag), gaps=tuple(map(_ms, tag.gaps_s)))
 
 

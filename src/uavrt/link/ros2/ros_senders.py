@@ -1,10 +1,10 @@
 """Identify senders of messages: other gateways, and authorised commanders. Pure.
 
-A gateway publishes its own ground station's commands on the topics that other gateways obey, so
-a command counts only if its participant is known and is not a gateway. Gateways are recognised
-by their mark (in the participant's user data, which DDS sends first), or, without one, by their
-topics: earlier releases, the original's `uavrt_connection` and a recording that is played all
-publish ``pulse_pose`` and commands.
+A gateway publishes its own ground station's commands on the topics that other gateways obey. So
+a command counts only if its participant is known and is not a gateway. Gateways have a mark in
+the participant's user data, which DDS sends first. Those without it are recognised by their
+topics ``pulse_pose`` and commands: earlier releases, the original's `uavrt_connection` and a
+recording that is played.
 
 The mark separates honest systems. An attacker leaves it out; only the network protects against
 that (docs/how-to/ros2.md).

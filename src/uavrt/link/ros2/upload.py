@@ -23,7 +23,7 @@ class Upload:
         self._released: tuple[Sender, int] | None = None
 
     def add(self, tag_id: int | None, lost: int) -> None:
-        """Count a tag, None if unreadable; `lost`: number of lost tag messages so far."""
+        """Count a tag (id None: unreadable); `lost`: number of tag messages lost so far."""
         if not self.open:
             self.forget()
             self.open = True

@@ -85,7 +85,7 @@ class Operations:
         self._questions[name] = question
 
     def progress(self, operation: Operation) -> Answer | None:
-        """Make the progress message of an operation; None if the generation has none."""
+        """Make the progress message of an operation; None if no station can use one."""
         self._last[operation.name] = operation
         answer = self._step(operation)
         if operation.state != "running":

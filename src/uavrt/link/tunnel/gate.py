@@ -43,7 +43,7 @@ MAX_ANNOUNCED = 4096
 FILES_S = 3.0
 """Time for which a sealed keepalive announces file requests [s]."""
 SEALED_ORDERS = 64
-"""Largest number of remembered motion orders, sealed ones whose answers need a proof."""
+"""Largest number of remembered sealed motion orders, whose answers need a proof."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 
 log = get_logger()

@@ -193,10 +193,10 @@ def pulse_from_wire(
 ) -> PulsePose | SearchReport | None:
     """Convert a message to a pulse; None if the message is a detector's heartbeat.
 
-    Fields missing on the wire: the end follows from the tag's pulse width (without a tag it is
-    the start), the other altitude and noise of G0 are NaN. The rate is the one whose next pulse
-    agrees with the message's prediction, 1 without a tag. A pulse with the number after the
-    tag's is from the original's second detector: rate 2.
+    Fields missing on the wire: the end follows from the tag's pulse width; without a tag it is
+    the start. The other altitude, and the noise of G0, are NaN. The rate is the one whose next
+    pulse agrees with the message's prediction, 1 without a tag. A pulse with the number after
+    the tag's is from the original's second detector: rate 2.
 
     `tag`: the pulse's tag, see `tag_of_number`. Raises `TunnelError` for a status that no
     generation has, or invalid times.

@@ -1,7 +1,7 @@
 """Handlers for everything the connection process receives, in two tables.
 
-Messages of ground stations are looked up by their type number (in a sealed message, the type of
-its content), records of the supervisor by their class.
+Messages of ground stations are looked up by their type number; for a sealed message, by that of
+its content. Records of the supervisor are looked up by their class.
 """
 
 from collections.abc import Callable

@@ -96,14 +96,14 @@ class GroundStations:
             tunnel.send_message(value, Priority.OTHER, asker.link)
 
     def answer_keepalive(self, payload: bytes, peer: Peer) -> None:
-        """Answer a station's keepalive with the number that its next command must contain."""
+        """Answer a station's keepalive: return its nonce with the session for seals."""
         self.asked(peer)
         session = self.gate.keepalive(payload, peer.place, self._link.place)
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 
     def announce_session(self, now_ns: int) -> None:
-        """Announce once a second the session number that sealed commands must contain."""
+        """Announce, once a second, the session in which sealed commands are valid."""
         if now_ns < self._next_session_ns:
             return
         self._next_session_ns = now_ns + SESSION_NS

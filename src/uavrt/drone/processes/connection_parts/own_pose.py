@@ -130,7 +130,7 @@ class OwnPose:
             await self._read(self._address, self.take_sentence, SentenceParser())
 
     def take_sentence(self, sentence: Sentence) -> None:
-        """Handle an NMEA sentence."""
+        """Use the heading and position of an NMEA sentence."""
         heading_deg, place = sentence.heading_deg, sentence.place
         if heading_deg is not None:
             self._heading(heading_deg)
@@ -138,7 +138,7 @@ class OwnPose:
             self._place(*place, sentence.altitude_amsl_m)
 
     def take_report(self, report: GpsdReport) -> None:
-        """Handle a gpsd report."""
+        """Use the heading and position of a gpsd report."""
         if report.heading_deg is not None:
             self._heading(report.heading_deg)
         if report.place is not None:

@@ -29,7 +29,7 @@ FLIGHTS = 4
 """Number of flights whose pulses may be undelivered; the recorder handles as many."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Number and age [ns] of remembered deliveries, perhaps not yet stored by the recorder. The
+"""Largest age of the `RECENT` remembered deliveries [ns], which may not be stored yet. The
 recorder commits every three seconds; after a longer delay some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 

@@ -106,7 +106,7 @@ class PulsePath:
                 self._send(pulse_pose)
 
     def pose_reconstructed(self, pulse_pose: PulsePose) -> None:
-        """Send a pulse whose pose the recorder has reconstructed to the ground."""
+        """Send to the ground a pulse whose pose the recorder has reconstructed."""
         if self._delivery.may_send(pulse_pose.pulse.key):
             self._send(pulse_pose)
 

@@ -7,8 +7,8 @@ from uavrt.core.units import s_from_ns
 
 SILENCE_S = 30.0
 SILENCE_INTERVALS = 10
-"""Silence after which a tag counts as received again [pulse intervals; s], whichever is longer.
-Longer than a turn's time behind the antenna, or one or two lost groups."""
+"""Silence after which a tag is received "again" [pulse intervals], and at least `SILENCE_S`. It
+exceeds a turn's time behind the antenna, and one or two lost groups."""
 
 
 class TagTexts:

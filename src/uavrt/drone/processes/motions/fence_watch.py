@@ -45,7 +45,7 @@ class FenceWatch:
         self._download, self._known, self._next_s = None, None, -inf
 
     def vehicle(self, message: Message, now_s: float) -> None:
-        """Handle a message from the autopilot."""
+        """Handle an autopilot's message, which may be part of the fence being downloaded."""
         download = self._download
         if download is not None:
             sender = (self._place()[0], MavComponent.COMP_ID_AUTOPILOT1)

@@ -64,11 +64,11 @@ class MotionControl:
         self._settings, self._out = settings, outlets
         self._own_place, self._changed = own_place, changed
         self.authority: Authority | None = None
-        """Decides which commands are permitted; None while the autopilot is unknown."""
+        """Permits or refuses each command; None while the autopilot is unknown."""
         self.standing = Standing.OUT
         self.stalls = StallWatch(monotonic_s())
         self.order_id = self.sent = self.refused = 0
-        """Number of the last confirmed order, and its numbers of commands sent and refused."""
+        """Id of the last confirmed order; numbers of its commands `sent` and `refused`."""
         self._said = ""
         self._late_reported = False
 
@@ -101,7 +101,7 @@ class MotionControl:
         return self._said if late is None else f"{late}: nothing is commanded"
 
     def watch(self, now_s: float) -> None:
-        """Report a change of state at once."""
+        """Report the state of control at once if it has changed."""
         standing = Standing.OUT if self.authority is None else self.authority.standing
         if standing is not self.standing:
             self.standing = standing
@@ -140,7 +140,7 @@ class MotionControl:
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
-        """Begin the confirmed order; raises `CommandRefused`."""
+        """Begin the order that the operator has confirmed; raises `CommandRefused`."""
         self.known.confirm(
             confirmation.order_id,
             confirmation.nonce,

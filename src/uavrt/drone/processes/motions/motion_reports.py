@@ -59,7 +59,7 @@ class MotionReports:
         self._out.state(payload, asker)
 
     def is_repeated(self, asker: Asker, request_id: int) -> bool:
-        """True if a request repeats the last one, whose answer is then sent again."""
+        """True if a request repeats the last one; its answer is then sent again."""
         if (asker, request_id) != self._request:
             self._request, self._answered = (asker, request_id), None
             return False

@@ -41,7 +41,7 @@ class ReportedAutopilot:
         self._battery_s = self._wind_s = -inf
 
     def receive(self, message: Message, arrived_s: float) -> None:
-        """Handle a message from the autopilot."""
+        """Handle an autopilot's message: store its type, identity, battery or wind."""
         match message:
             case dialect.Heartbeat():
                 self.kind = kind_of(message)

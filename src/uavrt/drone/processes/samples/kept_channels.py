@@ -42,7 +42,7 @@ class KeptChannels:
             self._notify(6, f"Kept channels: {self._budget_mb:.0f} MB used, oldest go")
 
     def close(self) -> None:
-        """Write the queued samples and close."""
+        """Write the queued samples and close the files."""
         if self._recorder is not None:
             self._recorder.close()
 

@@ -42,7 +42,7 @@ class RadioTest:
 
     @property
     def pid(self) -> int:
-        """Process id of the test."""
+        """Process id of the radio test."""
         return self._process.pid
 
     def stop(self) -> None:

@@ -1,7 +1,7 @@
 """Store each line that the processes print, with its time.
 
 During a flight the files are in the flight's directory, in the layout of the thesis
-(`uavrt.flight.flight_layout`); the radio program's output gets a file of its own. Otherwise
+(`uavrt.flight.flight_layout`). The radio program's output gets a file of its own. Otherwise
 they are in ``system_log/`` of the flights' folder.
 """
 

@@ -36,12 +36,12 @@ def on_every_drone(settings: Settings) -> bool:
 
 
 def with_bearings_on_drone(settings: Settings) -> bool:
-    """True if the settings ask for bearings computed on the drone."""
+    """True if the settings request bearings computed on the drone."""
     return settings.bearings.on_drone
 
 
 def with_integration_on_drone(settings: Settings) -> bool:
-    """True if the settings ask for a search of the whole flight's samples on the drone."""
+    """True if the settings request a search of the whole flight's samples on the drone."""
     return settings.integration.on_drone and settings.recording.channels
 
 

@@ -18,7 +18,7 @@ LEAST_SPAN_S = 4.0
 """Least time span of round trips for a reliable skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
-"""Largest uncertainty of a skew from a shorter time span: 2 ms in a second."""
+"""Largest uncertainty of a skew that is used from a shorter time span: 2 ms in a second."""
 ONE_WAY_NS = ns_from_s(3.0)
 """Time over which messages are collected before their smallest delay is used [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
@@ -41,14 +41,14 @@ class RoundTrip:
 class TimeSync:
     """Maps boot time to local time by a line through the shortest round trips of a window.
 
-    A message that waited in a queue did so in one direction only, so its midpoint is off by up
-    to half its round trip; the shortest trips waited least. If the boot clock falls, or jumps
-    by more than any delay explains, the window restarts, because the autopilot was restarted.
+    A message waits in a queue in one direction only, so its midpoint is off by up to half its
+    round trip. The shortest trips waited least. If the boot clock falls, or jumps by more than
+    any delay explains, the window restarts, because the autopilot was restarted.
 
-    `window_s`: time for which a round trip counts. `keep`: share of the shortest round trips of
-    each 2 s used for the line; 30 % at one a second. `jump_s`: error beyond the uncertainty of
-    round trips and skew that means another clock; below one second it must occur in two
-    consecutive answers.
+    `window_s`: time for which a round trip counts. `keep`: share used for the line, the
+    shortest ones, of the shortest round trips of every 2 s. `jump_s`: error beyond the
+    uncertainty of round trips and skew that means another clock; below one second it must occur
+    in two consecutive answers.
     """
 
     def __init__(
@@ -176,7 +176,7 @@ class TimeSync:
     def _least_offset(self, at_ns: int) -> int:
         """Offset at a time, by the lower bound of the messages' offsets.
 
-        Its slope is that from messages of smallest delay in the first and second half.
+        The slope follows from the messages of smallest delay in the first and second half.
         """
         points = list(self._one_way)
         half = len(points) // 2
@@ -205,9 +205,9 @@ class TimeSync:
     def _fit(self) -> tuple[int, int, float]:
         """Fit the line through the shortest round trips; of equal ones the newest counts.
 
-        The shortest trip of every 2 s (at first of shorter pieces) is taken, and of these the
-        shortest ones, so that they spread over the window. While the span is too short for a
-        skew, the line goes through the shortest trip with the previous skew, at first 0.
+        First the shortest trip of every 2 s (initially of less) is taken, then the shortest of
+        these, so that they spread over the window. While the span is too short for a skew, the
+        line goes through the shortest trip with the previous skew, at first 0.
         """
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns

@@ -171,7 +171,7 @@ def command_message(command: VehicleCommand, system_id: int) -> Message:
     """Make the message of a command to the autopilot.
 
     DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
-    the others by COMMAND_LONG.
+    other commands by COMMAND_LONG.
     """
     number = MavCmd[command.name]
     head: dict[str, Any] = {

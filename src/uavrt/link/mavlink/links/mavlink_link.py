@@ -2,9 +2,9 @@
 opens them.
 
 A link that cannot be opened raises a `LinkError` with its remedy. An open link recovers by
-itself: a lost serial adapter or TCP peer is tried again every second; frames to send are
-meanwhile dropped and counted. Received frames go to one callback, at once, in the loop's
-thread. Links use no thread and no blocking call.
+itself: a lost serial adapter or TCP peer is tried again every second. Meanwhile, frames to send
+are dropped and counted. Received frames go to one callback, at once, in the loop's thread.
+Links use no thread and no blocking call.
 
 No input ends the reading: a frame whose handler fails is counted and logged, and the next frame
 is read.
@@ -60,7 +60,7 @@ class LinkCounters:
 class Link:
     """Base of the links over UDP, TCP and serial ports.
 
-    `on_frame`: called with each received frame. `parser`: None: for MAVLink.
+    `on_frame`: called with each received frame. `parser`: None means MAVLink's.
     """
 
     def __init__(

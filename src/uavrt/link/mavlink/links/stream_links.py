@@ -144,14 +144,14 @@ class SerialLink(Link):
         self._retry: asyncio.TimerHandle | None = None
 
     async def open(self) -> None:
-        """Open the port exclusively."""
+        """Open the serial port exclusively."""
         try:
             self._open()
         except (OSError, ValueError) as error:
             raise _serial_error(self.address, error) from error
 
     async def close(self) -> None:
-        """Close the port for good."""
+        """Close the serial port for good."""
         self._closed = True
         if self._retry is not None:
             self._retry.cancel()

@@ -90,7 +90,7 @@ class UdpLink(Link):
         return port
 
     async def close(self) -> None:
-        """Close the socket."""
+        """Close the UDP socket."""
         self._closed = True
         self._release()
 

@@ -72,7 +72,7 @@ class LinkRate:
         self._round_ns = 0
         self._held_back = False
         self._quick = True
-        """True until a queue has been seen; the link may then be a fast one."""
+        """True until a queueing delay is measured; the rate grows fast meanwhile."""
 
     def bytes_s(self, now_ns: int) -> float:
         """Present rate of the link [bytes/s]."""

@@ -27,7 +27,7 @@ COPIES = 256
 """Largest number of pulses that wait on each further link that must carry them too."""
 UNSENT = 64
 """Largest number of messages to all stations kept until the first ground station appears. In
-the queue they would delay replies to file clients, which are no ground stations."""
+the queue they would delay replies to file clients, which are not ground stations."""
 
 
 class PacedSender:
@@ -64,7 +64,7 @@ class PacedSender:
 
     @property
     def rate(self) -> LinkRate:
-        """Estimate of this link's rate."""
+        """Estimate of the rate that this link can carry."""
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:

@@ -72,7 +72,7 @@ def read_signing_key(path: str | Path) -> SigningKey:
 
 
 def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Signing | None":
-    """Make the signing set in the settings; raises `ConfigError` for an unreadable key."""
+    """Make `Signing` from the settings; raises `ConfigError` for an unreadable key."""
     if settings.signing_key_file is None:
         return None
     key = read_signing_key(settings.signing_key_file)

@@ -17,9 +17,8 @@ MAX_CHUNKS = 8
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
     """Cut a text into STATUSTEXT messages.
 
-    A text of up to 50 bytes is one message with id 0; a longer one carries an id and numbered
-    pieces, and a piece shorter than 50 bytes, if need be an empty one, ends it. Characters are
-    not cut in two.
+    A text of up to 50 bytes is one message with id 0. A longer one has an id and numbered
+    pieces; the last piece is shorter than 50 bytes, or empty. Characters are not cut in two.
 
     `text`: cut after 400 bytes.
     `severity`: 0 (emergency) to 7 (debug).

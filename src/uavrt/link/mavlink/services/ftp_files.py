@@ -36,7 +36,7 @@ class FileTree:
         self.extra: dict[str, bytes] = dict(extra or {})
 
     def entries(self, name: str) -> list[bytes]:
-        """List a directory: ``F``, name, tab, size; or ``D``, name. Raises `FileRefused`."""
+        """List a directory: ``F``, name, tab, size or ``D``, name; raises `FileRefused`."""
         parts = _parts(name)
         inside = "/".join(parts)
         found = self._extra_entries(inside)

@@ -3,16 +3,15 @@
 Replies go one by one to the paced queue, after pulses, so that a download uses only the
 capacity that pulses leave. The server allows for differences between clients:
 
-- Some choose a random session id and take only replies that echo it (MAVProxy), others use 0
-  (QGroundControl, MAVSDK): a file is opened under the id that the client sent, for each client
-  apart.
-- Some first ask for opcode 16, the listing with times: unknown opcodes get a NAK at once.
-- A request that comes again with the same sequence number gets the same reply again.
+- Some choose a random session id and accept only replies that return it (MAVProxy); others use
+  0 (QGroundControl, MAVSDK). So each client's files are opened under the id that it sent.
+- Some first request opcode 16, the listing with times. Unknown opcodes get a NAK at once.
+- A repeated request, with the same sequence number, gets the same reply again.
 
-A disk that stalls must not silence the link, so everything that touches it is a job for `Disk`;
-the reply is made when that is done.
+A disk that stalls must not silence the link. So all disk work is a job for `Disk`, and the
+reply is made when the job is done.
 
-Replies sent at once would overrun the autopilot's ring after two. In the queue a transfer
+More than two replies sent at once would overrun the autopilot's buffer. In the queue a transfer
 reaches at most 12 kB/s, even over a faster network.
 """
 
@@ -252,7 +251,7 @@ class FileServer:
         self._disk(partial(close, job.file), _nothing)
 
     def close(self) -> None:
-        """Close all files."""
+        """Close all files that clients have opened."""
         for key in list(self._sessions):
             self._end(key)
         while self._crcs:
@@ -502,7 +501,7 @@ class FilesOnLink:
         return self._files.wait_ns(now_ns, self._link)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Message | None:
-        """Return the next reply."""
+        """Return the next reply for this link."""
         return self._files.take(now_ns, rate_bytes_s, self._link)
 
 

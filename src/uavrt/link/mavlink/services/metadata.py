@@ -16,7 +16,7 @@ from uavrt.link.mavlink.services.ftp_wire import checksum
 GENERAL_PATH = "metadata/general.json"
 PARAMETERS_PATH = "metadata/parameters.json"
 TYPE_PARAMETER = 1
-"""Number of parameter metadata: COMP_METADATA_TYPE_PARAMETER."""
+"""Type number of parameter metadata: COMP_METADATA_TYPE_PARAMETER."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

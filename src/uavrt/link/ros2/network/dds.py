@@ -9,8 +9,8 @@ binding, were found by experiment against ROS 2 Jazzy:
 - samples are read by one thread with a wait set: listeners of the binding deadlock;
 - writers keep the last few messages: with "keep all" a stopped subscriber stops the writer.
 
-Samples go in and out as bytes; `uavrt.link.ros2.types.cdr` makes and reads them, five times
-faster than the binding, and checks what others send.
+Samples go in and out as bytes. `uavrt.link.ros2.types.cdr` makes and reads them, five times
+faster than the binding, and checks received ones.
 """
 
 import os
@@ -170,7 +170,7 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 def reach_of(environment: Mapping[str, str]) -> Reach:
     """Network reach that ROS 2's variables allow, limited to that of `interfaces`.
 
-    ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
+    ROS_LOCALHOST_ONLY (Humble) overrides ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
     `ConfigError` if the latter is invalid.
     """
     if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":
@@ -270,7 +270,7 @@ class Participant:
     ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI replaces
     `cyclone_config`. `nodes`: some of `uavrt.link.ros2.graph.NODES`; only one for a detector on
     another computer. `names`: replacements of these node names. Raises `ConfigError` for an
-    invalid variable, `LinkError` if the network cannot be used so.
+    invalid variable, `LinkError` if the network cannot be used.
     """
 
     def __init__(

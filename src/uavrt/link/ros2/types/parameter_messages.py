@@ -1,7 +1,7 @@
 """Messages of ROS 2's parameter services (rcl_interfaces), as Cyclone's RMW sends them.
 
-On Cyclone's RMW, requests and replies begin with the client and the number of the request,
-which other RMWs send outside of the data (rmw_cyclonedds_cpp, ``cdds_request_header``).
+On Cyclone's RMW, requests and replies begin with the client and the number of the request
+(rmw_cyclonedds_cpp, ``cdds_request_header``). Other RMWs send these outside of the data.
 """
 
 from dataclasses import dataclass

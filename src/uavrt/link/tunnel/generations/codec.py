@@ -42,7 +42,7 @@ def acked_command_of(payload: bytes) -> int | None:
 
 
 def generation_of(message: TunnelMessage) -> Generation | None:
-    """Protocol generation whose senders write this message; None if several do."""
+    """Protocol generation that alone uses this message; None if several generations use it."""
     match message:
         case g0.HeaderMessage(command=number):
             lengths = COMMAND_OF_NUMBER[number].lengths

@@ -172,7 +172,7 @@ class AckG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationProgress(Fixed):
-    """Progress of a request after its acknowledgement (from version 5 on); text of 99 bytes."""
+    """Progress of a request after its acknowledgement (version 5 on); text up to 99 bytes."""
 
     COMMAND: ClassVar = CommandId.OPERATION_PROGRESS
     LAYOUT: ClassVar = struct.Struct("<I4xIIIII100s")

@@ -1,7 +1,7 @@
 """Common parts of all tunnel messages: numbers, strict packing and unpacking.
 
 A payload is a C struct with natural alignment, little-endian, whose first member is the command
-as u32; ``payload_type`` of the MAVLink message is 0 in every version. Pads are written as zeros
+as u32. The MAVLink message's ``payload_type`` is 0 in every version. Pads are written as zeros
 and ignored, because the original senders never cleared theirs. Formats are explicit (``<`` and
 ``x``), so they are the same on every machine.
 """
@@ -72,7 +72,7 @@ class CommandMessage:
 
 
 class Message(Protocol):
-    """Protocol of every tunnel message."""
+    """Protocol of every tunnel message: it can be encoded."""
 
     def encode(self) -> bytes:
         """Encode the message as payload bytes."""

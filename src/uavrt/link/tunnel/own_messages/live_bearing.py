@@ -26,7 +26,7 @@ _LAYOUT = Layout(
 
 
 def encode_bearing(bearing: LiveBearing) -> bytes:
-    """Encode a live bearing."""
+    """Encode a live bearing as payload bytes."""
     return _LAYOUT.pack(bearing, pulses=min(bearing.pulses, _MOST_PULSES))
 
 

@@ -4,10 +4,10 @@ PX4 1.17 garbles the 13 signature bytes of frames that it forwards, so the proof
 payload. Layouts of sealed message (60002), session (60004) and proven answer (60011): the
 manual's tunnel reference.
 
-The drone draws a session at random whenever its connection starts. A seal holds for one drone,
-one session and one use: no message can be replayed, after a restart or to another drone,
-whatever the clocks show, and nothing is stored. A sender's counter begins above the newest
-counter that the drone announces and above the sender's clock in microseconds.
+The drone draws a session at random whenever its connection starts. A seal is valid for one
+drone, one session and one use. So no message can be replayed after a restart or to another
+drone. This needs no correct clock and no stored data. A sender's counter begins above the
+newest counter that the drone announces and above the sender's clock in microseconds.
 
 Anyone can replay an announcement of the session. So the ground station seals a nonce for each
 announced session, and uses the session whose drone returns it.

@@ -38,7 +38,7 @@ class PulseMemory(Generic[T]):
         self._entries: dict[EntryKey, Entry[T]] = {}
         self._waiting: list[tuple[int, EntryKey]] = []
         self._probes: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
-        """Pulses lacking only at stores that have never acknowledged one."""
+        """Pulses that are missing only at stores without any acknowledgement."""
         self._probed_ns = -PROBES * PROBE_NS
         self._sent_plain: list[ItemKey] = []
         self.underway: Underway[T] = Underway()

@@ -27,8 +27,8 @@ store is ignored as made up or not receiving [ns]."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""Sendings of each burst content to a store that has acknowledged none, and total above which
-it is 1. At 40 % loss each way, none of 32 is answered in one case of a million."""
+"""Sendings of one burst's content to a store that has acknowledged none; after 32 in total,
+one. At 40 % loss each way, none of 32 is answered in one case of a million."""
 
 
 @dataclass(slots=True)
@@ -99,7 +99,7 @@ class Stores:
         return any(self._stores[number].acknowledges for number in numbers)
 
     def must_repeat(self, numbers: Collection[int]) -> bool:
-        """True if a pulse must be sent again, because a confirmed given store lacks it.
+        """True if a pulse must be sent again, because a confirmed one of the stores lacks it.
 
         Stores without any acknowledgement may be made up and must not fill the window; if they
         exist, they get the pulse from disk.
@@ -127,7 +127,7 @@ class Stores:
         return min(unconfirmed, key=lambda number: self._stores[number].received_ns)
 
     def add(self, number: int, place: Ids, now_ns: int) -> None:
-        """Add a new store."""
+        """Add the store of a newly received ground station."""
         self._stores[number] = Store(place, now_ns, since_ns=now_ns)
 
     def silent(self, now_ns: int) -> list[int]:
@@ -147,14 +147,14 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """Store, or None, for which pulses may be on disk; an unconfirmed store if allowed."""
+        """Store for which pulses may be on disk, an unconfirmed one if allowed; else None."""
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number
         return PLAIN if self._plain_on_disk and not self._stores else None
 
     def note_on_disk(self, number: int, *, on_disk: bool = True) -> None:
-        """Set whether pulses that a store lacks, or `PLAIN`, may be on disk."""
+        """Set whether pulses that a store (or `PLAIN`) lacks may be on disk."""
         if number == PLAIN:
             self._plain_on_disk = on_disk
         elif number in self._stores:

@@ -3,8 +3,8 @@
 A ground station that acknowledges (`uavrt.link.tunnel.own_messages.private`) gets every pulse:
 unacknowledged ones are sent again. A station that does not acknowledge gets each pulse once.
 
-A message is lost when three later ones were acknowledged and the round trip has passed; or when
-it is not acknowledged within the retransmission time-out of RFC 6298 with a floor of 0.4 s.
+A message counts as lost once three later ones were acknowledged and the round trip has passed.
+Every message does after the retransmission time-out of RFC 6298, at least 0.4 s.
 
 The content of a burst does not fit into its pulse message
 (`uavrt.link.tunnel.own_messages.burst`). The content goes to a store that has acknowledged the
@@ -179,7 +179,7 @@ class ReliableSender(Generic[T]):
         )
 
     def _count(self, entry: Entry[T]) -> None:
-        """Count a sent message."""
+        """Count a sent message in the totals and for each store."""
         for number in entry.missing_at:
             self.stores[number].sends += 1
             self.stores[number].insides += entry.inside is not None
@@ -193,8 +193,8 @@ class ReliableSender(Generic[T]):
     def _add_twin(self, entry: Entry[T]) -> None:
         """Send a repetition twice while nothing else waits.
 
-        With few unacknowledged pulses, each loss costs a time-out. At 20 % loss 4 % of the
-        pulses would need a second one, with twins 0.8 %; the link is idle anyhow.
+        With few unacknowledged pulses, each loss costs a time-out. At 20 % loss, 4 % of the
+        pulses would need a second time-out, with twins 0.8 %. The link is idle anyhow.
         """
         again = entry.sends > 1 and not entry.twin and not self.pulses.waiting
         entry.twin = again and self.stores.any_confirmed(entry.missing_at)
