@@ -1,4 +1,4 @@
-"""A search from the first pulse to the return, which a process or an experiment runs."""
+"""A search, from the first pulse to the return flight, for processes and experiments."""
 
 from dataclasses import dataclass, replace
 

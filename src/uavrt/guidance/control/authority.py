@@ -1,4 +1,4 @@
-"""Decide whether the drone may be commanded: only until any pilot or fault objects. Pure.
+"""Decide whether the drone may be commanded: only until a pilot acts or a fault occurs. Pure.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
 begin within 10 s. *In command*: the first command was sent. Any observed change that no command
@@ -194,7 +194,7 @@ class Authority:
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order, or still one of the last."""
+        """True while the vehicle flies a command of this order, or still the previous one's."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(

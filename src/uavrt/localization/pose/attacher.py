@@ -16,7 +16,7 @@ class _Waiting:
 
 
 class PoseAttacher:
-    """Holds pulses until their pose is known; no pulse is lost, and tags' order is preserved.
+    """Holds pulses until their pose is known; none is lost, and each tag's stay in order.
 
     A pulse is returned with the interpolated pose as soon as attitude and position after its
     centre have arrived; after `wait_s` with an extrapolated pose, marked, or with None.

@@ -122,7 +122,7 @@ class PowerTuning:
     typical_fading_db: float = 4.0
     """Prior standard deviation of fading from pulse to pulse [dB]."""
     together: int = 60_000
-    """Number of values computed at once, within the processor's cache."""
+    """Number of values computed at once, so that they fit in the processor's cache."""
     most_correlation: float = 0.93
     """Largest correlation of neighbouring pulses' fading that is examined."""
     widest_step: float = 0.3
@@ -205,7 +205,7 @@ class SurveyTuning:
     readings_nats: float = 6.0
     """Log-probability below the best set of foreign pulses within which a set counts [nats]."""
     fading_shares: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
-    """Candidate shares of a pulse's fading that is common with neighbouring pulses."""
+    """Candidate shares of a pulse's fading that neighbouring pulses have in common."""
     most_foreign: float = 0.25
     """Maximum share of foreign pulses; with more, no pulse is excluded."""
     least_pulses: int = 20
@@ -226,7 +226,7 @@ class SurveyTuning:
     margin_m: float = 60.0
     """Margin of the coarse grid around the track [m]."""
     mirror_reach: float = 1.75
-    """Distance within which mirror images are searched [coarse steps]."""
+    """Distance within which mirror images are searched [steps of the coarse grid]."""
     mirror_cells: int = 15
     """Number of cells along a side of the grid searched for mirror images."""
     mirror_nats: float = 20.0
@@ -329,7 +329,7 @@ class TrackTuning:
     switching_per_s: float = 0.005
     """Rate at which an animal changes between rest, browsing and travel [1/s]."""
     lost_nats: float = 12.0
-    """Log-probability of pulses below chance that makes hypotheses be redrawn [nats]."""
+    """Log-likelihood ratio of clutter to tag above which hypotheses are redrawn [nats]."""
     paths: int = 4000
     """Number of hypotheses whose paths are smoothed after the flight."""
 

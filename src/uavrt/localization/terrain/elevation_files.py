@@ -18,7 +18,7 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
     `sea`: treat places outside all files as water at height 0, as there are no tiles of the
         open sea.
     Raises `FormatError`: there are none, one of them is cut off, damaged or unsupported, or
-        only some are heights above the ellipsoid.
+    heights above geoid and ellipsoid are mixed.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)

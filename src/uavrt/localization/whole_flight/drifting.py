@@ -31,7 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float) -> _Floats:
-    """Times of a train's pulses after the first slot's beginning [s]; may be one too many."""
+    """Times of a train's pulses from the first slot's start [s]; one may exceed `span_s`."""
     count = max(0, int((span_s * (1.0 + abs(drift)) - phase_s) / interval_s) + 2)
     return real_time_s(
         phase_s + np.arange(count).astype(np.float64) * interval_s, drift, span_s

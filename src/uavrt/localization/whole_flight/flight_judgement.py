@@ -83,9 +83,9 @@ class Weights:
     ) -> "Weights":
         """Derive a sum's deviation and skewness from the flight's own energies.
 
-        One pulse in each interval, at a random phase, puts as many into every slot on average.
-        The sum's cumulants are therefore those of the slots' weighted energies, times that
-        number. Hum, tones and changing levels are included.
+        A train has one pulse in each interval, at a random phase, so a slot holds one with the
+        probability slot / interval. The sum's cumulants are those of all slots' weighted
+        energies, times this. Hum, tones and changing levels are included.
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
@@ -276,8 +276,8 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """Number of independent hypotheses of the search for weak pulses.
 
     If only a part of the flight counts for a position, as where a drone passes it, trains whose
-    intervals differ by a cell of the whole flight are the same to it: the number of cells falls
-    by that share (`Weights.spread`).
+    intervals differ by one cell of the whole flight are indistinguishable there: the number of
+    cells falls by that share (`Weights.spread`).
     """
     own = float(np.sum(correlation_slots(energies) ** -2.0))
     cells = _cells(energies, tag) * len(weights.basis) * own * weights.spread
@@ -349,7 +349,7 @@ def log_tail(found: Peaks, weights: Weights, energies: SlotEnergies) -> _Floats:
 
 
 def chance(log_probability: float, hypotheses: float) -> float:
-    """Probability that the smallest of a number of independent probabilities is as small."""
+    """Probability that noise gives at least one of `hypotheses` results this improbable."""
     return -math.expm1(-math.exp(min(math.log(hypotheses) + log_probability, 700.0)))
 
 

@@ -173,7 +173,7 @@ def places_around(
 
 
 def common_gains(each: Sequence[Places]) -> list[_Floats]:
-    """Gains in several flights around one origin; 1 at each position's strongest of all."""
+    """Gains of several flights, relative to each position's strongest pulse in any of them."""
     strongest_db = np.stack([one.strongest_db for one in each])
     below_db = strongest_db - strongest_db.max(axis=0)
     return [

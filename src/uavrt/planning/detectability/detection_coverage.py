@@ -55,7 +55,7 @@ class Coverage:
     heard: _Singles
     """(rows, columns) detection probability, the southern row first; NaN is unknown."""
     groups: int
-    """Number of pulse groups on the path; for a whole flight 1 or 0."""
+    """Number of pulse groups on the path; 1 or 0 if `whole_flight`."""
     whole_flight: bool = False
     """True if all pulses are combined, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()

@@ -11,7 +11,7 @@ HOLD_HEADING_M = 2.0
 """Distance to the target below which the heading is held [m]; farther away it points to the
 target."""
 LINE_TOLERANCE_M = 0.8
-"""Offset from the line to the target that PX4 does not correct before `HOLD_HEADING_M` [m]."""
+"""Offset from the line of flight that PX4 tolerates until `HOLD_HEADING_M` [m]."""
 EARLY_BRAKING_S = 0.35
 """Time by which braking begins early, so that the jerk limit causes no overshoot [s]."""
 VELOCITY_TIMEOUT_S = 3.0

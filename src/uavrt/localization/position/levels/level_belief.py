@@ -2,7 +2,7 @@
 
 Published trackers assume a known strength. Here every position (cell or particle) has a normal
 distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
-its first two moments. The strength is so estimated during the search.
+its first two moments. So the search itself estimates the strength.
 """
 
 from dataclasses import dataclass, replace
@@ -121,7 +121,7 @@ class GroundEffect:
     """Height of the ground above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss [dB] for a relative error of the losses of 1."""
+    """Additional loss if the relative error of the losses is 1 [dB]."""
 
     @classmethod
     def hills(
