@@ -99,8 +99,8 @@ class SafetyLimits:
     at_yaw_deg: float = 8.0
     no_progress_s: float = 3.0
     """Longest time without progress before the order ends, also after a command [s]. PX4 1.17
-    (SIH) made progress 0.7 to 1.3 s after a command from rest, up to 2.495 s after one that
-    replaced a leg (104 commands)."""
+    (SIH) made progress 0.7 to 1.3 s after a command from rest, and up to 2.495 s after one that
+    replaced a leg (104)."""
     slow_progress_s: float = 1.0
     """Time without progress after which further commands wait for progress [s]."""
     # Least change in `no_progress_s` that is progress; wind may slow a drone to that.

@@ -1,8 +1,8 @@
 """Predict how much information a path would give about the tags' positions.
 
-The pulses along a path are normal about the level expected under each hypothesis; their
-information on the hypotheses is bounded by the distances between those levels (Kolchinsky and
-Tracey 2017). Levels below the threshold are set to the threshold: two hypotheses without a
+Under each hypothesis, the levels of a path's pulses are normal about their expected values.
+Their information on the hypotheses is bounded by the distances between these values (Kolchinsky
+and Tracey 2017). Levels below the threshold are set to it, so two hypotheses without a
 detection stay equal. The unknown strength is common to all pulses of the path; the part of the
 distances that it could explain is removed.
 """

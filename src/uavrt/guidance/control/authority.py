@@ -162,8 +162,8 @@ class Authority:
     ) -> VehicleCommand:
         """Convert a requested motion to the command to send now, once.
 
-        With `stops` the command stops the drone in its present mode; it may be the first of an
-        order while the previous order is still flown. Raises `CommandRefused`: nothing may be
+        With `stops` the command stops the drone in its present mode. It may be an order's first
+        command while the previous order is still flown. Raises `CommandRefused`: nothing may be
         sent; the request is dropped.
         """
         self.tick(now_s)

@@ -148,9 +148,7 @@ class Commanded:
         return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
-        """Check the target during a take-off: none, or above the start at the order's
-        height.
-        """
+        """Check a take-off's target: none, or above the start at the order's height."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None

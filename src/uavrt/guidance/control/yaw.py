@@ -14,9 +14,9 @@ OTHERS_TURN = "another turns the drone"
 class YawWatch:
     """Monitors a heading from a command on; `fault` returns a deviation.
 
-    The heading may stay as it was or come nearer to its aim: the requested heading, else the
-    bearing of the target while the target is not near. It may turn away only towards the
-    drone's recent course.
+    The heading may stay as it was or come nearer to its aim: the requested heading or, while
+    the target is not near, its bearing. It may turn away only towards the drone's recent
+    course.
 
     `start_s`: time of the command [s]. `yaw_deg`: heading at that time [°]. `tolerance_deg`:
     for gusts and overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle,

@@ -3,7 +3,7 @@
 The thesis gave each pulse the pose half-way between take-off and the present, so that a turn of
 90° was logged as 45°. Here bisection finds the samples around a time.
 
-Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s; gaps of
+Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s. Gaps of
 more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last pose would be
 wrong by 15° after half a second. From two samples 20 ms apart, noise of 0.1° would become 5°/s;
 over 0.2 s it is 0.5°/s.

@@ -2,7 +2,7 @@
 
 With an interval ``T (1 + d (t/D - 1/2))`` over a flight of length D, pulses are T apart on the
 time ``u = D/d ln((1 + d (t/D - 1/2)) / (1 - d/2))``. For each of a few d the slots are ordered
-by u and folded, in slots of double length and with few patterns; the likeliest cells are then
+by u and folded, in slots of double length and with few patterns. Then the likeliest cells are
 examined in full.
 """
 

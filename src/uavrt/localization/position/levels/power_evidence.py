@@ -1,9 +1,9 @@
 """Likelihood of a position from powers along a track, with unknown level and path loss.
 
 The model is z = P - 10 n log10(r / 100 m) + G + e, with fading e that is correlated along the
-track (first-order autoregressive). At a given place it is linear in P and n, so both, and the
-fading's size, integrate out in closed form; the correlation is summed over some values. Misses
-enter as "below the threshold".
+track (first-order autoregressive). At a given position it is linear in P and n, so both, and
+the fading's size, integrate out in closed form. The correlation is summed over some values.
+Misses enter as "below the threshold".
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Estimate errors common to all powers of a survey: a wrong height, pulses of other senders.
 
 A wrong height (terrain, a tag on a tree, a take-off on a hill) moves the minimum and changes
-the slope of the strength; several heights are compared together with the position. Pulses of
+the slope of the strength. Several heights are compared together with the position. Pulses of
 other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
 approximate position. Pulses far outside the others' scatter there are excluded and counted.
 """

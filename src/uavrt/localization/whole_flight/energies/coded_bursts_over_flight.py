@@ -25,7 +25,7 @@ class BurstColumns:
     seen: NDArray[np.bool_]
     """(rows, columns) True where the burst is strong and has the shape of a burst."""
     heard: NDArray[np.bool_]
-    """(columns,) True where the burst has an energy."""
+    """(columns,) True where the burst has a valid energy."""
     listened: NDArray[np.bool_]
     """(columns,) True where the samples of the burst are complete."""
 
