@@ -13,7 +13,7 @@ BearingMethod = Literal[
 ]
 
 ArrayMethod = Literal["pseudo_doppler", "two_point_phased", "amplitude_monopulse"]
-"""Bearings from switched or fixed antennas (`uavrt.localization.bearing.array_bearings`)."""
+"""Name of a method of `uavrt.localization.bearing.array_bearings`, for several antennas."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

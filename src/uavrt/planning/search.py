@@ -40,7 +40,7 @@ class Search:
         self._fall = ExponentSharing()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
-        """Reject a search that cannot be flown, before anything moves.
+        """Raise an error for a search that cannot be flown, before anything moves.
 
         Raises `PlanError`: a tag without any strength, a start outside the fence or the
             heights, or an area beyond the battery's reach.

@@ -173,7 +173,7 @@ class SharedSearch:
         return off >= SEPARATION.distance_m
 
     def go(self, goal: Place | None, *, returning: bool = False) -> None:
-        """Fly a choice without a request: alone, on an assigned path, or for safety."""
+        """Fly to a goal without a request: alone, on an assigned path, or for safety."""
         self._asked, self._goal, self._returning = None, goal, returning
 
     def course(

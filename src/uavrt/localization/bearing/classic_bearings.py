@@ -123,9 +123,8 @@ def ls_linear(
 ) -> PlainBearing:
     """Bearing by least squares in linear power, A g(θ - φ) + B (UAV-RT flight code of 2026).
 
-    Bearings within 90° of the strongest heading are tried. A miss counts where the model
-    exceeds half the weakest pulse. The result is the middle of all bearings that fit nearly as
-    well.
+    Bearings within 90° of the strongest heading are tried. Missed pulses count where the model
+    exceeds half the weakest. The middle of all nearly equal fits is returned.
     """
     scan = float(yaw_deg[int(np.argmax(power))]) + np.arange(-90.0, 90.25, 0.5)
     gain = 10.0 ** (pattern.gain_db(scan[:, None] - yaw_deg[None, :]) / 10.0)

@@ -20,7 +20,7 @@ class TurnTuning:
     drift_step_deg: float = 5.0
     """Step between the starts of the spans over which drift is measured [°]."""
     one_turn_deg: float = 450.0
-    """Maximum yaw of a single turn [°]; more may be two turns with a path in between."""
+    """Maximum yaw of a single turn [°]; more may be two turns with a flown path between."""
     reversal_deg: float = 25.0
     """Minimum yaw back that ends a turn [°]; less is hovering or overshoot."""
     stop_deg: float = 4.0

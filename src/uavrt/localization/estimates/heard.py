@@ -361,7 +361,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Convert records; `poses` None is a log of pulses. `UsageError` without any pose."""
+        """Convert records; a log has `poses` None. Raises `UsageError` without any pose."""
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
                 "no pulse has a pose, so headings are unknown",

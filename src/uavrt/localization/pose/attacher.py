@@ -19,8 +19,7 @@ class PoseAttacher:
     """Holds pulses until their pose is known; none is lost, and each tag's stay in order.
 
     A pulse is returned with its interpolated pose as soon as attitude and position after its
-    centre have arrived. After `wait_s` it is returned with an extrapolated pose, marked, or
-    None.
+    centre have arrived. After `wait_s` it gets a marked, extrapolated pose, or None.
 
     `wait_s`: longest wait from its arrival here; 0 for a system without autopilot.
     """

@@ -50,7 +50,7 @@ class PoseRing:
         self.refused_samples = 0
         """Number of invalid attitudes and positions."""
         self.resets = 0
-        """Number of resets, because time stepped back or a flight changed the clock."""
+        """Number of times that all samples were removed, since time stepped back or jumped."""
 
     def add_attitude(self, sample: AttitudeSample) -> None:
         """Add an attitude; an invalid rotation is rejected and counted."""

@@ -351,7 +351,7 @@ class TrackTuning:
     """Increase of the uncertainty of a survey's ends with its duration [m/s]."""
     fading_factor: float = 1.1
     """Factor on a pulse's fading, because ten thousand hypotheses are too few for a survey's
-    sharp likelihood. Without it, circles of walkers at 1 m/s held .85."""
+    sharp likelihood. Without it, circles held 85 % of the tags walking at 1 m/s."""
     turning_m_s_per_root_s: float = 0.03
     """Change of velocity in each direction after a second [m/s/√s]: 20° at 1 m/s in two
     minutes. Circles hold 97 % of straight walkers, and 93 % of those that turn by 0.05."""

@@ -40,8 +40,7 @@ class FoldedTrain:
     false_alarm_probability: float
     """Probability that noise alone gives as unlikely a train in the whole search."""
     score: float
-    """Weighted sum of energies [standard deviations]; for strong pulses, the number of
-    pulses."""
+    """Weighted sum [standard deviations]; for a train of strong pulses, their number."""
     interval_s: float
     """Interval in the middle of the flight [s]."""
     phase_s: float

@@ -205,7 +205,7 @@ class LikelyGround:
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """(cells,) difference of log-likelihood between the parts of the divided cell."""
+    """(cells,) range of log-likelihood among the parts of the cell last divided."""
     logs: _Floats
     """(falls, cells) log-likelihood, integrated over all levels."""
     level_db: _Floats

@@ -73,7 +73,7 @@ class Coverage:
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Share of the cells of known height with at least a given probability."""
+        """Share of the cells of known height with at least a given detection probability."""
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 

@@ -55,7 +55,7 @@ def false_pulse_density(heard: Listening) -> float:
 
 @lru_cache(maxsize=64)
 def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Gain in and across the plane of the elements, by the cosine off boresight (-1 to 1)."""
+    """Gains [dB] in and across the elements' plane, by the cosine off boresight (-1 to 1)."""
     forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
     aside = np.sqrt(1.0 - forward**2)
     none = np.zeros_like(forward)
