@@ -174,7 +174,7 @@ def _terrain_variance(
 ) -> tuple[_Floats, _Floats | float]:
     """Variance by terrain: common to a leg (legs,), and of single pulses (legs, samples) [dB²].
 
-    A turn in place receives all pulses through the same hills, so their direction stays known.
+    Pulses of a turn in place pass the same hills, so the direction to the tag stays known.
     Along a path the error changes slowly: all pulses of a stretch count as one.
     """
     if isinstance(wrong2, float):

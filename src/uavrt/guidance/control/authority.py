@@ -256,7 +256,7 @@ class Authority:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """End command for this reason and withdraw any proposal; the first reason is kept."""
+        """End command and withdraw any proposal; an earlier reason is not replaced."""
         if reason is None:
             return
         self._offers.clear()

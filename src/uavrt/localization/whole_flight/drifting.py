@@ -55,7 +55,7 @@ def even_time_s(time_s: _Floats, drift: float, span_s: float) -> _Floats:
 
 
 def even_order(energies: SlotEnergies, drift: float) -> NDArray[np.intp]:
-    """Slot at each step of the clock that drifts with the tag."""
+    """Index of the slot at each step of the clock that drifts with the tag."""
     span_s = len(energies.heard) * energies.slot_s
     at = real_time_s(energies.time_s, drift, span_s) / energies.slot_s
     return np.asarray(np.clip(at.astype(np.intp), 0, len(energies.heard) - 1))

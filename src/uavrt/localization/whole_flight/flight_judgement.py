@@ -435,10 +435,11 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order trains of strong pulses: the likeliest first, of equals the most central.
+    """Order trains of strong pulses: the likeliest first, the most central of equally likely
+    ones.
 
     Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
-    pulses: all get the least of their probabilities.
+    pulses: all these trains get their lowest probability.
     """
     order = np.argsort(logs, kind="stable")
     if not len(order):

@@ -26,7 +26,7 @@ class EnergyTuning:
     """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
     of N samples has 1/N of its power in one sample, an impulse N times as much."""
     hops_beside: int = 16
-    """Distance from a strong window at which another is unaffected [hops]: two pulses."""
+    """Distance from a strong window at which others are unaffected [hops]: two pulses."""
     slots_beside: int = 4
     """Extent of a pulse and its jitter on each side of its slot [slots]."""
     most_gap_s: float = 7200.0
@@ -68,8 +68,8 @@ class SearchTuning:
     """Number of cells examined in full, the best of tens of thousands. In twenty minutes of
     noise the last has 5.0 to 5.4 standard deviations."""
     side_by_side: int = 48
-    """Number of sums folded at once, of frequencies times patterns: 60 MB. An addition takes
-    0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
+    """Number of sums (frequencies times patterns) folded at once: 60 MB. An addition takes 0.8
+    ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
     moment_slots: int = 16384
     least_skewness: float = 0.02
     hypotheses: float = 6.0
@@ -154,7 +154,7 @@ class PlaceTuning:
     """Variance of errors that pulses share, times the number of pulses for which they last
     [dB²]. It limits the evidence of pulses with little noise and fading."""
     noisy_db2: float = 10.0
-    """Variance of a level due to noise up to which the share `counted` holds [dB²]."""
+    """Largest variance of a level by noise for which the share `counted` applies [dB²]."""
 
     fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
     """Candidate standard deviations of single pulses [dB]; the first is the usual one. With 1
