@@ -405,8 +405,8 @@ def find(
 ) -> Found:
     """Estimate bearings of a receiver, and strengths of tags without a bearing.
 
-    A bearing in `theirs`, from the drone, replaces ours if it used more pulses of the turn. The
-    other parameters are those of `bearings_of`.
+    A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
+    turn. The other parameters are those of `bearings_of`.
     """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
@@ -497,7 +497,7 @@ def estimate(
     `theirs`: bearings estimated on the drone.
     `others`: results of other receivers, used for a tag if its number has the same frequency
         there.
-    `cache`: for repeated calls: unchanged results are kept.
+    `cache`: for repeated calls: unchanged results are reused.
     `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
         `Cache.begin`.
     Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the

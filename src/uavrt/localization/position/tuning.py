@@ -46,7 +46,7 @@ class GridTuning:
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
-    """Probability above which a survey's cells are quartered; less does not change circles."""
+    """Probability above which a survey's cells are quartered; less changes no circle."""
     survey_growth: float = 2.0
     """Growth of `held_rough` with each quartering, for surveys. Without it, 95 % circles are
     0.3 % wider, at half as many cells again."""
@@ -144,9 +144,9 @@ class PowerTuning:
     table_steps: int = 64
     """Number of steps of the normal distribution's tables in one standard deviation."""
     stretches: tuple[int, ...] = (8, 16, 32)
-    """Lengths of stretches in which residuals are averaged to find lasting errors [pulses]."""
+    """Lengths over which residuals are averaged to find persistent errors [pulses]."""
     least_stretches: int = 5
-    """Minimum number of stretches whose means can show lasting errors."""
+    """Minimum number of stretches whose means can show errors that persist."""
     most_lasting: float = 0.98
     """Largest correlation of neighbouring pulses that means of stretches may show."""
 
@@ -354,7 +354,7 @@ class TrackTuning:
     sharp likelihood. Without it, circles held 85 % of the tags walking at 1 m/s."""
     turning_m_s_per_root_s: float = 0.03
     """Change of velocity in each direction after a second [m/s/√s]: 20° at 1 m/s in two
-    minutes. Circles hold 97 % of straight walkers, and 93 % of those that turn by 0.05."""
+    minutes. Circles hold 97 % of straight walkers, 93 % of those turning by 0.05 m/s/√s."""
 
 
 GRID, BEARING_FIX, COMMON = GridTuning(), BearingFixTuning(), CommonErrorTuning()

@@ -173,7 +173,7 @@ def low_rank_weights(
 ) -> Weights:
     """Reduce the positions' gains to a few patterns to fold, and their mixing coefficients.
 
-    `gain` (places, times): energy of a pulse relative to that place's strongest.
+    `gain` (places, times): energy of a pulse relative to that position's strongest.
     `time_s` (times,): rising, from the first slot's beginning.
     """
     mixing, patterns = low_rank(pulse_weights(gain))
@@ -435,8 +435,7 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order trains of strong pulses: the likeliest first, the most central of equally likely
-    ones.
+    """Order trains of strong pulses: likeliest first, then the most central.
 
     Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
     pulses: all these trains get their lowest probability.

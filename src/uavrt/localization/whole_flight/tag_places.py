@@ -119,7 +119,7 @@ def places_around(
     `poses`: of the antenna, at least two.
     `start_ns`, `end_ns`: times of the first and last sample [UTC].
     `hills`: ground model; None is level ground.
-    `plane`: plane whose origin the places surround; None is the middle of the poses.
+    `plane`: plane whose origin the positions surround; None is the middle of the poses.
     Raises `UsageError`: the poses do not cover the time of the samples.
     """
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)

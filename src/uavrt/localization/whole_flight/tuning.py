@@ -131,7 +131,7 @@ class PlaceTuning:
     level_parts: int = 8
     strength_step_db: float = 0.1
     """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a lane
-    are rounded alike, which alone makes places 20 m apart differ."""
+    are rounded alike, which alone makes positions 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
     """Number of likely positions used to compute a flight's share."""

@@ -1,7 +1,7 @@
 """Probability of detecting a tag at each position along a path, planned or flown.
 
 The expected pulses are divided into groups of K. The mean energy of a group, by link budget,
-antenna pattern and terrain, gives the detector's own detection probability. The error of the
+antenna pattern and terrain, gives the probability that the detector finds it. The error of the
 tag's power is common to all pulses, so the probability of missing all groups is averaged over
 it, not multiplied.
 """
@@ -35,7 +35,7 @@ class AntennaPath:
     """Positions and headings of the antenna at each expected pulse of a path."""
 
     time_s: _Floats
-    """(n,) rising times [s]."""
+    """(n,) rising times of the pulses [s]."""
     east_m: _Floats
     """(n,) east coordinate in the plane of the ground [m]."""
     north_m: _Floats
