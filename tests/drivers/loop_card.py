@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from command_line import program
+from until import until
 
 CARD_MB = 32
 
@@ -29,6 +30,10 @@ class LoopCard:
 
     def unmount(self) -> None:
         self._run("umount", str(self.place))
+        # The kernel releases the loop device after umount returns; a mount before fails.
+        until(
+            lambda: not self._run("losetup", "-n", "-O", "NAME", "-j", str(self.image)).strip()
+        )
 
     def fail(self) -> None:
         """Let the kernel meet an error, as with a card that is failing."""

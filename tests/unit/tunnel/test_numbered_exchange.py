@@ -220,7 +220,7 @@ def test_inferred_layouts_are_used_only_where_the_settings_say_so() -> None:
     first, tag, last = CommandEncoder("G2").upload(TAGS[:1])
     assert one.hear(first).result == SUCCESS  # type: ignore[union-attr]
     refused = some(one.hear(tag))
-    assert "inferred layout" in refused.message
+    assert "experimental command" in refused.message
     assert one.hear(last).message == "incomplete: missing 0"  # type: ignore[union-attr]
     assert one.exchange.generation == "G1"  # pulses are not sent in it
 

@@ -192,7 +192,8 @@ def _store_errors(url: str) -> Iterator[None]:
     except _faults() as error:
         raise StoreError(
             f"{url}: {str(error) or type(error).__name__}",
-            remedy="Check address and network; the repeated command continues here",
+            remedy="Check the address and the network, then repeat the command: "
+            "it continues where it stopped",
         ) from error
 
 

@@ -77,10 +77,12 @@ class CommandWriter:
     def _fly_there(
         self, wish: FlyThere, first: bool, above_m: float, home: HomeSeen | None
     ) -> VehicleCommand:
-        values = (wish.latitude_deg, wish.longitude_deg, wish.altitude_amsl_m)
         on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
         if not (on_globe and isfinite(wish.altitude_amsl_m)):
-            raise CommandRefused(f"{values} is not a position")
+            raise CommandRefused(
+                f"latitude {wish.latitude_deg}°, longitude {wish.longitude_deg}°, "
+                f"{wish.altitude_amsl_m} m is not a position on earth"
+            )
         self._check_height(above_m)
         if home is None or self.farthest_m < between_m(wish, home):
             raise CommandRefused(

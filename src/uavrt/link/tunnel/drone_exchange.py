@@ -134,8 +134,9 @@ class Exchange:
     ) -> None:
         if generation == "G2" and not experimental:
             raise ConfigError(
-                "some layouts of the tunnel's generation G2 are inferred",
-                remedy="Set mavlink.tunnel_experimental = true to use it anyway",
+                "protocol generation G2 is experimental: some layouts are untested",
+                remedy="Choose another mavlink.tunnel_generation, or set "
+                "mavlink.tunnel_experimental = true",
             )
         self._fixed: Generation | None = None if generation == "auto" else generation
         self._version, self._experimental = version, experimental
@@ -245,7 +246,7 @@ class Exchange:
         try:
             if isinstance(message, g2.INFERRED) and not self._experimental:
                 raise TunnelError(
-                    "inferred layout: refused without mavlink.tunnel_experimental = true",
+                    "experimental command refused: set mavlink.tunnel_experimental = true",
                     payload,
                 )
             if self._experimental:

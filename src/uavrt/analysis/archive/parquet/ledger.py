@@ -67,7 +67,7 @@ class Ledger(Generic[R]):
         except PermissionError as error:
             raise RecordingError(
                 f"{error.filename} cannot be read: {error.strerror}",
-                remedy="Give this user access to the output, or run it as its owner",
+                remedy="Give this user access to the output, or run the command as its owner",
             ) from error
 
     @property
