@@ -322,8 +322,7 @@ class Heard:
         Times are rounded to 256 ns, as columns of floating-point numbers hold them.
 
         `tag_id` (n,): tag of each pulse.
-        `poses`: of the vehicle, in any order; None for a log, which has only the poses of
-            pulses.
+        `poses`: of the vehicle, in any order; None for a log (poses of pulses only).
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)
