@@ -1,8 +1,8 @@
 """Compute frequencies where a receiver shows ghosts of a strong signal, such as mirror images.
 
-If a ghost of one tag may appear at another tag's frequency, both tags go to the same detector
-process as long as the load stays even. One process then compares both trains at once. Through
-the supervisor a train would arrive a second later, and some flights would confirm a ghost.
+If a ghost of one tag may appear at another tag's frequency, one detector process gets both
+tags, while the load stays even. One process then compares both trains at once. Through the
+supervisor a train would arrive a second later, and some flights would confirm a ghost.
 """
 
 import itertools
@@ -15,7 +15,7 @@ HIGHEST = 9
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Distance below which a signal is a neighbour or a leak, not a ghost [Hz]."""
+"""Distance from the original below which a signal is a neighbour or a leak, no ghost [Hz]."""
 _USUAL_HZ = 500.0
 """Largest assumed error of a tag's label [Hz], also in a wider search."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
@@ -24,8 +24,8 @@ _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Multiples of two signals' distances that add up to a ghost. The first line is from nonlinear
-amplifiers; the second from a converter's separate treatment of the two parts of a sample."""
+"""Multiples of two signals' distances from the centre that add up to a ghost's. Nonlinear
+amplifiers make the first four; a converter that treats I and Q separately makes the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Lowest harmonic of a signal that may lie in a search band; -1 is the mirror image."""
+        """Lowest harmonic of a signal that may be in a search band, or None; -1: the image."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -76,7 +76,7 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Distances of possible ghosts from the centre, not aliased, and tolerances [Hz]."""
+        """Distance of each possible ghost from the centre, and tolerance [Hz]; not aliased."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

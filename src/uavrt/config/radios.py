@@ -45,8 +45,8 @@ class RadioRow:
     overruns_option: str = ""
     """Option, in recent versions of the program, that prints overruns on stderr."""
     lists: tuple[str, ...] = ()
-    """Program that lists the devices with index and serial number. Needed if `receive` takes a
-    serial number of digits for an index."""
+    """Program that lists the devices with index and serial number. Needed if `receive` would
+    read a numeric serial number as an index."""
     serial_prefix: str = ""
     """Prefix that the program needs before the hexadecimal serial number from USB."""
     usb: tuple[tuple[str, str, str], ...] = ()

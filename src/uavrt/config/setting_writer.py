@@ -21,7 +21,7 @@ Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
 """New values by table and key; None resets a setting to its default."""
 _MOST_LINES = 200
-"""Maximum number of lines of one value."""
+"""Maximum number of lines of one setting's value in ``uavrt.toml``."""
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:

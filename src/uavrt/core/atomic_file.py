@@ -1,4 +1,4 @@
-"""Replace a file as a whole: after a kill or power cut it is either the old or the new one.
+"""Replace a file as a whole: after a kill or power cut the old or the new file is there.
 
 The new file and then its directory are synced to the disk (fsync); otherwise ext4 may keep the
 new name and lose the content.
@@ -50,9 +50,9 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file by text (UTF-8) or bytes, as `replacing` does; write to a device directly.
+    """Replace a file's content with text (UTF-8) or bytes; write to a device directly.
 
-    `mode`: permissions; a secret file is never readable for others, not even briefly.
+    `mode`: permissions; a secret file is never readable by others, not even briefly.
     """
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():

@@ -15,7 +15,7 @@ def chosen_rows(record: R, which: Any) -> R:
 
 
 def joined_rows(records: Sequence[R], axis: int = 0) -> R:
-    """Join the arrays of dataclasses along an axis; other fields are taken from the first."""
+    """Join the arrays of dataclasses along an axis; other fields are those of the first."""
     names = [name for name, _ in _arrays(records[0])]
     joined = {
         name: np.concatenate([getattr(one, name) for one in records], axis=axis)

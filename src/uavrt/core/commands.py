@@ -325,7 +325,7 @@ COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
 COMMAND_OF_NUMBER: dict[int, CommandRow] = {
     row.number: row for row in _ROWS if row.number is not None
 }
-"""All commands that have a protocol number, by that number."""
+"""The row of each command that has a protocol number, by this number."""
 
 
 def outcome(state: SystemState, command: CommandName) -> Outcome:

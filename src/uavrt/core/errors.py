@@ -6,7 +6,7 @@
     ├── UsageError                 what the user wrote is wrong; the text names the remedy
     │   ├── ConfigError            uavrt.toml or a command-line option
     │   ├── TagFileError           a tag file; lists all faults, each with its line
-    │   ├── FormatError            a recording or log that is not what it is said to be
+    │   ├── FormatError            a recording or log not in the declared format
     │   ├── PlanError              a search that cannot be flown: area, fence, battery, tags
     │   └── TunerError             no radio frequency serves all the tags
     ├── RadioError                 the receiver hardware or its program

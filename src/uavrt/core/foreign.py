@@ -1,9 +1,9 @@
 """Read files and texts from outside, with limits on their size.
 
 Every parser of a foreign format uses these functions. They limit bytes, unpacked bytes, nesting
-and number of values; a file beyond its limit is refused with one line. Limits are about ten
-times the usual sizes. Reading up to a limit takes at most 2 s and 200 MB, except for
-recordings, logs and terrain, which take time in proportion to their size.
+and number of values; a file beyond its limit is refused with an error of one line. Limits are
+about ten times the usual sizes. Reading up to a limit takes at most 2 s and 200 MB. Only
+recordings, logs and terrain take time in proportion to their size.
 """
 
 import json

@@ -113,7 +113,7 @@ class Pulse:
 
     @property
     def key(self) -> "PulseKey":
-        """Key of the pulse within a flight."""
+        """Tag number and start time [ns], which identify the pulse within a flight."""
         return self.tag_id, self.start_time_ns
 
 
@@ -134,11 +134,11 @@ class BurstInside:
 
     @property
     def key(self) -> "PulseKey":
-        """Key of the burst within a flight."""
+        """Tag number and start time [ns], which identify the burst within a flight."""
         return self.tag_id, self.start_time_ns
 
     def put_into(self, pulse: Pulse) -> Pulse:
-        """Return the burst's record, completed by the pulses within it."""
+        """Copy a burst's record and add the times and SNR of the pulses within it."""
         return replace(
             pulse,
             burst_starts_ns=self.burst_starts_ns,
@@ -246,7 +246,7 @@ class Beep:
     """Ids of tags that the sender may be, likeliest first; for an image, those of its
     original."""
     offsets_hz: tuple[float, ...] = ()
-    """Difference from the listed frequency of each tag in `tag_ids` [Hz]."""
+    """Difference of the sender's frequency from that listed for each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
     """Reason why the sender may be no animal, or meaning of a different rate."""
@@ -265,11 +265,11 @@ class Beep:
 
     @property
     def away_hz(self) -> float | None:
-        """Difference from the first tag's listed frequency [Hz]."""
+        """Difference of the sender's frequency from that listed for the likeliest tag [Hz]."""
         return self.offsets_hz[0] if self.offsets_hz else None
 
     def same_as(self, other: "Beep") -> bool:
-        """True if both are measurements of the same sender."""
+        """True if this and another measurement are of the same sender."""
         near = abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
         return near and self.kind is other.kind
 
@@ -334,7 +334,7 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Replace older measurements of the same sender; return whether the sender is new."""
+    """Store a measurement of a sender, drop older ones; return whether the sender is new."""
     for place, other in enumerate(known):
         if other.same_as(new):
             known[place] = new
@@ -348,7 +348,7 @@ MOST_BEEPS = 32
 
 
 def drop_beeps(known: list[Beep]) -> int:
-    """Drop excess senders, unlisted ones with few pulses first; return their number."""
+    """Drop excess senders, unlisted ones with few pulses first; return the number dropped."""
     excess = max(0, len(known) - MOST_BEEPS)
     for one in sorted(known, key=lambda one: (bool(one.tag_ids), one.pulses))[:excess]:
         known.remove(one)
@@ -385,25 +385,25 @@ class Delivered:
 
     time_ns: int
     store: int
-    """Number of the store (`uavrt.link.tunnel.own_messages.private`); 0: sent once, without
-    receipt."""
+    """Number of that store (`uavrt.link.tunnel.own_messages.private`); 0: the pulses were sent
+    once, without receipt."""
     pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """Report that pulses are stored on the disk, with a pose or finally without."""
+    """Report that pulses are stored on the disk, with a pose or without one if none came."""
 
     pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """Progress report of a process; later records are sent again after its restart."""
+    """Report of how many records a process has handled; the next one resumes after these."""
 
     records: int
-    """Number of records since the start of the process that are on the disk, or need not be.
-    The assignment does not count."""
+    """Number of records since the process started that are on the disk or need not be stored.
+    The process's assignment is not counted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -729,7 +729,7 @@ class MotionOffer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSeen:
-    """State of the vehicle and of our commands, as the autopilot reports it."""
+    """State of the vehicle and its response to our commands, as the autopilot reports it."""
 
     latitude_deg: float
     longitude_deg: float
@@ -840,7 +840,7 @@ class IQBlock:
     lost_before: int = 0
     """Number of samples missing between the previous block and this one."""
     unsure_before: int = 0
-    """Number of samples in `lost_before` that may be a wrong clock rate instead of a loss."""
+    """Number of samples in `lost_before` that may be a clock error instead of a loss."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,7 +21,7 @@ class Registry(Mapping[str, T], Generic[T]):
     """Named objects: uavrt's own, and those of installed packages.
 
     `group`: group of entry points. `own`: uavrt's objects; other packages cannot use their
-    names. `kind`: type of an addition; None: any callable.
+    names. `kind`: required type of objects from other packages; None: any callable.
     """
 
     def __init__(self, group: str, own: Mapping[str, T], kind: type[T] | None = None) -> None:
@@ -44,7 +44,7 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises
         ------
         ConfigError
-            The name is one of ours.
+            The name is one of uavrt's own.
         """
         if name in self._own:
             raise ConfigError(f"{name!r} is reserved by uavrt", remedy="Choose another name")

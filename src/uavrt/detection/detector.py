@@ -146,8 +146,8 @@ class PulseDetector:
         samples : ndarray of complex64, shape (n,)
             Samples at `sample_rate_hz`, centred on `center_frequency_hz`; any number of them.
         time_ns : int
-            Time at the antenna of the first sample [ns, UTC]. Time that the samples before do
-            not fill is lost samples; times a little off are a slow clock.
+            Time at the antenna of the first sample [ns, UTC]. A gap after the previous samples
+            counts as lost samples; a small deviation counts as a slow clock.
 
         Returns
         -------
@@ -160,7 +160,7 @@ class PulseDetector:
         return self.drain()
 
     def take_all(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> None:
-        """Run `take` on several blocks."""
+        """Add several blocks without searching."""
         count = 0 if self._intake.stale_blocks else self._buffer.extend(blocks)
         for samples, _ in blocks[:count]:
             self._longest.note(len(samples))
@@ -198,7 +198,7 @@ class PulseDetector:
     def next_step(self, length: int) -> int | None:
         """Index up to which to search after a block of `length`; None: wait for more samples.
 
-        It does not wait if another block, as long as any of the last, would make it late.
+        It does not wait if another block of the longest recent length would make it late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:
@@ -293,7 +293,7 @@ class PulseDetector:
         self._reporter.report(track)
 
     def other_signals(self) -> list[Track]:
-        """Confirmed tracks with the tag's interval, farther off frequency than its own."""
+        """Confirmed tracks with the tag's interval, farther off frequency than the tag's."""
         return [t for t in self.tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:

@@ -104,7 +104,7 @@ class _RingMemory:
 
 
 class DetectorGroup:
-    """Detectors of several channels; their pulses are collected when all channels are in.
+    """Detectors of several channels; their pulses are collected once all have added a block.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
 Noncoherent square law (Marcum 1960, IRE Trans. IT-6): the power of a pulse's cell over the
 noise is half a noncentral chi-square of two degrees of freedom. A group is the sum of one such
-cell and of K - 1 maxima of a pulse's cell and the noise cells within the jitter. The threshold
-is the search's own, with all its hypotheses.
+cell and K - 1 maxima, each of a pulse's cell and the noise cells within the jitter. The
+threshold is the search's own, with all its hypotheses.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Compute the times of a stream's samples from the times of its blocks.
 
-The nominal rate counts only within a block: over an hour a crystal errs by 180 ms at 50 ppm,
+The nominal rate is used only within a block: over an hour a crystal errs by 180 ms at 50 ppm,
 and gaps and corrections of the clock add to it.
 """
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
-"""Minimum deviation of a block's time that is stored [ns]; live clocks are corrected often."""
+"""Minimum deviation from the expected time at which a block's time is stored [ns]."""
 
 
 class BlockTimes:

@@ -63,7 +63,7 @@ class Carriers:
 
 
 def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
-    """Frequencies of the strongest peaks, from the centre [Hz]."""
+    """Frequencies of the strongest carriers in some samples, from the centre [Hz]."""
     length = len(samples)
     spectrum = np.fft.fft(samples * _window(length))
     power = spectrum.real**2 + spectrum.imag**2

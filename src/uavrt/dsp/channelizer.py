@@ -125,7 +125,7 @@ class Channelizer:
         Parameters
         ----------
         block : (n,) complex64 array
-            Samples of any length; how a stream is cut changes nothing.
+            Samples, any number; the division of a stream into blocks changes no output.
 
         Returns
         -------
@@ -159,9 +159,9 @@ class Channelizer:
     def _outputs(
         self, rows: int, pieces: list[tuple[int, int, NDArray[np.complex64]]]
     ) -> NDArray[np.complex64]:
-        """Outputs, shape (channels in use, rows).
+        """Compute the outputs of all channels in use, shape (channels in use, rows).
 
-        `pieces`: first and last output, and the samples from the oldest needed.
+        `pieces`: first and last output of each, and its samples from the oldest needed on.
         """
         native = kernels()
         if native is not None:
@@ -187,7 +187,7 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Fill `folded` from `samples`, which begin with the oldest that row 0 needs."""
+        """Fold samples into the rows of `folded`; the first is the oldest that row 0 needs."""
         floats = samples.view(np.float32)
         group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group
@@ -199,7 +199,7 @@ class Channelizer:
     ) -> None:
         """Weight the windows and add them up modulo M; `group` windows as one long row.
 
-        Windows can be joined where they follow each other at M samples: if H = M.
+        Consecutive windows can be joined if H = M, because then they begin M samples apart.
         """
         if len(folded) == 0:
             return

@@ -30,10 +30,10 @@ class ClippedTimes:
 
     def __init__(self) -> None:
         self._stretches: deque[tuple[int, int]] = deque()
-        """Begin and end of the clipped stretches [ns], in order."""
+        """Begin and end of each clipped stretch of samples [ns, UTC], in order of time."""
 
     def add(self, stretches_ns: Sequence[tuple[int, int]]) -> None:
-        """Add begin and end of later clipped pieces, in order [ns]."""
+        """Add begin and end of each further clipped piece [ns, UTC], in order of time."""
         self._stretches.extend(stretches_ns)
         while self._stretches and self._stretches[0][1] < self._stretches[-1][1] - _KEEP_NS:
             self._stretches.popleft()
@@ -50,7 +50,7 @@ class ClippedTimes:
 class Clipping:
     """Finds samples at the converter's limits.
 
-    Of fast samples it examines 64 in each half millisecond.
+    At high sample rates it examines 64 samples in each half millisecond.
     """
 
     def __init__(self) -> None:
@@ -100,6 +100,6 @@ class Clipping:
         self._new = (self._new + new)[-MOST_UNREAD:]
 
     def take_new(self) -> tuple[tuple[int, int], ...]:
-        """Return begin and end of clipped pieces found since the last call, in order [ns]."""
+        """Return begin and end of each clipped piece found since the last call [ns, UTC]."""
         new, self._new = tuple(self._new), []
         return new

@@ -3,8 +3,8 @@
 ``y[n] = sum_k h[k] x[D n - k]``. The input is cut, without copying, into blocks of ``P = R D``
 samples, the rows of a matrix. A block contributes to the R outputs that start in it and to the
 E that start before it and reach into it. A product with an (R + E, P) matrix of shifted taps
-gives all these parts, and adding each block's parts to those of the blocks after it gives the
-outputs (overlap-add). This rounds a little differently from a plain sum: up to 3e-7 of the
+gives all these parts. Each block's parts are added to those of the blocks after it, which gives
+the outputs (overlap-add). This rounds a little differently from a plain sum: up to 3e-7 of the
 largest sample.
 """
 
@@ -94,7 +94,7 @@ class Decimator:
         Parameters
         ----------
         block : (n,) complex64 array
-            Samples of any length; how a stream is cut changes nothing.
+            Samples, any number; the division of a stream into blocks changes no output.
 
         Returns
         -------
@@ -120,7 +120,7 @@ class Decimator:
         return out
 
     def _filter(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
-        """Fill `out` from `samples`, which begin with the oldest that ``out[0]`` needs."""
+        """Filter samples into `out`; the first is the oldest that ``out[0]`` needs."""
         native = kernels()
         if native is not None:
             native.decimate(samples, self._pairs, self.factor, out)
@@ -149,7 +149,7 @@ class Decimator:
     def _filter_directly(
         self, samples: NDArray[np.complex64], out: NDArray[np.complex64]
     ) -> None:
-        """Fill `out` output by output, for the few at the ends of a block."""
+        """Compute `out` by direct sums, for the few outputs at the ends of a block."""
         length = self._weights.size
         for first in range(0, out.size, DIRECT_OUTPUTS):
             some = out[first : first + DIRECT_OUTPUTS]
@@ -168,9 +168,9 @@ class Decimator:
 def _shifted_taps(
     weights: NDArray[np.complex64], factor: int, starts: int
 ) -> NDArray[np.complex64]:
-    """Matrix from a block of samples to its parts of all outputs that it touches, in order.
+    """Matrix that converts a block of samples to its parts of all outputs that it reaches.
 
-    Idle columns in front make their number a multiple of 4, 10 % faster in the BLAS for D = 8.
+    Zero columns in front make their number a multiple of 4, 10 % faster in the BLAS for D = 8.
     """
     outputs = (weights.size - 1) // factor + starts
     matrix = np.zeros((starts * factor, -(-outputs // 4) * 4), dtype=np.complex64)

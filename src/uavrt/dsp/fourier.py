@@ -1,6 +1,6 @@
 """Compute many short Fourier transforms at once, without the rest of SciPy's imports.
 
-SciPy's pocketfft takes a tenth of the time of NumPy's, but ``import scipy.fft`` takes 28 MB and
+SciPy's pocketfft takes a tenth of the time of NumPy's. But ``import scipy.fft`` takes 28 MB and
 0.1 s, for one function of an extension module of 1 MB. That module is loaded by itself. It is
 not a documented part of SciPy: if it is missing, or fails a test at the first use, scipy.fft is
 used.

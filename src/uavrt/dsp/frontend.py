@@ -42,15 +42,15 @@ class FrontEnd:
     center_frequency_hz : float
         Radio frequency at the middle of the band [Hz].
     frequencies_hz : sequence of float
-        Frequencies of the tags [Hz]; each gets the channel whose centre is nearest. None at
-        all: every channel of the band is computed.
+        Frequencies of the tags [Hz]; each gets the channel whose centre is nearest. If
+        empty, every channel of the band is computed.
     mode : {"default", "compatible"}
         See `Decimator` and `Channelizer`.
 
     Raises
     ------
     UsageError
-        No plan serves this sample rate, or a number is not one.
+        No plan supports this sample rate, or a number is not finite.
     TunerError
         A frequency lies outside the usable span; all of them are listed.
     """
@@ -81,7 +81,7 @@ class FrontEnd:
         self._next_channel_sample = 0
         self._lost_channel_samples = 0
         self._silent: list[tuple[int, int]] = []
-        """First and last + 1 output of each gap, which are set to zero."""
+        """First output of each gap, and the one after its last; outputs in gaps are zero."""
 
     def process(self, block: IQBlock) -> list[ChannelBlock]:
         """Decimate and channelize the next block; see `channelize`."""
@@ -93,13 +93,13 @@ class FrontEnd:
         Parameters
         ----------
         block : IQBlock
-            Continues the one before, or skips indices where samples were lost.
+            Continues the previous block, or skips indices where samples were lost.
 
         Returns
         -------
         IQBlock
-            Its `time_ns` is that of the antenna for its first sample, half the filter earlier
-            than the input's; `lost_before` in samples of the band. Maybe empty.
+            A block of the band, perhaps empty. `time_ns`: first sample at the antenna, half the
+            filter length before the input's. `lost_before`: counts samples of the band.
         """
         decimator = self._decimator
         if decimator is None:

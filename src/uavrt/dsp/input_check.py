@@ -18,7 +18,7 @@ _CONSECUTIVE_CHECKS: Final = 3
 _SAME_LEVEL: Final = 0.6
 """Maximum share of samples at one level of the converter; noise of 0.6 steps costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
-"""Amplitude [full scales] below which noise has values, but a wrong format none."""
+"""Amplitude below which noise has values, but a wrong format has none [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
 """Ratio of the powers of I and Q above which the input is wrong; no radio produces it."""
 _ON_DC_HZ: Final = 300.0
@@ -43,7 +43,7 @@ class InputCheck:
         self._seen: dict[str, int] = {}
 
     def check(self, block: IQBlock) -> list[str]:
-        """Check a block, if a check is due; return new faults."""
+        """Check a block, if a check is due; return the texts of new faults."""
         due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
         samples = block.samples[:_EXAMINED_SAMPLES]
         if not due or len(samples) < _FEWEST_SAMPLES:

@@ -137,7 +137,7 @@ def channel_center_hz(
 def outside_span(
     frequencies_hz: Sequence[float], center_hz: float, half_span_hz: float
 ) -> TunerError:
-    """Error for frequencies outside of the span that a radio setting serves."""
+    """Error for frequencies outside of the usable span around a radio frequency."""
     listed = ", ".join(f"{frequency / 1e6:.6f}" for frequency in frequencies_hz)
     low, high = (center_hz - half_span_hz) / 1e6, (center_hz + half_span_hz) / 1e6
     return TunerError(
@@ -205,7 +205,7 @@ def _smooth(number: int) -> bool:
 
 
 def check_rate(sample_rate_hz: float) -> None:
-    """Raise `UsageError` for a sample rate that no plan serves."""
+    """Raise `UsageError` for a sample rate that no plan supports."""
     highest = HIGHEST_FACTOR * NARROWEST_BAND_HZ
     if not LOWEST_RATE_HZ <= sample_rate_hz <= highest:
         raise UsageError(

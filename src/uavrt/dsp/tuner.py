@@ -1,10 +1,10 @@
 """Choose the radio frequency that serves all tags.
 
-The default keeps all tags within the clean span of the decimator, widened if needed, and away
-from the radio's own centre, where a zero-IF receiver has its DC spur. Then it avoids mirror
-images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near channel centres.
-Among such frequencies, those come first that the original's own cost rates no worse than its
-choice, so that the plan also serves the original's detectors.
+The default keeps all tags within the clean span of the decimator, widened if needed. It keeps
+them away from the radio's centre, where a zero-IF receiver has its DC spur. Then it avoids
+mirror images (an IQ imbalance shows a tag at +f also at -f), and puts the tags near channel
+centres. Among such frequencies it prefers those with no higher cost in the original's tuner
+than that tuner's own choice. The plan then also suits the original's detectors.
 """
 
 from collections.abc import Sequence
@@ -119,8 +119,8 @@ def compatible_cost(
 ) -> CompatibleCost:
     """Cost of candidate radio frequencies by the original's tuner.
 
-    With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
-    (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing. `tags_hz`
+    Let d be a tag's distance from its channel's edge, rounded to 1 Hz, and w half a shoulder
+    (7.5 % of the channel). A tag costs ``|w / d - 1|`` where d < w, else nothing. `tags_hz`
     (tags,); `centers_hz` (candidates,).
     """
     offsets = tags_hz - centers_hz[:, None]
@@ -161,7 +161,7 @@ def _nearest_channels(offsets: Floats, spacing_hz: float, channel_count: int) ->
 
 
 def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> Floats:
-    """Frequencies among which the original's tuner chooses."""
+    """Radio frequencies among which the original's tuner chooses [Hz]."""
     low, high = tags.min(), tags.max()
     grid = np.arange(low, high, GRID_STEP_HZ) if high > low else np.array([low])
     below = (channel_count // 2 + 0.5) * spacing
@@ -203,7 +203,7 @@ def _candidates(
 
 
 def _middles(tags: Floats) -> Floats:
-    """Mid-points of all pairs of tags, sorted; a centre there mirrors one tag to the other."""
+    """Mid-points of all pairs of tags [Hz], sorted; a centre there mirrors one to the other."""
     first, second = np.triu_indices(tags.size, 1)
     middles: Floats = np.sort((tags[first] + tags[second]) / 2)
     return middles

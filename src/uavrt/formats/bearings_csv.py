@@ -127,7 +127,7 @@ def _sigma_deg(cell: str) -> float | None:
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
     """Write a bearings.csv completely or not at all.
 
-    Existing lines of the written tags and parent files are replaced, and others are kept.
+    Existing lines of the written tags and parent files are replaced; others are unchanged.
     Raises `FormatError` if the existing file is not a bearings.csv or a name contains a comma,
     and `RecordingError` if it cannot be written.
     """

@@ -22,7 +22,7 @@ class TableWriter:
         self._writer.writerow([no_formula(cell) for cell in row])
 
     def writerows(self, rows: Iterable[Iterable[Any]]) -> None:
-        """Write several rows."""
+        """Write several rows; cells that begin like a formula get an apostrophe."""
         for row in rows:
             self.writerow(row)
 

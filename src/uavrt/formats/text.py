@@ -74,7 +74,7 @@ def _parted(line: str) -> list[str]:
 
 
 def lower_names(heading: Sequence[str]) -> list[str]:
-    """Column names in lower case."""
+    """Column names of a heading, in lower case."""
     return [name.lower() for name in heading]
 
 

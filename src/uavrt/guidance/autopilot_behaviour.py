@@ -29,7 +29,7 @@ class Behaviour:
     mode_rate_hz: float
     """Rate requested for the mode's message [Hz]; PX4 ignores it for CURRENT_MODE."""
     yaw_in_reposition: bool
-    """True if DO_REPOSITION sets the heading and turns are steps; False: CONDITION_YAW does."""
+    """True if DO_REPOSITION sets headings, so that turns are steps; False: CONDITION_YAW."""
     follows_course: bool
     """True if the heading follows the course over ground; False: the target's bearing."""
 

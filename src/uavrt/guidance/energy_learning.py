@@ -48,7 +48,7 @@ class EnergyLearning:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a battery reading; an update covers the time between two percentages."""
+        """Add a battery reading; an update covers the time between two percentage steps."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:

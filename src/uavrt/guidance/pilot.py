@@ -115,7 +115,7 @@ class Pilot:
         self._wished_step = None
 
     def give_up(self, reason: str) -> None:
-        """Cut the order short and fly home, since the battery is not monitored while it hovers.
+        """Cut the order short and fly home: hovering on would leave the battery unmonitored.
 
         An order that has not begun, or a take-off, ends without a command.
         """

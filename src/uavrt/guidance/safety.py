@@ -47,7 +47,7 @@ class SafetyLimits:
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time that confirms a switch moved in one message [s]; a second message does at once."""
+    """Time after which a switch moved in one message counts [s]; a second one confirms it."""
     first_switch: int = 5
     """Number of the first RC channel after the sticks."""
 
@@ -99,7 +99,7 @@ class SafetyLimits:
     at_yaw_deg: float = 8.0
     no_progress_s: float = 3.0
     """Longest time without progress before the order ends, also after a command [s]. PX4 1.17
-    (SIH) made progress 0.7 to 1.3 s after a command from rest, up to 2.495 s after one that
+    (SIH) made progress 0.7 to 1.3 s after a command from rest, and up to 2.495 s after one that
     replaced a leg (104 commands)."""
     slow_progress_s: float = 1.0
     """Time without progress after which further commands wait for progress [s]."""

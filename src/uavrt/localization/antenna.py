@@ -144,7 +144,7 @@ def monopole_gain_db(elevation_deg: ArrayLike) -> NDArray[np.float64]:
 
 
 def pattern_named(antenna: AntennaPattern | str) -> AntennaPattern:
-    """Pattern with a given name; a pattern is returned as it is. `UsageError` lists names."""
+    """Pattern with a given name; `antenna` itself if it is a pattern. Raises `UsageError`."""
     if isinstance(antenna, AntennaPattern):
         return antenna
     if antenna not in PATTERNS:

@@ -61,7 +61,7 @@ def power_tables(
     `missed_below` (m,): upper limit of each missed pulse's power.
     `folds`: number of pulses summed in each value.
     `fadings_db`: standard deviations of the fading, one table each.
-    `spread_db`: largest ratio of the antenna's gain, front to back.
+    `spread_db`: largest front-to-back ratio of the antenna's gain [dB].
     Returns: n + m rows. Each law includes a share of outliers that is independent of the level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))

@@ -13,7 +13,7 @@ BearingMethod = Literal[
 ]
 
 ArrayMethod = Literal["pseudo_doppler", "two_point_phased", "amplitude_monopulse"]
-"""Bearings from switched or fixed antennas (`uavrt.localization.bearing.array_bearings`)."""
+"""Name of a method of `uavrt.localization.bearing.array_bearings`, for several antennas."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +75,7 @@ class Bearing:
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
 """Name of a position estimator. ``mle``, ``rmr`` and ``mest`` are as the original system
-computes them; ``rmr_ahead`` and ``mest_lenth`` are corrected, ``track`` follows an animal."""
+computes them, ``rmr_ahead`` and ``mest_lenth`` corrected; ``track`` follows a moving tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -70,7 +70,7 @@ class FlightTuning:
     in_progress_ns: int = 10_000_000_000
     """Time before the last pose within which a turn may still be in progress [ns]."""
     one_flight_s: float = 7200.0
-    """Longest time span of a flight's bearings [s]; over a longer span the tag rests."""
+    """Longest span of bearings for which a tag may move [s]; longer: assumed to rest."""
     other_tag_hz: float = 10_000.0
     """Frequency difference above which one number means two tags [Hz]; drift is less."""
     least_turns: int = 3
@@ -92,7 +92,7 @@ class FlightTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverTuning:
-    """Limits for positions where other receivers stood."""
+    """Limits for using levels of receivers that never turned."""
 
     one_place_m: float = 20.0
     """Maximum movement of a receiver that stands still [m]."""
@@ -103,7 +103,7 @@ class ReceiverTuning:
     most_places: int = 24
     """Maximum number of a receiver's positions, those with the most pulses: a limit on work."""
     received_share: float = 0.5
-    """Minimum share of a tag's pulses received at a position, else only strong ones were."""
+    """Minimum share of pulses received at a used position; below it only strong ones were."""
 
 
 POWER_LAW, ACCEPTANCE = PowerLawTuning(), AcceptanceLimits()

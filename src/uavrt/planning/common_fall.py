@@ -59,12 +59,12 @@ class _ExponentMessage:
         )
 
     def softened(self, variance: float) -> "_ExponentMessage":
-        """Message for another tag, whose exponent differs with a given variance."""
+        """Message for another tag whose exponent may differ, with a given variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
 class ExponentSharing:
-    """Shares what each tag's pulses show of the path loss exponent among all tags."""
+    """Shares among all tags what each tag's pulses show of the path loss exponent."""
 
     def __init__(self) -> None:
         self._variance = _SHARING.exponent_sigma**2

@@ -32,7 +32,7 @@ def divided(
 ) -> list[list[int]]:
     """Divide tags into one round for each drone, as indices of tags in the order of visits.
 
-    Each tag in turn goes to the drone that would finish it first (list scheduling); then single
+    Each tag in turn goes to the drone that would finish it first (list scheduling). Then single
     tags move to other rounds while that shortens the longest round or the total.
 
     `stay_s`: time at each tag.

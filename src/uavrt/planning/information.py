@@ -1,8 +1,8 @@
 """Predict how much information a path would give about the tags' positions.
 
-The pulses along a path are normal about the level expected under each hypothesis; their
-information on the hypotheses is bounded by the distances between those levels (Kolchinsky and
-Tracey 2017). Levels below the threshold are set to the threshold: two hypotheses without a
+Under each hypothesis, the levels of a path's pulses are normal about their expected values.
+Their information on the hypotheses is bounded by the distances between these values (Kolchinsky
+and Tracey 2017). Levels below the threshold are set to it, so two hypotheses without a
 detection stay equal. The unknown strength is common to all pulses of the path; the part of the
 distances that it could explain is removed.
 """
@@ -174,7 +174,7 @@ def _terrain_variance(
 ) -> tuple[_Floats, _Floats | float]:
     """Variance by terrain: common to a leg (legs,), and of single pulses (legs, samples) [dB²].
 
-    A turn in place receives all pulses through the same hills, so their direction stays known.
+    Pulses of a turn in place pass the same hills, so the direction to the tag stays known.
     Along a path the error changes slowly: all pulses of a stretch count as one.
     """
     if isinstance(wrong2, float):

@@ -15,7 +15,7 @@ _Real = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepAway:
-    """Distance to keep from every tag, found or searched.
+    """Distance that paths keep from every tag, found or still searched for.
 
     `radius_m`: least distance over ground.
     `probability`: probability that a path keeps it, for each tag.

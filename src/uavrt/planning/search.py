@@ -1,4 +1,4 @@
-"""A search from the first pulse to the return, which a process or an experiment runs."""
+"""A search, from the first pulse to the return flight, for processes and experiments."""
 
 from dataclasses import dataclass, replace
 
@@ -40,7 +40,7 @@ class Search:
         self._fall = ExponentSharing()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
-        """Reject a search that cannot be flown, before anything moves.
+        """Raise an error for a search that cannot be flown, before anything moves.
 
         Raises `PlanError`: a tag without any strength, a start outside the fence or the
             heights, or an area beyond the battery's reach.

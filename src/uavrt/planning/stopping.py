@@ -29,7 +29,7 @@ class StopRule(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HonestStop:
-    """Rule: a tag's 95 % circle is small enough, it probably exists, and the model agrees."""
+    """Found: a tag's 95 % circle is small, it probably exists, and the model check passes."""
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0

@@ -112,11 +112,11 @@ class ByteJoiner:
         self._cut = 0
         self._realigned = 0
         self.filled = 0
-        """Number of bytes before the next gap."""
+        """Number of stored bytes before the next gap."""
 
     @property
     def has_gap(self) -> bool:
-        """True if a gap follows; call `take` before the next `put`."""
+        """True if a gap follows the stored bytes; then call `take` before the next `put`."""
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:

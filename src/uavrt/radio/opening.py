@@ -37,8 +37,8 @@ def _open_soapy(
 
 
 OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": _open_soapy})
-"""Radios that are not programs, also of installed packages. Each is opened with the settings,
-the frequency to tune to [Hz] and the system's clock."""
+"""Radios read by a driver, uavrt's own or a package's. Each is opened with the settings, the
+frequency to tune to [Hz] and the system's clock."""
 
 _SUFFIXES: dict[str, str] = {
     ".cf32": "cf32",

@@ -121,7 +121,7 @@ class _Codes:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Index of the first tag with an equal code; `place` if the code is new or invalid."""
+        """Index of the first tag with an equal code; this tag's `place` if there is none."""
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
             return place  # reported elsewhere
@@ -147,7 +147,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find pairs of similar codes in one band, each with their gaps' total difference [s]."""
+    """Find pairs of similar codes in one band, each with the gaps' total difference [s]."""
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):

@@ -21,8 +21,8 @@ _SEARCH_HZ: Final = 530.0
 _LEAST_SHARED_PPM: Final = 0.5
 """Minimum common offset of all tags that is attributed to the receiver [ppm]."""
 _AGREE_PPM: Final = 1.5
-"""Maximum difference of a tag from the common offset [ppm]; also at most a sixth of that
-offset."""
+"""Maximum difference of a tag's offset from the common offset [ppm]; also at most a sixth of
+the common offset."""
 _SHARE: Final = 0.75
 """Minimum share of tags with the common offset; one tag of four may have drifted
 independently."""
@@ -41,16 +41,16 @@ class TagCorrection:
     after: Tag
 
     def applied(self, tag: Tag) -> Tag:
-        """Apply this correction to a tag that may have other corrections."""
+        """Copy a tag with this correction; its other property is unchanged."""
         return _listed_as(tag, self.after, self.what)
 
     def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
-        """Correction that restores the tag's entry before this one."""
+        """Correction that restores the entry that a tag had before this correction."""
         after = _listed_as(tag, self.before, self.what)
         return replace(self, time_ns=time_ns, before=tag, after=after)
 
     def undoes(self, other: "TagCorrection") -> bool:
-        """True if this correction restores the tag before another correction."""
+        """True if this correction restores the entry that the tag had before the other one."""
         same = (self.tag_id, self.what) == (other.tag_id, other.what)
         return same and self.applied(other.before) == other.before
 
@@ -112,7 +112,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
 
 
 def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
-    """Corrections that were not undone, in order of time."""
+    """Corrections that no later correction has undone, in order of time."""
     standing: list[TagCorrection] = []
     for one in corrections:
         last = next((x for x in reversed(standing) if x.tag_id == one.tag_id), None)
@@ -197,7 +197,7 @@ def correction_of(
 
 
 def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
-    """True if the tags of a measurement are unchanged in the list, or were removed."""
+    """True while the list entries that a sender was compared with are unchanged or removed."""
     at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
     away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
     for tag in tags:

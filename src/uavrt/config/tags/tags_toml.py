@@ -57,7 +57,7 @@ _CODED_HEADING = """\
 
 
 def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read all tags; faults are added to `faults`."""
+    """Read all tags of a ``tags.toml``; faults are added to `faults`."""
     try:
         check_toml(text, TAGS)
         document = tomllib.loads(text)

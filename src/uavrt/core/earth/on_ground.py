@@ -16,9 +16,9 @@ Reports = Iterable[tuple[int, bool]]
 
 
 def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
-    """Start and end of times on the ground [ns]: disarmed, or landed.
+    """Start and end of each time span on the ground [ns]: disarmed, or landed.
 
-    None without a report of flying, as in a test on a turntable. A state is valid until the
+    Empty without a report of flying, as in a test on a turntable. A state is valid until the
     next report. `armed`, `landed`: in any order.
     """
     reports = [(time, "armed", state) for time, state in armed]
@@ -52,7 +52,7 @@ class GroundStates:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add a report; returns False if neither state has changed.
+        """Add a report of both states; returns False if neither has changed.
 
         `armed`, `landed`: 0 for no; None if not reported.
         """
@@ -64,7 +64,7 @@ class GroundStates:
         return True
 
     def spans(self) -> tuple[tuple[int, int], ...]:
-        """Start and end of times on the ground [ns], as in `spans_on_ground`."""
+        """Start and end of each time span on the ground [ns], as in `spans_on_ground`."""
         return spans_on_ground(
             [(time_ns, armed) for time_ns, armed, _ in self._reports if armed is not None],
             [(time_ns, landed) for time_ns, _, landed in self._reports if landed is not None],

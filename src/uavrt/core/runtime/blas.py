@@ -1,7 +1,7 @@
 """Environment variables for NumPy's linear algebra, set before NumPy is imported.
 
-Sample blocks are small. A second thread saves nothing and costs more than all of detection,
-because it spins while it waits for the next product (161 % of a core instead of 99 %).
+Sample blocks are small. A second thread saves nothing. It spins while it waits for the next
+product, which costs more than all of detection (161 % of a core instead of 99 %).
 
 OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
 512. With the wider kernels, the products of detectors and decimator take half as long.

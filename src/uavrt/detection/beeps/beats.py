@@ -20,7 +20,7 @@ from uavrt.detection.beeps.tuning import INTERVALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBeat:
-    """Interval found in pulse times, and the pulses that follow it."""
+    """Interval found in pulse times, and the pulses sent at this interval."""
 
     beat: Beat
     members: NDArray[np.intp]
@@ -171,8 +171,8 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     """Expected number of chains as good as this one among random pulses.
 
-    After two pulses that set the interval, each further place contains a pulse with probability
-    p = density × tolerance. `pairs`: choices of the first two; missed places add further ones.
+    After two pulses that set the interval, each later time has a pulse with probability p =
+    density × tolerance. `pairs`: choices of the first two; missed pulses add more.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)

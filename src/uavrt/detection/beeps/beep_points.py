@@ -1,8 +1,8 @@
 """Find strong pulses at any frequency in a band, without a list of tags.
 
-A cell of the spectrogram is a point if it stands above three levels: its frequency's at other
-times (carriers), those of other frequencies at its time (impulses, voice), and those 0.6 to 1.1
-kHz away (the spectrum of a strong pulse's keying).
+A cell of the spectrogram is a point if it stands above three levels: that of its frequency at
+other times (carriers), that of other frequencies at its time (impulses, voice), and that 0.6 to
+1.1 kHz away (spectrum of a strong pulse's keying).
 """
 
 from dataclasses import dataclass
@@ -212,7 +212,7 @@ class PointSearch:
         frames, bins = power.shape
 
         def around(rows: range, columns: range) -> NDArray[np.float32]:
-            """Levels around each cell, shape (cells, rows, columns); zero outside."""
+            """Levels around each cell, shape (cells, rows, columns); zero beyond `power`."""
             at = row[:, None, None] + np.array(rows)[:, None]
             bins_at = column[:, None, None] + np.array(columns)
             inside = (at >= 0) & (at < frames) & (bins_at >= 0) & (bins_at < bins)

@@ -1,7 +1,7 @@
 """Find unlisted senders in a stream while the listed tags are detected.
 
-A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
-or the animal may belong to another study. The detector then finds nothing, without a reason.
+A tag's crystal may be kilohertz off its label, or the list may have a wrong digit or lack a
+rate. Or the animal is of another study. The detector then finds nothing, without a reason.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from uavrt.dsp.block_times import BlockTimes
 class _Band:
     """Searches a band periodically, for a part of the time.
 
-    `turns`: durations of searching at the start and at the end of each period, and the period.
+    `turns`: duration searched at the start and at the end of each period; the period [s].
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:

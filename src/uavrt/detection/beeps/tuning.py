@@ -82,7 +82,7 @@ class TrainTuning:
     most_intervals: int = 8
     """Maximum number of intervals found among the points of one frequency."""
     strays: int = 2
-    """Maximum points of one train during another that are still one sender's."""
+    """Maximum number of pulses at one interval during another interval of the same sender."""
     most_scatter_hz: float = 30.0
     """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
     least_explained: float = 0.5
@@ -143,7 +143,7 @@ class NamingTuning:
     most_missing_share: float = 0.4
     """Maximum share of an interval that may be missing samples."""
     least_gap_spread_s: float = 0.02
-    """Minimum scatter of pulse-to-pulse times [s]; with less they are a separate train."""
+    """Minimum scatter of pulse-to-pulse times [s]; less means a separate train."""
     late_s: float = 0.025
     """Maximum delay of a pulse if samples are missing [s]."""
 

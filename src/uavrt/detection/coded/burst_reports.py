@@ -102,7 +102,7 @@ class BurstReporter:
         )
 
     def searched(self, now_ns: int, cells: Cells) -> None:
-        """Report what was searched: each tag once a second, less often with many codes."""
+        """Make a search report of each tag once a second, less often with many codes."""
         if now_ns - self._reported_ns < ns_from_s(report_every_s(len(self._tracks.tags))):
             return
         self._reported_ns = now_ns
@@ -131,7 +131,7 @@ def sighting_of(
 ) -> Sighting:
     """Measure a burst: its time, frequency, energies.
 
-    `time_ns`: time of a column. `tags`: all tags by their ids. `required`: needed evidence.
+    `time_ns`: gives a column's time. `tags`: by id. `required`: needed log-likelihood ratio.
     """
     good = burst.good
     tag = burst.book.tags[burst.code]

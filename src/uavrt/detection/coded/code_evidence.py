@@ -1,8 +1,8 @@
 """Compute the evidence that the pulses at the positions of a listed code are that code's.
 
-The listed code, whose pulses are equally strong, is compared with an unlisted one that has some
-pulses at these positions by chance, and with noise. An unlisted code explains all positions but
-one at the price of the coincidences; that position must show a pulse by itself.
+The listed code, whose pulses are equally strong, is compared with noise. It is also compared
+with an unlisted one that has some pulses there by chance. An unlisted code explains all
+positions but one at the price of the coincidences; that position must show a pulse by itself.
 """
 
 import math
@@ -23,7 +23,7 @@ class Evidence:
     over_unlisted: NDArray[np.float64]
     """(n,) log-likelihood of the listed code against unlisted codes."""
     alone: NDArray[np.float64]
-    """(n, pulses) each pulse position against noise or a pulse of another burst there."""
+    """(n, pulses) log-likelihood of each pulse against noise or another burst's pulse."""
     own: NDArray[np.bool_]
     """(n, pulses) True where the code's pulse is received rather than a stronger signal."""
 
@@ -45,8 +45,8 @@ def evidence(
 ) -> Evidence:
     """Compare the listed code with noise and with unlisted codes.
 
-    `energies` (n, places): sums over the bursts [noise energies]. `usable` (n, places): places
-    without another burst. `bursts`: number summed at each place.
+    `energies` (n, pulses): sums over the bursts [noise energies]. `usable` (n, pulses): True
+    without another burst there. `bursts`: number of bursts summed.
     """
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
@@ -93,7 +93,7 @@ def evidence(
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
     """Log-likelihood ratio of bursts in step against one unlisted code's, also in step.
 
-    `alone` (bursts, places): as in `Evidence`.
+    `alone` (bursts, pulses): as in `Evidence`.
     """
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
@@ -104,7 +104,7 @@ def evidence_of_sums(
 ) -> NDArray[np.float64]:
     """Log-likelihood ratio against unlisted codes of bursts that are found only together.
 
-    `energies` (n, bursts, places). `in_step`: chance of an unlisted tag with this interval.
+    `energies` (n, bursts, pulses). `in_step`: chance of an unlisted tag with this interval.
     """
     # Either one unlisted tag is in step by chance, or pulses of several tags are.
     by_one, by_several = (

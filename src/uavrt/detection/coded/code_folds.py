@@ -23,7 +23,7 @@ from uavrt.detection.coded.tuning import SUMS
 class Found:
     """Several bursts of one code with a sum that exceeds noise.
 
-    `score`: sum of amplitudes over the required. `also_possible`: ids of other tags.
+    `score`: sum of amplitudes over the required sum. `also_possible`: ids of other senders.
     """
 
     tag: Tag
@@ -74,7 +74,7 @@ class Waiting:
 class Folds:
     """Sums several bursts of the codes with equal numbers of pulses.
 
-    `kept_s`: duration for which cells are stored [s].
+    `kept_s`: duration for which energy cells are stored [s].
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Folds:
         }
 
     def note(self, first: int, count: int) -> None:
-        """Find seeds among bursts that begin at the given columns."""
+        """Find seeds at the given columns; they wait until their sums are complete."""
         pulses = self._book.pulses
         seeds = find_seeds(
             *(self._cells, self._book, first, count),

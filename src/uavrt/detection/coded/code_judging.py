@@ -142,7 +142,7 @@ def measure(
 
 
 def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Move strong seeds, which have many similar columns and stretches, to the best."""
+    """Move each strong seed to the column and stretch with the largest sum of amplitudes."""
     offsets = book.offsets[seeds[:, 0]]
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3] - cells.recent_from
@@ -310,7 +310,7 @@ class Overlaps:
         self._sum()
 
     def add(self, *bursts: Burst) -> None:
-        """Add accepted bursts."""
+        """Add accepted bursts; count each possible burst's pulses that they overlap."""
         for burst in bursts:
             apart = np.abs(self._columns[:, :, None] - burst.columns)
             hit = (apart <= self._guard).any(axis=2)
@@ -337,7 +337,7 @@ class Overlaps:
         )
 
     def overlapped_by(self, claim: int) -> list[Burst]:
-        """Accepted bursts that a claim's pulses overlap."""
+        """Accepted bursts that overlap pulses of a possible burst, given by its index."""
         return [burst for burst, hit in self._by if hit[claim]]
 
     def is_sending(self, burst: Burst) -> bool:

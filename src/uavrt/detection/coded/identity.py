@@ -1,8 +1,8 @@
 """Identify the sender of a burst from the bursts before and after it.
 
 A code and a burst interval define a tag; tags with the same code are distinguished by their
-intervals alone. A burst that may be an unlisted code's is the listed tag's if others are in
-step with it and the evidence suffices together.
+intervals alone. A burst that may be of an unlisted code is the listed tag's if other bursts are
+in step and the joint evidence suffices.
 """
 
 import math
@@ -76,7 +76,7 @@ class Sighting:
     """A burst found singly, until its sender is identified."""
 
     tags: tuple[Tag, ...]
-    """Possible tags, the likeliest first."""
+    """Tags that may have sent the burst, the likeliest first."""
     hit: tuple[int, ...]
     """Ids of tags whose bursts overlap too many pulses of this burst."""
     start_ns: int

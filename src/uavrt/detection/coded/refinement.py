@@ -19,8 +19,8 @@ from uavrt.detection.coded.tuning import REFINE
 class Refined:
     """Refined times and energies of several bursts.
 
-    `energies` (bursts, pulses) [noise energies]: hidden pulses have the usual one of noise,
-    those outside of the stored samples 0.
+    `energies` (bursts, pulses) [noise energies]: a hidden pulse has the usual energy of noise;
+    a pulse outside of the stored samples has 0.
     """
 
     begins: NDArray[np.float64]
@@ -33,7 +33,7 @@ def refine(
 ) -> Refined:
     """Find the largest sum at positions between the cells.
 
-    `part`: stretch of all gaps, as a share of the tolerance. `most`: largest that counts.
+    `part`: stretch of all gaps [shares of the tolerance]. `most`: limit on a pulse's energy.
     """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
     parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(REFINE.stretches)) / starts_s[-1]

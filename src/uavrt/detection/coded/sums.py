@@ -25,7 +25,7 @@ class CodeBook:
     """Codes with equal numbers of pulses, in columns of cells.
 
     `offsets` (codes, stretches, pulses): columns of the pulses from the first. `fine` (codes,
-    stretches, 3, pulses): a little shorter, exact, longer. `intervals` (codes,): columns.
+    stretches, 3, pulses): a bit shorter, exact, a bit longer. `intervals` (codes,): columns.
     """
 
     tags: tuple[Tag, ...]

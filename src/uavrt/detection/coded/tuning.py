@@ -90,7 +90,7 @@ class LimitTuning:
     share_of_one: float = 0.4
     share_of_three: float = 0.2
     per_cell: float = 60.0
-    """Independent sums per pulse width and its inverse: cells overlap, gaps stretch."""
+    """Number of independent sums per pulse width of time and inverse width of frequency."""
     per_interval: float = 1.0
     """Number of independent burst intervals per pulse width of the last burst's uncertainty."""
     per_refinement: float = 14.0
@@ -209,7 +209,7 @@ class ForeignTuning:
     start_s: float = 10.0
     """Time added to the time since the start [s], so that one early burst is no high rate."""
     weakest_energy: float = 10.0
-    """Minimum energy of a foreign pulse with two others [noise energies]."""
+    """Minimum energy of each of three foreign pulses in one burst [noise energies]."""
     sure_energy: float = 14.0
     """Minimum energy of a single foreign pulse [noise energies]."""
     beside_share: float = 0.25

@@ -30,13 +30,13 @@ class AnchorSearch(RateSearch):
             GROUPS.measured_columns + math.ceil((k - 1 - p) * self.intervals[-1])
             for p in range(k)
         ]
-        """(places,) columns after an anchor at a place until its group is complete."""
+        """(places,) columns from an anchor, as each of the K pulses, to its group's end."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
-        """(places, k - 1, intervals) columns of the pulses after their earliest column."""
+        """(places, k - 1, intervals) delay of each pulse from its earliest column [columns]."""
         self.lows = first[:, :, 0] - reach
-        """(places, k - 1) columns from the anchor to the first column searched for a pulse."""
+        """(places, k - 1) columns from an anchor to the first one searched for each pulse."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Number of columns searched for one other pulse."""
         self.length = self.span + self.piece + 2 * reach + 4 + GROUPS.measured_columns
@@ -53,7 +53,7 @@ class AnchorSearch(RateSearch):
         self.anchor_powers: list[float] = []
         self.null: NullLattices | None = None
         self.tested = [0] * k
-        """(places,) number of anchors tested at each place."""
+        """(places,) number of anchors tested as each of the K pulses."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
         """Count groups at intervals that no tag has; an excess raises the threshold."""
@@ -140,13 +140,13 @@ class AnchorSearch(RateSearch):
         return first
 
     def note(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
-        """Add anchors in the order of their columns."""
+        """Add anchors to be tested, in the order of their columns."""
         self.anchor_columns += columns
         self.anchor_rows += rows
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Collect the anchors with a complete last pulse, for each place in a group."""
+        """Collect the anchors with complete groups, as each of the K pulses."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return
@@ -246,7 +246,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Tested:
-    """Sums of some anchors (first axis), in the units of the cells."""
+    """Powers and sums of groups with some anchors (first axis), in the units of the cells."""
 
     column: NDArray[np.intp]
     row: NDArray[np.intp]
@@ -254,7 +254,7 @@ class _Tested:
     power: NDArray[np.float32]
     level: NDArray[np.float32]
     cells: NDArray[np.float32]
-    """(anchors, k - 1, intervals): largest power within the jitter at the other places."""
+    """(anchors, k - 1, intervals): largest power within the jitter of each other pulse."""
     totals: NDArray[np.float32]
     """(anchors, intervals): sums of the limited powers."""
     best: NDArray[np.float32]

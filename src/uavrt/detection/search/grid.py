@@ -148,10 +148,10 @@ def power_by_halves(
 ) -> None:
     """Compute rows at ± f together, with a quarter of the multiplications, all real.
 
-    With e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n) around a window's middle the transform at
-    ± f is A ∓ jB, A the sum of e cos and B that of o sin. `parts` (2, tags, samples): real and
-    imaginary parts. `power` (tags, rows, columns): the result from column `first` on. `take`:
-    allocates arrays by name and shape.
+    Around a window's middle, let e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n). The transform at
+    ± f is A ∓ jB, with A the sum of e cos and B that of o sin. `parts` (2, tags, samples): real
+    and imaginary parts. `power` (tags, rows, columns): the result from column `first` on.
+    `take`: allocates arrays by name and shape.
     """
     assert grid.halves is not None
     cosines, sines = grid.halves

@@ -1,8 +1,8 @@
 """Search for K pulses of one rate in the power of the grid's cells.
 
 A hypothesis is a row, an anchor cell, the anchor's number among the K pulses, and an interval.
-Its statistic is the anchor's power plus, for each other place, the largest power within the
-jitter around the expected pulse; all relative to the row's noise and none above a limit. A sum
+Its statistic is the anchor's power plus, for each other pulse, the largest power within the
+jitter around its expected time; all relative to the row's noise and none above a limit. A sum
 of K terms that reaches T has a term that reaches T/K, so only cells above T/K need be anchors:
 a few in a second of noise at K = 3. The work is linear in K.
 """
@@ -90,7 +90,7 @@ class RateSearch(ABC):
             (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
             * intervals[np.newaxis, np.newaxis, :]
         ).astype(np.intp)
-        """(place, place, intervals): columns from one pulse to another."""
+        """(k, k, intervals): columns from one of the K pulses to another."""
         self.columns = 0
         """Number of columns whose maxima over the jitter are known."""
         self.piece = max(16, math.ceil(GROUPS.piece_s / hop_s))

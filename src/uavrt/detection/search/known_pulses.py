@@ -13,7 +13,7 @@ from uavrt.detection.search.tuning import GROUPS
 class KnownPulses:
     """Pulses of confirmed tracks and of groups just found, and the candidates they explain.
 
-    For a tag in reception, they explain nearly all candidates.
+    While a tag is received, they explain nearly all candidates.
     """
 
     def __init__(self, grid: Grid, pulses: list[Measured]) -> None:

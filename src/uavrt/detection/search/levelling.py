@@ -38,7 +38,7 @@ class _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Changing noise levels, to divide cells by and to measure pulses with."""
+    """Changing noise levels: one to divide cells by, another to measure pulses."""
 
     divisor: NDArray[np.float32]
     """(new slots,) common level that divides cells, raised by its possible error."""
@@ -99,8 +99,8 @@ class _LevelRecord:
 class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
-    `keep`: number of columns whose levels are kept. `steepness`: threshold of the search over
-    K: false alarms grow so much faster than a level's error. `circular`: rows form a circle.
+    `keep`: number of columns whose levels are stored. `steepness`: threshold of the search over
+    K, the growth of false alarms with a level's error. `circular`: rows form a circle.
     """
 
     def __init__(
@@ -213,7 +213,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """True if all levels are so near the newest that the limits on cells hold."""
+        """True if all levels are so near the newest that the limits on cells remain valid."""
         pieces = both.shape[1] // LEVEL.piece_slots
         some = both[:, both.shape[1] - pieces * LEVEL.piece_slots :]
         common = self._common(some).reshape(pieces, LEVEL.piece_slots).mean(axis=1)
@@ -237,7 +237,7 @@ class Leveller:
         both: NDArray[np.float32],
         past: int,
     ) -> NDArray[np.float32]:
-        """(bands, slots) means of each band's new cells, which neighbouring cells limit."""
+        """(bands, slots) means of each band's new cells, limited by neighbouring cells."""
         width, most = LEVEL.median_slots, np.float32(LEVEL.most_power)
         half = width // 2
         lead = min(past, half)
@@ -344,7 +344,7 @@ class Leveller:
 def _take_out_bursts(
     common: NDArray[np.float32], weights: NDArray[np.float32], bins: float
 ) -> NDArray[np.bool_]:
-    """Set the weights of strong pulses to zero; return which newest slots may be pulses."""
+    """Set the weights of strong pulses to zero; return where new slots may be pulses."""
     near, far = LEVEL.beside_slots
     width = far - near + 1
     # Later slots are unknown; before the first slot assume the same level.
@@ -408,7 +408,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Join the past and future stretch of each slot if they agree; else take the higher."""
+    """Join each slot's past and future stretch if they agree; else use the higher one."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))

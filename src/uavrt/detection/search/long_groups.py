@@ -59,7 +59,7 @@ class LongSearch(RateSearch):
         return self._search_dense(noise)
 
     def _pass_on(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> None:
-        """Report new strong cells to `pass_on`: the maxima in time of their rows."""
+        """Pass new strong cells to `pass_on`, if they are maxima over time in their rows."""
         row, column = np.nonzero(power >= THRESHOLDS.least_power * noise[:, np.newaxis])
         if not len(row):
             return

@@ -157,7 +157,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Replace a row's estimate by the median of the rows around it unless it stands out."""
+        """Replace each row's estimate by the median around it, unless the row stands out."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))

@@ -22,9 +22,9 @@ other pulses, and reduction of the tag's interval [columns]."""
 class NullLattices:
     """Counts the groups of one search on lattices that no tag has.
 
-    `lows` (places, k - 1): columns from an anchor in each place to the stretches of the other
-    pulses. `expected_per_column`: groups of white noise on one lattice at `NULL.counted_share`
-    of the threshold. `threshold`, `limit`: for a sum and for a cell in it [noise powers].
+    `lows` (places, k - 1): columns from an anchor, as each of the K pulses, to the range of
+    each other pulse. `expected_per_column`: groups of white noise on one lattice at
+    `NULL.counted_share` of the threshold. `threshold`, `limit`: of a sum, of a cell in it.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class NullLattices:
         self.coloured = False
         """True while the noise is coloured: it forms more groups than white noise."""
         self._awaited = 0.0
-        """Number of false groups allowed since the noise became coloured."""
+        """Expected number of counted groups since the noise became coloured, with tolerance."""
         self._most = max(0.0, NULL.most_share * k * limit - threshold)
         self._more = 0.0
         """Rise of the threshold by counted groups [noise powers], including chance."""
@@ -55,7 +55,7 @@ class NullLattices:
     def count(self, columns: int, test: Test | None) -> None:
         """Count the groups that new columns complete, and adjust the threshold.
 
-        `test`: None without anchors.
+        `test`: tests for a group at a shorter interval; None if there are no anchors.
         """
         seen = 0 if test is None else sum(test(*lattice) for lattice in self._lattices)
         tolerated = NULL.tolerated_coloured_ratio if self.coloured else NULL.tolerated_ratio

@@ -97,8 +97,8 @@ class Refiner:
 
         `starts` (pulses,): expected index of the first sample of each, searched ± `half_width`.
         `offset_hz`, `half_band_hz`: middle and half-width of the frequencies searched. `climb`:
-        follow a peak at the limit of these times. `spread`: standard deviation of the starts
-        [samples], by which peaks are weighted. Returns None if the samples are not available.
+        follow a peak beyond these limits. `spread`: standard deviation of the starts [samples],
+        by which peaks are weighted. Returns None if the samples are not available.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -208,7 +208,7 @@ class Refiner:
         """Matched-filter power of pulses at many start times and some frequencies.
 
         `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
-        frequencies, count), or None if fewer samples are kept than needed for one pulse;
+        frequencies, count), or None if fewer samples are stored than needed for one pulse;
         (pulses,), number of samples by which each start was moved to available samples.
         """
         length = self._window + count - 1
@@ -339,7 +339,7 @@ class Refiner:
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_around(self, pulse: Measured) -> float:
-        """Mean power around a pulse; if it differs before and after, that at the pulse."""
+        """Mean power around a pulse; if it changes there, that at the pulse, within limits."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-MEASURE.around_widths, -0.5), (1.5, 1.0 + MEASURE.around_widths)):

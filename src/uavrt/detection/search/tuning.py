@@ -35,7 +35,7 @@ class NoiseTuning:
     short_s: float = 1.0
     """Time constant of the average that shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of recent to steady noise above which the recent counts; 3 % pulses give 1.3."""
+    """Ratio of recent to steady noise above which the recent is used; usual pulses give 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row with its neighbours [s]."""
     young_s: float = 8.0
@@ -88,7 +88,7 @@ class NoiseLevelTuning:
     pulse_ratio: float = 1.7
     """Ratio of a slot to the slots on both sides that marks a strong pulse."""
     pulse_sigmas: float = 2.6
-    """Excess of three slots over others that marks a weak pulse [standard deviations]."""
+    """Excess of three slots over those around that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
     """Distances of the slots compared with a pulse, which takes three or four [slots]."""
     median_slots: int = 11
@@ -104,9 +104,9 @@ class NoiseLevelTuning:
     learnt_slots: int = 40
     """Number of slots with a level of one that are assumed before the first slot."""
     steady_ratio: float = 0.5
-    """Minimum ratio of the lowest to the highest level for the cells' limits to remain."""
+    """Minimum ratio of lowest to highest level at which the limits on cells remain valid."""
     least_level: float = 1e-9
-    """Minimum level, since a receiver may be silent."""
+    """Minimum noise level [noise powers]; avoids division by zero if samples are zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,8 +115,8 @@ class GroupTuning:
 
     cell_limit: float = 14.0
     """Largest contribution of a cell to a sum of several [noise powers]: half of the threshold
-    at K = 3. It keeps one impulse from carrying a group, and costs nothing: it lowers the false
-    alarms of noise as much (measured: docs/explanation/detection.md)."""
+    at K = 3. It keeps one impulse from carrying a group, and costs no sensitivity, since it
+    lowers sums of noise as much (measured: docs/explanation/detection.md)."""
     piece_s: float = 0.46
     """Longest piece of columns searched at once [s]; a detector's pieces are of 0.44 s."""
     measured_columns: int = 4
@@ -137,7 +137,7 @@ class GroupTuning:
     same_bins: float = 1.5
     """Frequency difference below which a known pulse explains another [bins]."""
     leak_share: float = 0.2
-    """Minimum leakage of a known pulse that explains a candidate, over its strength."""
+    """Minimum leakage of a known pulse that explains a candidate, as a share of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +195,7 @@ class NullTuning:
     """Highest threshold as a share of the largest sum, K cells at their limit. Strong pulses of
     other transmitters are counted, too, and must not hide a strong tag."""
     tolerated_ratio: float = 1.6
-    """Ratio of counted groups to those of white noise up to which the threshold is kept."""
+    """Ratio of counted groups to those of white noise up to which the threshold stays."""
     tolerated_coloured_ratio: float = 1.2
     """Tolerated ratio in coloured noise, where an excess is hardly due to chance."""
     ks: tuple[float, ...] = (2.0, 3.0, 5.0, 8.0)

@@ -44,7 +44,7 @@ class LineCanceller:
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
         """Find carriers in the newest samples.
 
-        `before`: earlier samples that are kept, in the state in which `subtract` left them.
+        `before`: stored earlier samples, as `subtract` left them.
         """
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
@@ -125,7 +125,7 @@ class LineCanceller:
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
         """Remove the carriers from new samples, in place.
 
-        `before`: earlier samples that are kept. `samples` (n,): those after the last call's.
+        `before`: stored earlier samples. `samples` (n,): those after the last call's.
         """
         if not self.frequencies_hz.size:
             self._past = None

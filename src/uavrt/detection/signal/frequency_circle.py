@@ -17,10 +17,10 @@ def apart_hz(one_hz: float, two_hz: float, sample_rate_hz: float) -> float:
 def in_channel_hz(
     offset_hz: float, *, nominal_hz: float, sample_rate_hz: float, margin_hz: float = 0.0
 ) -> float:
-    """Choose among the aliases of a track's frequency.
+    """Choose one of the aliases of a track's frequency, from the channel's centre [Hz].
 
-    `offset_hz`: from the channel's centre, maybe beyond its edges. `margin_hz`: distance beyond
-    an edge up to which it stays unchanged. Returns the alias in (-Fs/2, Fs/2], or the one less
+    `offset_hz`: the track's frequency, maybe beyond the edges. `margin_hz`: distance beyond an
+    edge up to which it stays unchanged. Returns the alias in (-Fs/2, Fs/2], or the one less
     than 500 Hz from the nominal frequency, even across an edge.
     """
     miss_hz = apart_hz(offset_hz, nominal_hz, sample_rate_hz)

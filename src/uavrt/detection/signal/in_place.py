@@ -7,17 +7,17 @@ Samples = NDArray[np.complex64]
 
 
 class Surroundings:
-    """Joins the samples of successive calls with their unfiltered neighbours."""
+    """Extends each block of samples by the unfiltered samples before and after it."""
 
     def __init__(self) -> None:
         self._past: Samples | None = None
-        """Newest samples before the filter; None: no sample was filtered."""
+        """Newest samples before they were filtered; None: the filter has not changed them."""
 
     def of(self, before: Samples, samples: Samples, after: Samples, reach: int) -> Samples:
         """Join new samples with `reach` unfiltered neighbours on either side.
 
-        `before`: earlier samples, as the last call left them. `samples` (n,): those after the
-        last call's. `after`: later samples. Returns shape (n + 2 reach,), zero where missing.
+        `before`: earlier samples, as filtered by the last call. `samples` (n,): the next ones.
+        `after`: later samples. Returns shape (n + 2 reach,), zero where samples are missing.
         """
         zeros = np.zeros(2 * reach, np.complex64)
         past = before if self._past is None else self._past
@@ -25,7 +25,7 @@ class Surroundings:
         return np.concatenate((past, samples, np.concatenate((after, zeros))[:reach]))
 
     def filtered(self, whole: Samples, reach: int) -> None:
-        """Store the unfiltered samples that the next call of `of` needs."""
+        """Store the end of `whole`, unfiltered, for the next call of `of`."""
         self._past = whole[-2 * reach : -reach].copy()
 
     def unfiltered(self) -> None:

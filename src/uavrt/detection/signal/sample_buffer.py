@@ -40,14 +40,14 @@ class Counters:
     """Number of candidates above the threshold that were rejected, by reason."""
 
     def reject(self, reason: str, count: int = 1) -> None:
-        """Count rejected candidates."""
+        """Count rejected candidates, separately for each reason."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
 
 
 class SampleBuffer:
     """The recent samples of a channel, addressed by their index since the start.
 
-    `keep`: number of newest samples that are kept. `tolerance_s`: deviation of a block's time
+    `keep`: number of newest samples that are stored. `tolerance_s`: deviation of a block's time
     below which the clock is slow and nothing is lost [s].
     """
 

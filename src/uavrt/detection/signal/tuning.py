@@ -55,7 +55,7 @@ class CarrierTuning:
     """Rank, by power, of the bin whose power represents a group's noise. The frame of 60 ms of
     an idle transmitter has a line every 16.7 Hz, which takes half of the bins."""
     floor_scale: float = 2.0
-    """Ratio of the median of a group of noise to its bin of `floor_rank`."""
+    """Ratio of the median power of a group of noise bins to that of its bin of `floor_rank`."""
     most_lines: int = 240
     """Maximum number of carriers: a transmitter's frame of 60 ms has one every 16.7 Hz."""
     few_lines: int = 6
@@ -72,7 +72,7 @@ class CarrierTuning:
     residual_share: float = 0.02
     """Residual power of the carriers at which the fit ends, as a share of the noise power."""
     strong_ratio: float = 1e4
-    """Minimum power of a strong carrier over the median around it: 25 dB in a bin."""
+    """Minimum ratio of a strong carrier's bin to the median bin around it: 24 dB in 50 Hz."""
     held_searches: int = 40
     """Number of searches, one each 0.44 s or less, for which a carrier is subtracted after it
     was last found. A line of hum fades for seconds: without this its return gave 17 times the
@@ -95,7 +95,7 @@ class WhiteningTuning:
     """Ratio of the newest median to the averaged density above which the median replaces it."""
     suppressed_ratio: float = 10.0
     """Ratio of a density to that of the tag's band above which the filter divides by its square
-    root. The power of a neighbour after the filter is one over this."""
+    root. A neighbour at this ratio has the inverse ratio after the filter."""
     smoothed_bins: int = 5
     """Number of bins over which the density is averaged."""
     coloured_ratio: float = 3.0
@@ -129,8 +129,8 @@ class SparkTuning:
     mean_ratio: float = 1.8
     """Ratio of the mean level of steady noise to its quiet quantile: 1.79, with a margin."""
     high_ratio: float = 5.0
-    """Ratio of a burst's level to the quiet quantile. Of steady noise 0.8 % is higher, with the
-    edges of pulses of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
+    """Ratio of a burst's level to the quiet quantile. The share above is 0.8 % in steady noise,
+    1.3 % with edges of 60 dB pulses, and at least 16 % with sparks of 3 dB mean power."""
     sparking_share: float = 0.135
     """Share of high levels above which limiting begins; ten 5 ms bursts a second give 0.1."""
     steady_share: float = 0.11

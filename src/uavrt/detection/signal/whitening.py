@@ -22,7 +22,7 @@ from uavrt.detection.signal.tuning import WHITENING
 class Whitener:
     """Tracks the noise density of a channel and filters the samples to make it flat.
 
-    `offset_hz`, `half_width_hz`: the searched band, to whose lowest density others are reduced.
+    `offset_hz`, `half_width_hz`: the searched band; higher densities are reduced to its lowest.
     """
 
     def __init__(

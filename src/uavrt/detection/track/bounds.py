@@ -81,7 +81,7 @@ class Bounds:
         return own
 
     def _off_interval(self, pulses: list[tuple[int, float, float]], rate: int) -> bool:
-        """True if pulses, as (place, time_s, power), cannot be of one rate."""
+        """True if pulses, as (number among the K, time_s, power), cannot be of one rate."""
         if len(pulses) < 2:
             return False
         (first, begin_s, weak), (last, end_s, power) = pulses[0], pulses[-1]

@@ -35,7 +35,7 @@ def log_begin(per_s: float) -> float:
 
 
 def log_doubt(allowed: float, decision_s: float) -> float:
-    """Log odds below which chance makes more groups like a track's than allowed."""
+    """Log odds of a track below which chance makes more such groups than allowed."""
     return -math.log(
         max(1.0, allowed * CHANCE.period_s / (CHANCE.confirmed_falsely * decision_s))
     )
@@ -68,7 +68,7 @@ def log_odds(
 
 
 def log_empty(rates: BurstRates, *, width_s: float) -> float:
-    """Log-likelihood ratio of an expected pulse that is missing, or only a burst."""
+    """Log-likelihood ratio, a tag to bursts, if an expected pulse is missing or a burst."""
     return math.log(1.0 - _seen(rates, width_s))
 
 

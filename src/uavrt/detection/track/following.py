@@ -178,7 +178,7 @@ class Follower:
         found: Measured,
         noise: NDArray[np.float32],
     ) -> Measured:
-        """Pulse found where samples are being lost; the stronger of two measurements."""
+        """Choose the stronger measurement of a pulse near lost samples: whole or broken."""
         if found.power < FOLLOW.whole_power:
             spread = track.spread_s() * self._grid.sample_rate_hz
             offset_hz, band_hz = track.offset_hz, MEASURE.track_band_hz

@@ -1,8 +1,8 @@
 """Measure a candidate on the samples and decide if it is a group of the tag.
 
-If the energy of a window is six standard deviations above the noise, one row must have 0.35 of
-it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. Blanking
-longer bursts would blank pulses, too, and miss pairs of impulses.
+If a window's energy is six standard deviations above the noise, one row must have 0.35 of it:
+the pulse's row or a stronger signal's; otherwise the candidate is an impulse. Blanking longer
+bursts would blank pulses, too, and miss pairs of impulses.
 """
 
 import math
@@ -116,13 +116,13 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Distinguish a tag's group from other signals, and the tag's pulses from others'.
+        """Distinguish a tag's group from other signals, and find the tag's pulses in it.
 
         Among many weak pulses there is always one near which noise, an impulse or another
         signal is stronger: it is excluded, and the group must suffice without it. If this
         affects more than one pulse in four, or one without which the group fails, the group is
-        rejected. `places`: places among the K, in order of time. `floor`: mean power of noise.
-        Returns (own, reason): the tag's pulses; why the group is rejected.
+        rejected. `places`: pulses and their numbers, in order of time. `floor`: mean power of
+        noise. Returns (own, reason): the tag's pulses; why the group is rejected.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -231,11 +231,11 @@ class Judge:
         return evidence > 0.0
 
     def overlaps(self, track: Track, group: list[Measured]) -> bool:
-        """True if a group shares a pulse with a track."""
+        """True if a candidate group shares a pulse with a track."""
         return share_a_pulse(group, [s.measured for s in track.slots], self._grid.window)
 
     def equals(self, track: Track, group: list[Measured]) -> bool:
-        """True if at most one pulse of the group is new to the track."""
+        """True if a track has all pulses of a candidate group, or all but one."""
         own = [s.measured for s in track.slots]
         shared = sum(share_a_pulse([m], own, self._grid.window) for m in group)
         return shared >= len(group) - 1

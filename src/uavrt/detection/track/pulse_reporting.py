@@ -49,7 +49,7 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the tag's track: of the active tracks, that nearest to the nominal frequency.
+        """Find the tag's track: the active track nearest to the tag's nominal frequency.
 
         Strength does not matter; of tracks at one frequency, the last to receive a pulse.
         """

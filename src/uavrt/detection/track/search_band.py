@@ -61,7 +61,7 @@ class _LostColumns:
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
     ) -> NDArray[np.bool_]:
-        """True for columns without a sample of any of the stretches, shape (count,)."""
+        """(count,) True for columns that contain no sample of the given stretches."""
         grid = self._grid
         whole = np.ones(count, np.bool_)
         for low, high in reversed(stretches):
@@ -110,7 +110,7 @@ class SearchBand:
         self._searches[0].pass_on = self._bursts.add
         self._begun = 0
         self._kind: tuple[int, ...] | None = None
-        """Constant properties of bands that advance together; None: it advances alone."""
+        """Constant properties of bands that advance together; None: the band is alone."""
         if grid.halves is not None and len(self.anchor_searches) == len(self._searches):
             kinds = [search.kind() for search in self.anchor_searches]
             self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
@@ -214,7 +214,7 @@ class SearchBand:
         return self._bursts
 
     def score(self) -> float:
-        """Highest statistic over its threshold since the last call, among those below 1."""
+        """Highest ratio of a statistic to its threshold since the last call, at most 0.999."""
         best = max(search.best for search in self._searches)
         for search in self._searches:
             search.best = 0.0

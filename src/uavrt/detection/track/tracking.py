@@ -49,7 +49,7 @@ class SearchWindow:
 
 
 class Tracking:
-    """The tracks of one tag's detector."""
+    """Manages the tracks of one tag's detector, from candidates to reported pulses."""
 
     def __init__(
         self,
@@ -218,7 +218,7 @@ class Tracking:
             self._reporter.settle(self.tracks, self._window.bounds.home_hz, self._now_s)
 
     def owner(self) -> Track | None:
-        """The track that is the tag's, if one is confirmed."""
+        """The tag's own track; None if it has no confirmed one."""
         if self.senders is None:
             return self._reporter.owner(self.tracks, self._window.bounds.home_hz, self._now_s)
         tags = (t for t in self.tracks if t.confirmed and t.ghost_of is None)

@@ -90,7 +90,7 @@ class Track:
     """Number of slots tested since the group that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Group sequence number by group of K lattice numbers."""
+    """Sequence number of each group, by its lattice number divided by K."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
@@ -100,15 +100,15 @@ class Track:
     stands_out: bool = False
     """True if noise alone is unlikely to have brought the track so far."""
     interval_open: bool = False
-    """True if the pulses are too few to distinguish the interval from others."""
+    """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
-    """Log odds that a confirmed track is a tag: pulses raise it, missing pulses lower it."""
+    """Log odds that a confirmed track is a tag; raised by pulses, lowered by missing ones."""
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
     """Time of the last pulse before which the rate is known [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at even and at odd numbers; old evidence decays."""
+    """Log odds that the tag sends at even, and at odd, lattice numbers; old evidence decays."""
     certain_s: float = math.inf
     """Time until which the rate is certain [s]; later pulses are not reported yet."""
 
@@ -117,7 +117,7 @@ class Track:
     ) -> None:
         """Start from a detected group.
 
-        `pulses`: each (place, time_s, time_ns, Measured), in order of time.
+        `pulses`: each (number among the K, time_s, time_ns, Measured), in order of time.
         """
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
@@ -334,7 +334,7 @@ class Track:
         self.halves[half] = FOLLOW.half_kept * self.halves[half] + tag_odds
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """True for a lattice number without a pulse if the tag has twice the interval."""
+        """True if the tag has twice the interval and sends no pulse at this slot's number."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < FOLLOW.empty_half and other > FOLLOW.full_half
 

@@ -52,18 +52,18 @@ class JudgeTuning:
     loud_power: float = 8.0
     """Minimum power of a pulse that is tested for being an impulse [noise powers]."""
     most_flanks: float = 6.0
-    """Maximum excess on the flanks of a group's pulses [noise powers]. Noise reaches it in one
-    window of 300 000, pulses of a tag with another interval often."""
+    """Maximum excess power on the flanks of a group's pulses [noise powers]. Noise exceeds it
+    once in 300 000 windows; a tag with another interval often exceeds it."""
     pulses_per_foreign: int = 4
     """Minimum number of a group's pulses for each pulse that may be another sender's."""
     flank_bins: float = 1.9
     """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
     hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Difference of intervals tried beyond the bound [pulse widths]; more matches twice."""
+    """Difference of intervals tried beyond the bound [pulse widths]; a larger can fit twice."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
-    loses more than it gains by noise 0.375 ms beyond."""
+    stays below this: 0.375 ms beyond, it loses more than noise adds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +121,7 @@ class ChanceTuning:
     received_share: float = 0.75
     """Share of a tag's pulses that are detected: one in four is faded."""
     period_s: float = 200.0
-    """Decision period of a track [s]."""
+    """Time to which the allowed number of confirmed burst tracks refers [s]."""
     confirmed_falsely: float = 1e-3
     """Number of burst tracks that may be confirmed per decision period."""
     frequency_hz: float = 7.0
@@ -162,8 +162,8 @@ class FollowTuning:
     trust_won: float = 4.0
     """Maximum gain of log odds by a pulse."""
     joint_trust: float = 6.0
-    """Log odds above which a weak pulse is accepted by its sum with others. The peaks that
-    began a track of noise are the largest of many: with them a third of all noise passed."""
+    """Log odds above which a weak pulse is accepted by its sum with others. Before, it includes
+    the pulses that began the track, the largest of many: a third of noise passed."""
     sure_trust: float = 10.0
     """Log odds above which the pulses of a track are certainly no bursts."""
     most_alone: int = 8
@@ -180,7 +180,7 @@ class FollowTuning:
     weakest_share: float = 0.35
     """Minimum power of a group's pulse, as a share of the strongest; less may be noise."""
     joint_ratio: float = 2.0
-    """Maximum ratio of the power of other pulses that support a weak one to its own."""
+    """Maximum ratio of other pulses' power to a weak pulse's for them to support it."""
     joint_share: float = 0.2
     """Minimum power of a weak pulse as a share of the strongest of its group."""
     # Log odds at every second place and at the others that mean twice the interval, with noise
@@ -219,7 +219,7 @@ class RateTuning:
     """Constants for recognizing a tag's change between its two rates."""
 
     decisive_log: float = 8.0
-    """Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
+    """Lead in log-likelihood that decides for a rate; one clear pulse at one rate gives it."""
     patience_intervals: float = 2.5
     """Maximum wait of a pulse for its rate [longer intervals]; then it is only `detected`."""
     uncertainty_share: float = 0.25
@@ -235,7 +235,7 @@ class GhostTuning:
     stronger_ratio: float = 10.0**0.8
     """Minimum ratio of an original's power to its ghost's. An image is 25 to 40 dB down. The
     third harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its
-    products. Of a product of two signals, each is stronger by this ratio."""
+    products. Both originals of a product of two signals are stronger by this ratio."""
     least_pulses: int = 3
     """Minimum number of pulses of a ghost."""
     mistaken_share: float = 1e-3

@@ -1,13 +1,13 @@
 """Decide at which of its two rates a tag is sending, by comparing both lattices.
 
-Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
+Every second pulse of a rate is a train of twice its interval. So a pulse that a track expects
 may be of the other rate. The other rate is followed from each pulse at which the tag may have
 switched. The evidence for each is a sum of log-likelihood ratios, a pulse against none, over
-its expected places.
+its expected pulses.
 
-A pulse that both rates expect waits until one rate leads by a log-likelihood of 8, and is
-reported as detected after two and a half of the longer intervals. Without waiting, about two
-pulses after each switch were confirmed at the wrong rate; with it, none in 256 switches.
+A pulse that both rates expect waits until one rate leads by a log-likelihood of 8. After 2.5 of
+the longer intervals it is reported as detected. Without waiting, about two pulses after each
+switch were confirmed at the wrong rate; with it, none in 256 switches.
 """
 
 import math
@@ -51,7 +51,7 @@ def _at_other_rate(track: Track, start: Slot) -> Track:
 
 
 def lags(track: Track, other: Track) -> bool:
-    """True if the other rate's track expects a pulse no later than the track's last slot."""
+    """True if the track at the other rate has not been evaluated as far as this track."""
     return other.expected()[0] < track.time_s + _margin_s(track)
 
 
@@ -138,7 +138,7 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
 
 def strength(track: Track) -> float:
-    """ENR of the recent accepted pulses, limited to what a fade leaves.
+    """Mean ENR of the recent accepted pulses, limited to 8 to 30 because pulses fade.
 
     Uses the stronger half of the last four: at the longer interval every second is noise.
     """

@@ -1,9 +1,9 @@
 """Detect in the mode that never locks: every group is found independently.
 
 No track predicts the next pulse; every pulse is in a group that reached the threshold of the
-search. Groups of common pulses are joined and numbered: K places of the lattice that the first
-group began are one group, as in the other modes. A group that continues the one before, in time
-and frequency, confirms it (the rule of the original).
+search. Groups of common pulses are joined and numbered: K expected times of the lattice that
+the first group began are one group, as in the other modes. A group that continues the previous
+one in time and frequency confirms it, as in the original.
 """
 
 import math

@@ -19,8 +19,8 @@ LogKind = Literal[
 ]
 
 WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
-"""Kinds of logs without headings: a whip antenna is assumed unless one is named, and bearings
-are impossible."""
+"""Kinds of logs without compass headings: bearings are impossible, and a whip antenna is
+assumed unless one is named."""
 NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
 """Kinds of logs without a tag list: one number can mean different tags in different logs."""
 

@@ -8,7 +8,7 @@ A pulse file has a line for each record, whose kind is in the first cell::
 
 Other lines are ignored. Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq`` is
 in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` gives in MHz.
-Neither kind has headings, so the poses have none, and bearings are impossible.
+Neither kind has compass headings, so the poses have none, and bearings are impossible.
 """
 
 import math
@@ -162,7 +162,7 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float
 ) -> Pose | None:
-    """Pose without a heading, interpolated between positions or copied from a recent one."""
+    """Pose without heading at a time, interpolated between positions or from a recent one."""
     after = bisect_left(times_ns, time_ns)
     near = [
         place

@@ -325,7 +325,7 @@ def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion | None:
 
 
 def _snr(cell: str) -> float:
-    """SNR [dB]; minus infinity means a power equal to the noise, the placeholder unknown."""
+    """SNR [dB] of a cell: minus infinity if the power equals the noise; NaN if unknown."""
     value = float(cell)
     return math.nan if value in (PLACEHOLDER_DB, math.inf) else value
 

@@ -1,8 +1,8 @@
 """Read CSV files of UCSD's Radio Telemetry Tracker, with one ping or one estimate per row.
 
 Timestamps are seconds since 1970, or ISO 8601. The amplitude is a level in decibels over an
-unknown reference, so only its differences have a meaning, that of SNR differences. A target is
-identified by its frequency; targets are numbered 1, 2 … in order of frequency.
+unknown reference, so only its differences have a meaning: they equal differences of SNR. A
+target is identified by its frequency; targets are numbered 1, 2 … in order of frequency.
 """
 
 import math

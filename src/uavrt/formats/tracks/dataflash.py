@@ -127,7 +127,7 @@ def _values(body: bytes, code: str, columns: list[str]) -> _Row:
 
 
 def _utc_of_boot_ns(rows: list[_Row]) -> int | None:
-    """UTC at boot [ns]: smallest difference of GPS and boot time, that with the least delay."""
+    """UTC at boot [ns]: smallest GPS time minus boot time, from the message least delayed."""
     found = [
         round(
             (_GPS_EPOCH_S + row["GWk"] * 604_800 - _LEAP_S) * NANOSECONDS_PER_SECOND

@@ -39,7 +39,7 @@ _DAY_NS = 86_400_000_000_000
 
 
 def read_nmea(path: Path) -> VehicleTrack:
-    """Read NMEA sentences, except damaged ones; raises `FormatError` without date and place."""
+    """Read NMEA sentences, except damaged ones; raises `FormatError` without a dated fix."""
     day_ns: int | None = None
     time_ns: int | None = None
     places: dict[int, PositionSample] = {}

@@ -87,13 +87,13 @@ def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample,
 
 
 def in_order(samples: Iterable[S]) -> tuple[S, ...]:
-    """Sort samples by time; of samples with equal times one is used."""
+    """Sort samples by time; of samples with equal times only the last is used."""
     by_time = {one.time_ns: one for one in samples}
     return tuple(by_time[time] for time in sorted(by_time))
 
 
 def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
-    """Level attitudes with the course over ground as heading."""
+    """Attitudes for a track without any: level, with the course over ground as heading."""
     found: list[AttitudeSample] = []
     heading = None
     for before, after in pairwise(positions):

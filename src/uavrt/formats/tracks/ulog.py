@@ -165,7 +165,7 @@ def _states(
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:
-    """UTC at boot [µs]: smallest difference of GPS and boot time, that with the least delay."""
+    """UTC at boot [µs]: smallest GPS time minus boot time, from the message least delayed."""
     for name in _GPS:
         data = topics.get(name)
         if data is not None and "time_utc_usec" in data:

@@ -1,4 +1,4 @@
-"""Decide whether the drone may be commanded: only until any pilot or fault objects. Pure.
+"""Decide whether the drone may be commanded: only until a pilot acts or a fault occurs. Pure.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
 begin within 10 s. *In command*: the first command was sent. Any observed change that no command
@@ -162,8 +162,8 @@ class Authority:
     ) -> VehicleCommand:
         """Convert a requested motion to the command to send now, once.
 
-        With `stops` the command stops the drone in its present mode; it may be the first of an
-        order while the previous order is still flown. Raises `CommandRefused`: nothing may be
+        With `stops` the command stops the drone in its present mode. It may be an order's first
+        command while the previous order is still flown. Raises `CommandRefused`: nothing may be
         sent; the request is dropped.
         """
         self.tick(now_s)
@@ -194,7 +194,7 @@ class Authority:
 
     @property
     def flies_ours(self) -> bool:
-        """True while the vehicle flies a command of this order, or still one of the last."""
+        """True while the vehicle flies a command of this order, or still the previous one's."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -256,7 +256,7 @@ class Authority:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """End command for this reason and withdraw any proposal; the first reason is kept."""
+        """End command and withdraw any proposal; an earlier reason is not replaced."""
         if reason is None:
             return
         self._offers.clear()

@@ -102,7 +102,7 @@ class Commanded:
         return "the target is no longer reported" if lost else None
 
     def in_own_mode(self) -> None:
-        """Record that the vehicle is in the mode for commands, all that `TakeMode` requests."""
+        """Record that the vehicle is in the mode for commands, which completes a `TakeMode`."""
         self.obeyed |= isinstance(self.wish, TakeMode)
 
     def see_target(
@@ -148,7 +148,7 @@ class Commanded:
         return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
-        """Check the target during a take-off: none, or above the start at its height."""
+        """Check a take-off's target: none, or above the start at the order's height."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None
@@ -217,7 +217,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
-        """Check a climb: straight up without a pause; with `TakeMode` the drone stays down."""
+        """Check a climb: straight up, without a pause; for `TakeMode`, still on the ground."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
         done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)

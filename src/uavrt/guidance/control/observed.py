@@ -127,7 +127,7 @@ class BootTimeSeen:
 
 @dataclass(frozen=True, slots=True)
 class Boot:
-    """Report that a new or different autopilot was found."""
+    """Report that a new or restarted autopilot was found."""
 
     time_s: float
 

@@ -35,7 +35,7 @@ class ObservedVehicle:
         self.turning_deg_s = self.target_turning_deg_s = 0.0
         """Last rates of change of the heading and of the reported target heading [°/s]."""
         self._rest: PositionSeen | None = None
-        """Earliest of the latest positions that share about the present heading."""
+        """First position report since which the heading has stayed about the same."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
@@ -88,7 +88,7 @@ class ObservedVehicle:
 
     @property
     def known(self) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
-        """Mode, position and home of the vehicle; call it only without a `fault`."""
+        """Mode, position and home of the vehicle; call it only if `fault` is None."""
         assert self.mode is not None
         assert self.position is not None
         assert self.home is not None

@@ -11,9 +11,9 @@ from uavrt.guidance.safety import SAFETY
 class RcWatch:
     """Detects a stick or switch that has moved.
 
-    A switch counts as moved after two messages, or after one and 0.1 s without a contrary one,
-    since a single message may be a receiver's glitch. `unwatched`: channels without a control,
-    such as one that carries the RSSI.
+    A single message may be a receiver's glitch. So a switch counts as moved after two messages,
+    or after one and 0.1 s without a contrary one. `unwatched`: channels without a control, such
+    as one that carries the RSSI.
     """
 
     def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:

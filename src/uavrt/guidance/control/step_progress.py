@@ -17,7 +17,7 @@ class Left:
 
     now: float
     soon: float
-    """Remaining distance or angle from the stopping point; falls first in a turn back."""
+    """Remaining distance or angle if the drone braked now; it falls first in a turn back."""
     least: float
     """Smallest decrease within `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float

@@ -14,14 +14,14 @@ OTHERS_TURN = "another turns the drone"
 class YawWatch:
     """Monitors a heading from a command on; `fault` returns a deviation.
 
-    The heading may stay as it was or come nearer to its aim: the requested heading, else the
-    bearing of the target while the target is not near. It may turn away only towards the
-    drone's recent course.
+    The heading may stay as it was or come nearer to its aim: the requested heading or, while
+    the target is not near, its bearing. It may turn away only towards the drone's recent
+    course.
 
     `start_s`: time of the command [s]. `yaw_deg`: heading at that time [°]. `tolerance_deg`:
     for gusts and overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle,
-    clockwise, and rate of a turn in place instead. `turning_deg_s`: rate of turn at the
-    command. `exact`: the heading is a setpoint, which near the target stays to the degree.
+    clockwise, and rate of a turn in place instead. `turning_deg_s`: rate of turn when the
+    command was sent. `exact`: the heading is a setpoint, without gusts.
     """
 
     start_s: float
@@ -40,7 +40,7 @@ class YawWatch:
     _near: bool = False
     _looks_since_s: float | None = None
     _aligned: bool = False
-    """True once the heading has been aligned for a while: its turn is over."""
+    """True once the heading has been aligned with the target for a while: the turn is over."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
@@ -136,14 +136,14 @@ class YawWatch:
 
     @property
     def _turns_on(self) -> bool:
-        """True while the setpoint completes the turn in progress at the command."""
+        """True while the setpoint completes a turn that began before the command."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """Largest angle by which the turn in progress at the command may still turn away [°].
+        """Largest angle by which an earlier turn may still turn away from the aim [°].
 
-        The setpoint ends that turn first; then it turns to its aim.
+        A setpoint completes the earlier turn first; then it turns to its aim.
         """
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)

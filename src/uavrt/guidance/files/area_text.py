@@ -55,11 +55,11 @@ def area_in(text: str, name: str) -> tuple[Place, ...]:
 def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, ...]:
     """Read the areas over which nothing may fly.
 
-    In GeoJSON features with ``"keep_out": true`` (a Point with its ``radius_m``), in KML
-    polygons whose name begins with "keep out", in a plan the exclusion fences. Any other marked
-    feature is refused by name, so that no area is left out. `every`: every outline, and every
-    Point of GeoJSON, is an excluded area, marked or not. Raises `FormatError`: the text is in
-    none of the three formats, or one area is invalid.
+    GeoJSON: features with ``"keep_out": true`` (a Point needs ``radius_m``). KML: polygons
+    whose name begins with "keep out". Plans: the exclusion fences. Any other marked feature is
+    refused by name, so that no area is left out. `every`: every outline, and every Point of
+    GeoJSON, is an excluded area, marked or not. Raises `FormatError`: the text is in none of
+    the three formats, or one area is invalid.
     """
     with in_words(f"{name} gives no keep-out areas", _KEEP_OUT_REMEDY):
         found = tuple(

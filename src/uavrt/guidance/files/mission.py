@@ -99,7 +99,7 @@ def survey_items(
     or around; turns at positions differ between autopilots. `limits`: heights; with `home` also
     the distance from home and the vehicle's fence. `home`: the vehicle's; without one only the
     path is checked. Raises `PlanError`: no height is given, the outline is invalid, or the path
-    crosses an excluded area; with a home, also if path or return leave the fence or its radius.
+    crosses an excluded area. With a home, also if path or return leave the fence or its radius.
     """
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(

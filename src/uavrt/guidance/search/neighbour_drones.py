@@ -1,7 +1,7 @@
 """Positions and paths of other drones in the same search. Pure.
 
-The drones have no common clock. So each drone owns its whole straight path, from its last known
-position to its goal, at all times, and nothing depends on the delay of messages.
+The drones have no common clock. So the whole straight path from a drone's last known position
+to its goal is reserved for it, and nothing depends on the delay of messages.
 """
 
 from collections.abc import Collection, Sequence

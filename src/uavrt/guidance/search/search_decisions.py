@@ -36,8 +36,8 @@ class SearchDecisions:
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
         """Mark tags as found, by this or another drone; return the new ones.
 
-        Another drone's finding counts only at the accuracy set here, within the area, and while
-        that drone searches, because a false report could end this search.
+        A false report could end this search. So another drone's finding counts only at the
+        accuracy set here, within the area, and while that drone searches.
         """
         new = []
         for one in others:

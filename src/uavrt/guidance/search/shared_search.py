@@ -134,7 +134,7 @@ class SharedSearch:
     def choose(self, choice: "Choice", now: VehicleNow) -> bool:
         """Handle a choice; True if it is flown at once, False if it is requested first.
 
-        A path already assigned needs no request, nor does the return, which height separates.
+        A path already assigned needs no request. Nor does the return: drones differ in height.
         """
         assert choice.way is not None
         begin, end = choice.way
@@ -162,7 +162,7 @@ class SharedSearch:
         return choice, True
 
     def _clear(self, now: VehicleNow, end: Place) -> bool:
-        """True if a path keeps its distance to others even from the present position."""
+        """True if a path, also from the present position, keeps the distance to others."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = (now.latitude_deg, now.longitude_deg)
         stand = here if self._goal is None else stopping_place(now, self._goal)
@@ -173,13 +173,13 @@ class SharedSearch:
         return off >= SEPARATION.distance_m
 
     def go(self, goal: Place | None, *, returning: bool = False) -> None:
-        """Fly a choice without a request: alone, on an assigned path, or for safety."""
+        """Fly to a goal without a request: alone, on an assigned path, or for safety."""
         self._asked, self._goal, self._returning = None, goal, returning
 
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report of this drone's own course; the tags in it rotate from report to report."""
+        """Report of this drone's own course; its tag lists begin with another tag each time."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

@@ -1,10 +1,10 @@
 """Estimate bearings from switched antennas: phase or mode within one pulse.
 
-A switch between receiver and antennas, stepped at known samples, lets one receiver measure
-several elements, or the sum and the difference of two, during a pulse of 20 ms. Comparing their
-complex amplitudes with those of a wave from each direction is a matched-field estimate:
-pseudo-Doppler (VonEhr, who planned it), the two-point phased array (Cliff 2015). Two or more
-fixed directional antennas, compared by strength alone, are amplitude monopulse (Gottwald 2014).
+With a switch that steps at known samples, one receiver measures several antenna elements, or
+the sum and difference of two, during a 20 ms pulse. Comparing their complex amplitudes with
+those of a wave from each direction is a matched-field estimate: pseudo-Doppler (VonEhr, who
+planned it), the two-point phased array (Cliff 2015). Two or more fixed directional antennas,
+compared by strength alone, are amplitude monopulse (Gottwald 2014).
 """
 
 from collections.abc import Callable
@@ -102,7 +102,7 @@ def amplitude_monopulse(
 
     `boresight_deg` (a,): direction of each antenna, clockwise from true north.
     `snr_db` (p, a): SNR of each pulse at each antenna; NaN: not received.
-    `fading_db`: standard deviation of other differences between antennas.
+    `fading_db`: standard deviation of level differences without relation to the direction.
     Raises `UsageError`: no pulse was received by two antennas.
     """
     heard = ~np.isnan(snr_db)

@@ -69,8 +69,8 @@ def pearson(
 ) -> PlainBearing:
     """Bearing with the best circular correlation of levels and pattern (ConservationBots).
 
-    Levels are averaged in bins of one degree and scaled to 0 … 1, as is the pattern. When the
-    plain dot product puts the tag more than 90° elsewhere, the answer is turned by 180°.
+    Levels are averaged in bins of one degree and scaled to 0 … 1, as is the pattern. If the
+    plain dot product gives a direction more than 90° away, the result is turned by 180°.
     """
     which, place = np.unique(
         np.remainder(np.round(yaw_deg), 360.0).astype(int), return_inverse=True
@@ -123,8 +123,8 @@ def ls_linear(
 ) -> PlainBearing:
     """Bearing by least squares in linear power, A g(θ - φ) + B (UAV-RT flight code of 2026).
 
-    Bearings within 90° of the strongest heading are tried. Misses cost when the model is above
-    half the weakest pulse. The answer is the middle of all bearings that fit nearly as well.
+    Bearings within 90° of the strongest heading are tried. Missed pulses count where the model
+    exceeds half the weakest. The middle of all nearly equal fits is returned.
     """
     scan = float(yaw_deg[int(np.argmax(power))]) + np.arange(-90.0, 90.25, 0.5)
     gain = 10.0 ** (pattern.gain_db(scan[:, None] - yaw_deg[None, :]) / 10.0)

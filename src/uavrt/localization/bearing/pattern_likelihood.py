@@ -23,7 +23,7 @@ class BearingLikelihood:
     log_density: NDArray[np.float64]
     """(1440,) log-likelihood, averaged over the priors of level and fading."""
     log_flat: float
-    """Log-likelihood without a direction: half for noise alone, half for a constant level."""
+    """Log-likelihood without a direction: the mean of noise alone and of a constant level."""
     fading_db: float
     """Posterior mean of the fading's standard deviation [dB]."""
     level_db: float

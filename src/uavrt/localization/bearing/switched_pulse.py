@@ -130,7 +130,7 @@ def _fitted(
     frequency_hz: float,
     frequency_error_hz: float,
 ) -> SwitchedPulse:
-    """Carrier and amplitudes for which the visits (v,) to each position (v, p) agree best."""
+    """Fit carrier and amplitudes so that visits (v,) of one position (v, p) agree best."""
     steps = max(1, round(frequency_error_hz / SIMPLE.carrier_step_hz))
     error_hz = np.arange(-steps, steps + 1) * SIMPLE.carrier_step_hz
     turned = sums * np.exp(-2j * np.pi * error_hz[:, None] * middle_s)

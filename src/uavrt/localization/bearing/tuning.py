@@ -12,7 +12,7 @@ class TurnTuning:
     path_window_s: float = 15.0
     """Time before and after a pose over which its displacement is measured [s]."""
     window_shift_m: float = 3.0
-    """Minimum displacement within this time, before and after a pose on a path [m]."""
+    """Minimum displacement in `path_window_s`, before and after a pose on a path [m]."""
     path_m: float = 7.5
     """Minimum distance between the ends of a path [m]: half the radius of a turn in place."""
     drift_spans_deg: tuple[float, ...] = (45.0, 90.0)
@@ -20,7 +20,7 @@ class TurnTuning:
     drift_step_deg: float = 5.0
     """Step between the starts of the spans over which drift is measured [°]."""
     one_turn_deg: float = 450.0
-    """Maximum yaw of a single turn [°]; more may be two turns with a path in between."""
+    """Maximum yaw of a single turn [°]; more may be two turns with a flown path between."""
     reversal_deg: float = 25.0
     """Minimum yaw back that ends a turn [°]; less is hovering or overshoot."""
     stop_deg: float = 4.0

@@ -57,14 +57,14 @@ def find_turns(
     Parameters
     ----------
     time_ns : (n,) int64 array
-        Rising times of the poses.
+        Rising times of the poses [ns].
     yaw_deg : (n,) float64 array
         Heading, any turn; several poses for each 180° of turn.
     latitude_deg, longitude_deg : (n,) float64 arrays
         Positions of the poses.
     height_m : (n,) float64 array, optional
-        Height above the take-off, NaN where unknown. With it, rotations on the ground and
-        during a climb are no turns, unless nothing flew, as on a turntable.
+        Height above the take-off, NaN where unknown. With it, rotations on the ground and in a
+        climb do not count, unless nothing flew, as on a turntable.
     on_ground : (n,) bool array, optional
         True where the autopilot reports to be on the ground: no turn.
     least_turn_deg : float

@@ -13,7 +13,7 @@ T = TypeVar("T")
 class Cache:
     """Cache for a caller that estimates repeatedly.
 
-    A function of its inputs makes each value, and the inputs are its key: no input can be
+    A function computes each value from its inputs, which are also the key: no input can be
     missing from the key.
     """
 
@@ -29,21 +29,21 @@ class Cache:
     def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
         """Begin an estimate; values not used in the last estimate are dropped.
 
-        `at_once`: largest number of new values of each kind. Further subjects keep their last
-            value, and the oldest are updated first in the next estimate. A kind that is missing
-            has no limit.
+        `at_once`: largest number of new values of each kind. Beyond it, subjects keep their
+            last value; the next estimate updates the oldest first. A kind that is missing has
+            no limit.
         """
         self._before, self._now = self._now, {}
         self._left, self.more = dict(at_once), False
 
     def get(self, make: Callable[..., T], *inputs: object, **named: object) -> T:
-        """Value of a function of these inputs from the cache; computed if missing."""
+        """Cached result of a function for these inputs; computed if missing."""
         return self._get(_key(make, inputs, named), make, inputs, named)
 
     def latest(
         self, kind: str, subject: Hashable, make: Callable[..., T], *inputs: object
     ) -> T | None:
-        """Value for a subject from its present inputs; beyond the limit, its last value."""
+        """Value for a subject from these inputs, or its last value beyond the limit."""
         key = _key(make, inputs, {})
         if key not in self._now and key not in self._before:
             if self._left.get(kind, 1) <= 0:
@@ -57,7 +57,7 @@ class Cache:
         return found
 
     def waiting(self, kind: str, subjects: Sequence[Hashable]) -> list[int]:
-        """Numbers of the subjects, those with the oldest values first."""
+        """Indices of the subjects, sorted by the age of their values, the oldest first."""
         made = [self._made.get((kind, one), 0) for one in subjects]
         return sorted(range(len(subjects)), key=made.__getitem__)
 

@@ -42,7 +42,7 @@ from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt.localization.tuning import FLIGHT
 
 NO_TIME = -1
-"""Time of a bearing noted without a time [ns]; its tag is assumed to rest."""
+"""Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
 """Time before and after a turn in which pulses still belong to it [ns]; the antenna hardly
 moves."""
@@ -405,8 +405,8 @@ def find(
 ) -> Found:
     """Estimate bearings of a receiver, and strengths of tags without a bearing.
 
-    A bearing of `theirs`, from the drone, replaces ours when it used more pulses of its turn.
-    The other parameters are those of `bearings_of`.
+    A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
+    turn. The other parameters are those of `bearings_of`.
     """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
@@ -495,9 +495,9 @@ def estimate(
 
     `past`: turns of earlier flights, for learning the antenna's pattern.
     `theirs`: bearings estimated on the drone.
-    `others`: results of other receivers, used in positions where a number means a tag of the
-        same frequency.
-    `cache`: for repeated calls: unchanged results are kept.
+    `others`: results of other receivers, used for a tag if its number has the same frequency
+        there.
+    `cache`: for repeated calls: unchanged results are reused.
     `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
         `Cache.begin`.
     Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the
@@ -688,8 +688,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     """Collect a tag's pulses along the flight, with missed ones of a listed tag.
 
     `height_m`: height over the tag, where the poses have no height above the start.
-    Raises `UsageError`: fewer than three pulses were received at a known place, or no height is
-        known.
+    Raises `UsageError`: fewer than three pulses have a known position, or no height is known.
     """
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:

@@ -53,7 +53,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add poses from other sources, as of pulses, at times without a pose."""
+        """Add another source's poses, such as those of pulses, in gaps of these poses."""
         alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
         parts = (self, others.chosen(alone))
         both = joined_rows([replace(one, altitude_amsl_m=one.amsl_m) for one in parts])
@@ -171,8 +171,8 @@ class PulseColumns:
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
         """Times of expected pulses that were not received [ns].
 
-        They lie between two pulses whose distance is a multiple of the tag's interval. A gap
-        with more than a day's pulses is a jump of a clock.
+        They lie between two pulses whose distance is a multiple of the tag's interval. A gap of
+        more than a day's pulses counts as a jump of the clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
@@ -215,8 +215,8 @@ class FlightGround:
     ) -> "FlightGround | None":
         """Build the ground model around a flight; None if no pose has position and height.
 
-        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` may
-        return the ground of an earlier call.
+        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` makes
+        the ground model, or returns an earlier one.
         Raises `FormatError`: an elevation file is damaged.
         """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
@@ -278,7 +278,7 @@ class Rhythm:
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) True for times farther than the largest pose gap from all of rising `known_ns`."""
+    """(n,) True for times farther than the largest pose gap from each of rising `known_ns`."""
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)
@@ -301,7 +301,7 @@ class Heard:
     name: str = "this vehicle"
     """Name of the receiver, for the operator."""
     one_turn: bool = False
-    """True to treat a log at one position without a climb as one turn, as the original does."""
+    """True to treat a log at one position without a climb as one turn, as UAV-RT does."""
     goes_on: bool = False
     """True while data may still arrive; only complete turns then correct the pattern."""
 
@@ -322,7 +322,7 @@ class Heard:
         Times are rounded to 256 ns, as columns of floating-point numbers hold them.
 
         `tag_id` (n,): tag of each pulse.
-        `poses`: of the vehicle, in any order; None for a log, which has only the pulses' own.
+        `poses`: of the vehicle, in any order; None for a log (poses of pulses only).
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)
@@ -361,7 +361,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Convert records; `poses` None is a log of pulses. `UsageError` without any pose."""
+        """Convert records; a log has `poses` None. Raises `UsageError` without any pose."""
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
                 "no pulse has a pose, so headings are unknown",

@@ -62,7 +62,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """True for pulses received off the ground by the autopilot's report, or on a mast."""
+    """True for pulses received in flight, as the autopilot reports, or on a mast."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)

@@ -16,10 +16,10 @@ class _Waiting:
 
 
 class PoseAttacher:
-    """Holds pulses until their pose is known; no pulse is lost, and tags' order is preserved.
+    """Holds pulses until their pose is known; none is lost, and each tag's stay in order.
 
-    A pulse is returned with the interpolated pose as soon as attitude and position after its
-    centre have arrived; after `wait_s` with an extrapolated pose, marked, or with None.
+    A pulse is returned with its interpolated pose as soon as attitude and position after its
+    centre have arrived. After `wait_s` it gets a marked, extrapolated pose, or None.
 
     `wait_s`: longest wait from its arrival here; 0 for a system without autopilot.
     """

@@ -30,7 +30,7 @@ class Mounting:
 
     @classmethod
     def from_settings(cls, settings: AntennaSettings) -> "Mounting":
-        """Convert the angles and lengths of the settings' section ``[antenna]``."""
+        """Make the mounting from angles and lengths of the settings' section ``[antenna]``."""
         return cls(
             rotation=from_euler_deg(
                 settings.yaw_offset_deg, settings.pitch_offset_deg, settings.roll_offset_deg

@@ -93,7 +93,7 @@ class Series(Generic[S]):
         return self._times[self._count - 1] if self._count else None
 
     def bracket(self, time_ns: int) -> tuple[S, S] | None:
-        """Samples before and after a time, the same one twice on a hit; None outside."""
+        """Samples before and after a time, or the sample at this time twice; None outside."""
         index = self._index_from(time_ns)
         if index == self._count:
             return None

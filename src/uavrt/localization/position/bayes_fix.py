@@ -148,8 +148,8 @@ def cells_posterior(
     `held`: probability above which a cell is quartered.
     `growth`: factor at each quartering on the probability above which a rough cell is
         quartered, since the slopes of a resolved peak hold little.
-    `within`: area in which cells wider than `shows_m` are always quartered: the middle of a
-        cell that is wider than its peak may be less likely than a lower peak by a hundred nats.
+    `within`: area in which cells wider than `shows_m` are always quartered. The middle of a
+        wide cell may be a hundred nats less likely than a peak within it.
     `shows_m`: cell width that misses no peak [m].
     """
     east, north, width = _squares(area, first_cells)
@@ -256,8 +256,8 @@ def _overlooked(
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
     """East and north of the maximum [m], refined by parabolas.
 
-    It is found on an even grid over the more likely half: cells of several sizes are blurred
-    differently, and cannot be compared to the last metre.
+    It is found on an even grid over the more likely half. Cells of several sizes are blurred
+    differently and cannot be compared to the last metre.
     """
     east, north, probability = map_of(cells, log_likelihood, GRID.peak_cells, share=0.5)
     values = np.log(np.maximum(probability, 1e-300))

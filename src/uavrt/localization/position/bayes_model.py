@@ -203,7 +203,7 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
     The prior has no effect where bearings cross well. Where they hardly cross, a uniform prior
     would put the tag into the far end of the wedge, which has the largest area. For stations 60
     m apart and a tag at 300 m, errors were 136 m at the median and 2.5 km in a tenth of the
-    runs; with this prior they are 77 m and 153 m, and the circles hold the stated probability.
+    runs. With this prior they are 77 m and 153 m, and circles hold the stated probability.
     """
     middle_east = 0.5 * (around.west_m + around.east_m)
     middle_north = 0.5 * (around.south_m + around.north_m)
@@ -218,11 +218,11 @@ def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDe
     """Log-prior of a position for a power survey, which is flown where the tag is expected.
 
     The prior is uniform inside the surveyed rectangle. Outside it falls by e for each quarter
-    of the lines' spacing (the rectangle's area over the track's length): a survey reaches half
-    a spacing to both sides of its lines. Power alone hardly separates a tag beyond the
-    outermost line from its mirror image. Along a single line, a tenth of the extent replaces
-    the quarter spacing. The least distance is a quarter of the height, since lines closer than
-    the height reach no farther.
+    of the lines' spacing (the rectangle's area over the track's length): each line covers half
+    a spacing to both sides. Power alone hardly separates a tag beyond the outermost line from
+    its mirror image. Along a single line, a tenth of the extent replaces the quarter spacing.
+    The least distance is a quarter of the height, since lines closer than the height reach no
+    farther.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -304,7 +304,7 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Heading error and outlier probabilities at the most likely standard deviation."""
+    """Heading error and outlier probabilities, for the likeliest error of the bearings."""
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

@@ -1,7 +1,7 @@
 """Estimate the path of a moving animal, from the bearings or powers of a whole flight.
 
-A particle tracker follows it. Each remaining hypothesis keeps its path, so that all places use
-all of the flight. In the distant past few different paths remain. So one tracker runs forwards
+A particle tracker follows the animal, and each surviving hypothesis has a path through the
+whole flight. Far before the present, few different paths survive. So one tracker runs forwards
 and one backwards, and each gives the half of the flight that it processed last.
 """
 
@@ -62,7 +62,7 @@ def path_by_powers(
     """Estimate the path of a tag through the pulses of a flight, missed pulses included.
 
     `ends`: approximate east and north of the tag at the start and at the end. Hypotheses begin
-        around these; there are too few to begin anywhere.
+        around these; there are too few to cover the whole area.
     `fading_db`: fading of single pulses, increased where neighbours are correlated.
     `hills`: ground model in the local plane; None is level ground.
     Raises `UsageError`: times are not known, or fewer than three.

@@ -76,7 +76,7 @@ def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
     """Closed contours of an array at a level, as rows and columns; its margin must be lower.
 
     Marching squares. Around each cell, counter-clockwise, the edge at which a contour leaves
-    the region leads to the one at which it enters; so the region is on the left of each ring.
+    the region leads to the one at which it enters. So the region is on the left of each ring.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level

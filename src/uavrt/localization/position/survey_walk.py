@@ -2,8 +2,8 @@
 
 A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
 applies, with each position of the drone shifted back by the tag's movement. The evidence of
-both is summed over a grid of positions and velocities: a coarse one with some of the pulses,
-and a finer one if the first favours walking.
+both is summed over a grid of positions and velocities: first a coarse one with some of the
+pulses, then a finer one if the first favours walking.
 """
 
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ class SurveyWalk:
     place: tuple[float, float]
     """East and north of the tag in the middle of the flight [m]."""
     fading_db: float
-    """Standard deviation of fading [dB], increased for the correlation of neighbours."""
+    """Standard deviation of fading [dB], increased for correlated neighbouring pulses."""
 
     def at(self, since_s: float) -> tuple[float, float]:
         """East and north of the tag at a time after the middle of the flight [m]."""

@@ -574,9 +574,9 @@ class ParticleTracker:
     def trail(self) -> list[TrackEstimate | None]:
         """Estimates of the tag's position at each stored time, from all data until now.
 
-        Each present hypothesis has a path, and these paths give the earlier places (the paths
-        of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time before
-        which all hypotheses were replaced.
+        Each present hypothesis has a path, and these paths give the earlier positions (the
+        paths of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time
+        before which all hypotheses were replaced.
         """
         kept = _systematic_indices(self._weight, (np.arange(TRACK.paths) + 0.5) / TRACK.paths)
         return self._past.trail(self._state, kept)
@@ -605,7 +605,7 @@ class ParticleTracker:
         )
 
     def replace_at_random(self, share: float) -> None:
-        """Move a share of the hypotheses to random positions in the area, as TrackerBots."""
+        """Move a share of the hypotheses to random positions in the area, as in TrackerBots."""
         count = round(share * self._count)
         those = self._rng.choice(self._count, count, replace=False)
         kept = np.setdiff1d(np.arange(self._count), those)

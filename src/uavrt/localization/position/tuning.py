@@ -46,7 +46,7 @@ class GridTuning:
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
-    """Probability above which a survey's cells are quartered; less does not change circles."""
+    """Probability above which a survey's cells are quartered; less changes no circle."""
     survey_growth: float = 2.0
     """Growth of `held_rough` with each quartering, for surveys. Without it, 95 % circles are
     0.3 % wider, at half as many cells again."""
@@ -122,7 +122,7 @@ class PowerTuning:
     typical_fading_db: float = 4.0
     """Prior standard deviation of fading from pulse to pulse [dB]."""
     together: int = 60_000
-    """Number of values computed at once, within the processor's cache."""
+    """Number of values computed at once, so that they fit in the processor's cache."""
     most_correlation: float = 0.93
     """Largest correlation of neighbouring pulses' fading that is examined."""
     widest_step: float = 0.3
@@ -144,9 +144,9 @@ class PowerTuning:
     table_steps: int = 64
     """Number of steps of the normal distribution's tables in one standard deviation."""
     stretches: tuple[int, ...] = (8, 16, 32)
-    """Lengths of stretches in which residuals are averaged to find lasting errors [pulses]."""
+    """Lengths over which residuals are averaged to find persistent errors [pulses]."""
     least_stretches: int = 5
-    """Minimum number of stretches whose means can show lasting errors."""
+    """Minimum number of stretches whose means can show errors that persist."""
     most_lasting: float = 0.98
     """Largest correlation of neighbouring pulses that means of stretches may show."""
 
@@ -205,7 +205,7 @@ class SurveyTuning:
     readings_nats: float = 6.0
     """Log-probability below the best set of foreign pulses within which a set counts [nats]."""
     fading_shares: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
-    """Candidate shares of a pulse's fading that is common with neighbouring pulses."""
+    """Candidate shares of a pulse's fading that neighbouring pulses have in common."""
     most_foreign: float = 0.25
     """Maximum share of foreign pulses; with more, no pulse is excluded."""
     least_pulses: int = 20
@@ -226,7 +226,7 @@ class SurveyTuning:
     margin_m: float = 60.0
     """Margin of the coarse grid around the track [m]."""
     mirror_reach: float = 1.75
-    """Distance within which mirror images are searched [coarse steps]."""
+    """Distance within which mirror images are searched [steps of the coarse grid]."""
     mirror_cells: int = 15
     """Number of cells along a side of the grid searched for mirror images."""
     mirror_nats: float = 20.0
@@ -329,7 +329,7 @@ class TrackTuning:
     switching_per_s: float = 0.005
     """Rate at which an animal changes between rest, browsing and travel [1/s]."""
     lost_nats: float = 12.0
-    """Log-probability of pulses below chance that makes hypotheses be redrawn [nats]."""
+    """Log-likelihood ratio of clutter to tag above which hypotheses are redrawn [nats]."""
     paths: int = 4000
     """Number of hypotheses whose paths are smoothed after the flight."""
 
@@ -351,10 +351,10 @@ class TrackTuning:
     """Increase of the uncertainty of a survey's ends with its duration [m/s]."""
     fading_factor: float = 1.1
     """Factor on a pulse's fading, because ten thousand hypotheses are too few for a survey's
-    sharp likelihood. Without it, circles of walkers at 1 m/s held .85."""
+    sharp likelihood. Without it, circles held 85 % of the tags walking at 1 m/s."""
     turning_m_s_per_root_s: float = 0.03
     """Change of velocity in each direction after a second [m/s/√s]: 20° at 1 m/s in two
-    minutes. Circles hold 97 % of straight walkers, and 93 % of those that turn by 0.05."""
+    minutes. Circles hold 97 % of straight walkers, 93 % of those turning by 0.05 m/s/√s."""
 
 
 GRID, BEARING_FIX, COMMON = GridTuning(), BearingFixTuning(), CommonErrorTuning()

@@ -1,8 +1,8 @@
 """Compute the loss over hills, on one profile or many: Recommendation ITU-R P.526-15.
 
 The single edge is its equation 31. Bullington's edge of its §4.5.1 stands for a whole profile,
-with the earth's radius at 4/3. Level ground hides a low tag a little, too, which the reflected
-ray already contains (`uavrt.planning.detectability.ground_propagation.GroundReflection`). The
+with the earth's radius at 4/3. Level ground weakens a low tag, too; this is already part of the
+reflected ray's model (`uavrt.planning.detectability.ground_propagation.GroundReflection`). The
 terrain's loss is therefore what its profile adds to a level one, as in §4.5.2:
 
 terrain loss = max(0, Bullington(profile) - Bullington(level ground))
@@ -35,8 +35,8 @@ def beyond_level_db(
 ) -> _Floats:
     """Loss of a profile beyond that of level ground [dB], by its edge's parameter ν.
 
-    Over level ground the ray to the mirrored antenna touches it where ν is greatest: -2 √(2 a b
-    / (λ d)) for heights a and b above it.
+    Over level ground ν is greatest where the ray to the mirrored antenna meets the ground: -2
+    √(2 a b / (λ d)) for heights a and b above it.
     """
     height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
     level = -2.0 * height / np.sqrt(np.maximum(distance_m, 1.0))

@@ -1,7 +1,7 @@
 """Interpolate ground heights from the rasters of any number of files.
 
-Rasters of one grid (tiles of one set) are joined before interpolation, so that no border shows,
-whether neighbours share a row, as SRTM's do, or not.
+Rasters of one grid (tiles of one set) are joined before interpolation, so that no border shows.
+Neighbouring tiles may share a row, as in SRTM, or not.
 """
 
 import math

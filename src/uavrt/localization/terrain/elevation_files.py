@@ -15,10 +15,10 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
     """Open an elevation file, or all of a folder.
 
     `path`: ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
-    `sea`: treat places outside all files as water at height 0, as there are no tiles of the
+    `sea`: treat positions outside all files as water at height 0, as there are no tiles of the
         open sea.
     Raises `FormatError`: there are none, one of them is cut off, damaged or unsupported, or
-        only some are heights above the ellipsoid.
+    heights above geoid and ellipsoid are mixed.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)

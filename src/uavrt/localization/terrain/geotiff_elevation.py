@@ -1,8 +1,8 @@
 """Read GeoTIFF elevation files (TIFF 6.0, BigTIFF, OGC 19-008r4).
 
-It reads strips or tiles of one band, int16 to float64, plain or packed by deflate, LZW or
-PackBits, with the predictors of either; on longitudes and latitudes or in UTM. Only the needed
-blocks are read. Errors for other kinds name the command that converts them.
+It reads strips or tiles of one band, int16 to float64, in longitude and latitude or UTM. They
+may be packed by deflate or LZW, each with predictors, or by PackBits. Only the needed blocks
+are read. Errors for other kinds name the command that converts them.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Read elevation tiles of the Shuttle Radar Topography Mission, plain or zipped.
 
-A tile (``N47E008.hgt``) is a degree wide and high, named by its south-western corner: 3601²
-(one arc second) or 1201² (three) big-endian int16, the northern row first; its border rows and
-columns are those of its neighbours, too. -32768 marks a missing height. Heights are above the
-geoid EGM96 ("SRTM Collection User Guide", NASA LP DAAC, 2015).
+A tile is one degree wide and high; its name is its south-western corner (``N47E008.hgt``). It
+has 3601² heights (one arc second) or 1201² (three), big-endian int16, northern row first.
+Neighbouring tiles share their border rows and columns. -32768 marks a missing height. Heights
+are above the geoid EGM96 ("SRTM Collection User Guide", NASA LP DAAC, 2015).
 """
 
 import re

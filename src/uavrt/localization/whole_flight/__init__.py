@@ -1,8 +1,8 @@
 """Find one tag by all pulses of a whole flight, when each group is below the noise; no I/O.
 
 `energies/energy_grid` turns a channel's samples into energies, `energies/folding` sums them for
-every interval and phase, `flight_judgement` weights the sums by place and estimates their
+every interval and phase, `flight_judgement` weights the sums by position and estimates their
 chance in noise. `together` combines several flights. `tag_places` holds the tag's possible
-places, `heard_train` the slots of its pulses, `train_place` its position, `ground_cells` the
+positions, `heard_train` the slots of its pulses, `train_place` its position, `ground_cells` the
 credible regions.
 """

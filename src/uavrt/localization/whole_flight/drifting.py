@@ -2,7 +2,7 @@
 
 With an interval ``T (1 + d (t/D - 1/2))`` over a flight of length D, pulses are T apart on the
 time ``u = D/d ln((1 + d (t/D - 1/2)) / (1 - d/2))``. For each of a few d the slots are ordered
-by u and folded, in slots of double length and with few patterns; the likeliest cells are then
+by u and folded, in slots of double length and with few patterns. Then the likeliest cells are
 examined in full.
 """
 
@@ -31,7 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float) -> _Floats:
-    """Times of a train's pulses after the first slot's beginning [s]; may be one too many."""
+    """Times of a train's pulses from the first slot's start [s]; one may exceed `span_s`."""
     count = max(0, int((span_s * (1.0 + abs(drift)) - phase_s) / interval_s) + 2)
     return real_time_s(
         phase_s + np.arange(count).astype(np.float64) * interval_s, drift, span_s
@@ -55,7 +55,7 @@ def even_time_s(time_s: _Floats, drift: float, span_s: float) -> _Floats:
 
 
 def even_order(energies: SlotEnergies, drift: float) -> NDArray[np.intp]:
-    """Slot at each step of the clock that drifts with the tag."""
+    """Index of the slot at each step of the clock that drifts with the tag."""
     span_s = len(energies.heard) * energies.slot_s
     at = real_time_s(energies.time_s, drift, span_s) / energies.slot_s
     return np.asarray(np.clip(at.astype(np.intp), 0, len(energies.heard) - 1))

@@ -3,8 +3,8 @@
 The statistic for a position is the sum of the slots' energies, one slot for each pulse, each
 weighted by ``w = S / (1 + S)``. S is the pulse's energy over noise there, by the antenna's gain
 and the range. These weights are locally most powerful for weak pulses, and bounded for strong
-ones. The sum's tail in noise is that of a shifted gamma distribution with the variance and
-skewness of sums of the flight's own energies: exact for equal weights and white noise without
+ones. In noise the sum's tail is that of a shifted gamma distribution. Its variance and skewness
+are those of sums of the flight's own energies: exact for equal weights and white noise without
 jitter (docs/explanation/whole-flight.md).
 """
 
@@ -40,18 +40,18 @@ class FoldedTrain:
     false_alarm_probability: float
     """Probability that noise alone gives as unlikely a train in the whole search."""
     score: float
-    """Weighted sum in standard deviations; for a train of strong pulses their number."""
+    """Weighted sum [standard deviations]; for a train of strong pulses, their number."""
     interval_s: float
     """Interval in the middle of the flight [s]."""
     phase_s: float
     """Middle of the first pulse's slot, relative to the first slot's beginning [s]."""
     offset_hz: float
     place: int
-    """Number of the position: the row of the weights."""
+    """Index of the tag's position: a row of the weights."""
     hypotheses: float
     """Number of independent hypotheses tested."""
     log_probability: float
-    """Natural logarithm of the probability of this cell's sum in noise."""
+    """Natural logarithm of the probability that noise alone gives this train's sum or more."""
     rate: int = 1
     """Number of the tag's interval in use, from 1."""
     loud: bool = False
@@ -75,7 +75,7 @@ class Weights:
     interval_s: float
     """Interval for which deviation and skewness hold [s]; longer ones have fewer pulses."""
     spread: float = 1.0
-    """Duration with much weight as a share of the flight, averaged over positions."""
+    """Share of the flight that has much weight, averaged over positions."""
 
     @classmethod
     def of(
@@ -83,9 +83,9 @@ class Weights:
     ) -> "Weights":
         """Derive a sum's deviation and skewness from the flight's own energies.
 
-        One pulse in each interval, at a random phase, puts as many into every slot on average.
-        The sum's cumulants are therefore those of the slots' weighted energies, times that
-        number. Hum, tones and changing levels are included.
+        A train has one pulse in each interval, at a random phase, so a slot holds one with the
+        probability slot / interval. The sum's cumulants are those of all slots' weighted
+        energies, times this. Hum, tones and changing levels are included.
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
@@ -154,7 +154,7 @@ class Peaks:
 
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
-    """Duration with much weight as a share of the flight, mean of all positions; 1 if even."""
+    """Share of the flight that has much weight, averaged over positions; 1 if even."""
     some = np.maximum(count, 1e-30)
     variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)
     return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())
@@ -173,7 +173,7 @@ def low_rank_weights(
 ) -> Weights:
     """Reduce the positions' gains to a few patterns to fold, and their mixing coefficients.
 
-    `gain` (places, times): energy of a pulse relative to that place's strongest.
+    `gain` (places, times): energy of a pulse relative to that position's strongest.
     `time_s` (times,): rising, from the first slot's beginning.
     """
     mixing, patterns = low_rank(pulse_weights(gain))
@@ -275,9 +275,9 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """Number of independent hypotheses of the search for weak pulses.
 
-    If only a part of the flight counts for a position, as where a drone passes it, trains whose
-    intervals differ by a cell of the whole flight are the same to it: the number of cells falls
-    by that share (`Weights.spread`).
+    If a drone only passes a position, a part of the flight counts for it. Trains whose
+    intervals differ by one cell are then indistinguishable, and the number of cells falls by
+    that share (`Weights.spread`).
     """
     own = float(np.sum(correlation_slots(energies) ** -2.0))
     cells = _cells(energies, tag) * len(weights.basis) * own * weights.spread
@@ -320,10 +320,10 @@ def search_flight(
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag; the least likely in noise comes first.
 
-    All its rates are searched: weak pulses by their weighted energies, and strong ones, which
-    these exclude, by their number. Of trains of strong pulses with the same pulses the most
-    central comes first. `most`: number of trains returned. `few_patterns`: number above which
-    fewer places choose cells, which are then examined in full.
+    All its rates are searched: weak pulses by their weighted energies, strong ones by their
+    number, since the energies exclude them. Of trains of strong pulses with the same pulses the
+    most central comes first. `most`: number of trains returned. `few_patterns`: number of
+    patterns above which fewer positions select the cells to examine in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
@@ -349,7 +349,7 @@ def log_tail(found: Peaks, weights: Weights, energies: SlotEnergies) -> _Floats:
 
 
 def chance(log_probability: float, hypotheses: float) -> float:
-    """Probability that the smallest of a number of independent probabilities is as small."""
+    """Probability that noise gives at least one of `hypotheses` results this improbable."""
     return -math.expm1(-math.exp(min(math.log(hypotheses) + log_probability, 700.0)))
 
 
@@ -435,10 +435,10 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
 def _through_middles(
     logs: _Floats, found: Peaks, energies: SlotEnergies
 ) -> tuple[NDArray[np.intp], _Floats]:
-    """Order trains of strong pulses: the likeliest first, of equals the most central.
+    """Order trains of strong pulses: likeliest first, then the most central.
 
     Frequencies next to a pulse's have fewer marks and can give less likely trains of the same
-    pulses: all get the least of their probabilities.
+    pulses: all these trains get their lowest probability.
     """
     order = np.argsort(logs, kind="stable")
     if not len(order):
@@ -457,7 +457,7 @@ def _marks(
     """Marks of strong pulses: 1 each, plus less than a half in total for central slots.
 
     A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
-    have as many marks; the one through their middles, at the loudest, has the most.
+    have as many marks. The train through the middles, at the strongest frequency, has the most.
     """
     marks = np.zeros(energies.loud.shape, np.float32)
     most = math.ceil(energies.loud.shape[1] * energies.slot_s / shortest_s) + 1

@@ -127,8 +127,8 @@ class Cells:
         """East and north of the likeliest position in some cells, from the flight's middle [m].
 
         It is the mean where the probability is densest. The mean of all cells lies farther away
-        than the tag, because large distances are less certain, above all next to a straight
-        path, where each path loss exponent has its own.
+        than the tag, because large distances are less certain. Next to a straight path each
+        path loss exponent gives another distance.
         """
         area = self.area[cells]
         density = self.probability[cells] / area
@@ -205,7 +205,7 @@ class LikelyGround:
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """(cells,) difference of log-likelihood between the parts of the divided cell."""
+    """(cells,) range of log-likelihood among the parts of the cell last divided."""
     logs: _Floats
     """(falls, cells) log-likelihood, integrated over all levels."""
     level_db: _Floats

@@ -1,8 +1,8 @@
 """Locate the slots of a folded train's pulses; compute the likelihood ratio of their energies.
 
 A slot's energy in noise is the largest of m unit exponentials; their mean gives m, which
-depends on jitter and slot. With a pulse of energy S two of them, the windows that hold most of
-it, are noncentral chi-squares of 2 degrees of freedom (a constant amplitude of unknown phase).
+depends on jitter and slot. A pulse of energy S makes two of them, the windows that hold most of
+it, noncentral chi-squares of 2 degrees of freedom (constant amplitude, unknown phase).
 """
 
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ from uavrt.localization.whole_flight.tuning import PLACE
 
 _Floats = NDArray[np.float64]
 AMPLITUDES = np.arange(0.0, 22.05, 0.1)
-"""Amplitudes in the tables, in units of the noise, up to 27 dB. Stronger pulses are reduced
-with their expected strength, since noise moves them by less than 0.3 dB."""
+"""Amplitudes in the tables, in units of the noise, up to 27 dB. A stronger pulse and its
+expected strength are reduced alike, since noise moves it by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
 """Expected strengths of pulses in the tables, energy over noise [dB]."""
 

@@ -119,7 +119,7 @@ def places_around(
     `poses`: of the antenna, at least two.
     `start_ns`, `end_ns`: times of the first and last sample [UTC].
     `hills`: ground model; None is level ground.
-    `plane`: plane whose origin the places surround; None is the middle of the poses.
+    `plane`: plane whose origin the positions surround; None is the middle of the poses.
     Raises `UsageError`: the poses do not cover the time of the samples.
     """
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
@@ -173,7 +173,7 @@ def places_around(
 
 
 def common_gains(each: Sequence[Places]) -> list[_Floats]:
-    """Gains in several flights around one origin; 1 at each position's strongest of all."""
+    """Gains of several flights, relative to each position's strongest pulse in any of them."""
     strongest_db = np.stack([one.strongest_db for one in each])
     below_db = strongest_db - strongest_db.max(axis=0)
     return [

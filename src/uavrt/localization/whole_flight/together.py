@@ -1,9 +1,9 @@
 """Find one tag that is too weak in each flight, in several flights together.
 
-For each place, frequency and narrow range of intervals the likeliest phase of every flight is
-taken, and their weighted sums are added. A resting tag has one position, and about one interval
-and frequency, in all flights, but its pulses cannot be counted from flight to flight. So the
-hypotheses of the phases multiply; those of position, frequency and interval are counted once.
+For each position, frequency and narrow range of intervals, the weighted sums of every flight's
+likeliest phase are added. A resting tag has one position, and about one interval and frequency,
+in all flights, but its pulses cannot be counted from flight to flight. So the hypotheses of the
+phases multiply; those of position, frequency and interval are counted once.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Decide if a train is the listed tag's, or an alias of another train.
 
-Pulses with interval T are also pulses with interval T p/q, with some missing or others in
-between, so another tag can look like the listed one. A train is therefore searched at all
-intervals from a third of T to three times T that the list does not allow. If one explains the
-same frequency better, its slots are removed, and the flight is searched again.
+Another tag can look like the listed one: pulses with interval T also fit T p/q, with some
+missing or others in between. A train is therefore searched at all intervals from T/3 to 3 T
+that the list does not allow. If one explains the same frequency better, its slots are removed,
+and the flight is searched again.
 """
 
 import math
@@ -72,7 +72,7 @@ def judge(
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
 ) -> Judgement:
-    """Search a tag, and again without each train that explains the found one better.
+    """Search for a tag, and again without each train that explains the found one better.
 
     `gain` (places, times): energy of a pulse relative to each position's strongest.
     `most_drift`: largest relative change of the interval over the flight.

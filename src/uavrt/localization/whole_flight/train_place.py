@@ -287,10 +287,10 @@ def _logs(
 def _counted(one: HeardTrain, fading_db: float) -> float:
     """Share of a flight's evidence that counts; the share is smaller for strong pulses.
 
-    The variance of a level of energy E over noise is 37.7/E dB² from noise (of noncentral
-    chi-square) plus that of single pulses' fading; its inverse is a pulse's information. All
+    A level with energy E over noise has the variance 37.7/E dB² by noise (noncentral
+    chi-square) plus that of single pulses' fading. Its inverse is the pulse's information. All
     pulses have one share: otherwise errors that many weak ones have in common would move the
-    place.
+    position.
     """
     above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
     precision = 1.0 / (37.7 / above + fading_db**2)

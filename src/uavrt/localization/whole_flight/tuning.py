@@ -26,16 +26,16 @@ class EnergyTuning:
     """Maximum ratio of a window's largest sample to its mean power that is no impulse. A pulse
     of N samples has 1/N of its power in one sample, an impulse N times as much."""
     hops_beside: int = 16
-    """Distance from a strong window at which another is unaffected [hops]: two pulses."""
+    """Distance from a strong window at which others are unaffected [hops]: two pulses."""
     slots_beside: int = 4
     """Extent of a pulse and its jitter on each side of its slot [slots]."""
     most_gap_s: float = 7200.0
     """Longest gap between two blocks that is bridged [s]."""
     most_overlap_s: float = 0.1
-    """Largest overlap of a block with earlier ones that is followed [s]. A crystal that is 100
-    ppm fast gathers it in 17 minutes; a clock set back by more is not followed."""
+    """Largest overlap of a block with earlier ones that counts as drift [s]. A crystal 100 ppm
+    fast gathers it in 17 minutes; a clock set back by more is ignored."""
     least_step_s: float = 0.0015
-    """Minimum time step that is followed [s]; each costs a window."""
+    """Minimum time step between blocks that is corrected [s]; each costs a window."""
     dead_s: float = 0.1
     """Minimum duration of exact zeros that means a dead radio or a filled gap [s]."""
 
@@ -68,8 +68,8 @@ class SearchTuning:
     """Number of cells examined in full, the best of tens of thousands. In twenty minutes of
     noise the last has 5.0 to 5.4 standard deviations."""
     side_by_side: int = 48
-    """Number of sums folded at once, of frequencies times patterns: 60 MB. An addition takes
-    0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
+    """Number of sums (frequencies times patterns) folded at once: 60 MB. An addition takes 0.8
+    ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
     moment_slots: int = 16384
     least_skewness: float = 0.02
     hypotheses: float = 6.0
@@ -91,8 +91,8 @@ class SearchTuning:
     """Shift of the flight's middle between two searched drifts [slots]. A train halfway between
     is shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05 dB."""
     drift_independent_slots: float = 5.0
-    """Shift between two drifts that count as independent [slots]. 400 flights of noise had .93
-    of the nominal false alarms of 1 %; with 2 slots, .44."""
+    """Shift between two drifts that count as independent [slots]. In 400 flights of noise,
+    false alarms were 0.93 of the nominal 1 %; with 2 slots, 0.44."""
     drift_patterns: int = 3
     drift_correlation: float = 0.9
     drift_cells: int = 120
@@ -131,7 +131,7 @@ class PlaceTuning:
     level_parts: int = 8
     strength_step_db: float = 0.1
     """Step between two strengths in the likelihood table [dB]. At 0.5 dB the pulses of a lane
-    are rounded alike, which alone makes places 20 m apart differ."""
+    are rounded alike, which alone makes positions 20 m apart differ."""
     most_rounds: int = 4
     likely_places: int = 100
     """Number of likely positions used to compute a flight's share."""
@@ -149,12 +149,12 @@ class PlaceTuning:
     """Minimum probability of a path loss exponent for which regions must hold."""
     counted: float = 0.8
     """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
-    pattern, poses and ground. With all of it regions of 90 % held .85 (I4)."""
+    pattern, poses and ground. With all of it, 90 % regions held 85 % of the tags (I4)."""
     lasting_db2: float = 4.0
     """Variance of errors that pulses share, times the number of pulses for which they last
     [dB²]. It limits the evidence of pulses with little noise and fading."""
     noisy_db2: float = 10.0
-    """Variance of a level due to noise up to which the share `counted` holds [dB²]."""
+    """Largest variance of a level by noise for which the share `counted` applies [dB²]."""
 
     fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
     """Candidate standard deviations of single pulses [dB]; the first is the usual one. With 1
@@ -171,7 +171,7 @@ class PlaceTuning:
     odd_fading_db: float = 6.0
     least_log: float = -30.0
     loud_factor: float = 6.0
-    """Factor on ln E of a strong pulse's energy E in its likelihood: 18 to 41 in all."""
+    """A strong pulse of energy E counts with this factor times ln E: 18 to 41 in all."""
     windows: tuple[float, float] = (0.8, 0.6)
     """Shares of a pulse's energy in its two best windows. With all energy in one, a passed tag
     seemed farther away."""
@@ -189,7 +189,7 @@ class PlaceTuning:
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8
-    """Power of the posterior whose mean is the likeliest position."""
+    """Power of the probability density by which the likeliest position is averaged."""
     alone: float = 0.9
     """Minimum probability of one part whose middle is used instead of that of all parts."""
     points: int = 7

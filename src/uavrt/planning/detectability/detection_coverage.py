@@ -1,7 +1,7 @@
 """Probability of detecting a tag at each position along a path, planned or flown.
 
 The expected pulses are divided into groups of K. The mean energy of a group, by link budget,
-antenna pattern and terrain, gives the detector's own detection probability. The error of the
+antenna pattern and terrain, gives the probability that the detector finds it. The error of the
 tag's power is common to all pulses, so the probability of missing all groups is averaged over
 it, not multiplied.
 """
@@ -35,7 +35,7 @@ class AntennaPath:
     """Positions and headings of the antenna at each expected pulse of a path."""
 
     time_s: _Floats
-    """(n,) rising times [s]."""
+    """(n,) rising times of the pulses [s]."""
     east_m: _Floats
     """(n,) east coordinate in the plane of the ground [m]."""
     north_m: _Floats
@@ -55,7 +55,7 @@ class Coverage:
     heard: _Singles
     """(rows, columns) detection probability, the southern row first; NaN is unknown."""
     groups: int
-    """Number of pulse groups on the path; for a whole flight 1 or 0."""
+    """Number of pulse groups on the path; 1 or 0 if `whole_flight`."""
     whole_flight: bool = False
     """True if all pulses are combined, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
@@ -73,7 +73,7 @@ class Coverage:
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Share of the cells of known height with at least a given probability."""
+        """Share of the cells of known height with at least a given detection probability."""
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 

@@ -1,7 +1,7 @@
 """Probability that ``uavrt integrate`` finds a tag, from the energies of its pulses.
 
-The weighted sum over a whole flight is nearly normal with a tag; in noise its tail is that of a
-shifted gamma distribution, as in the search itself (docs/explanation/whole-flight.md).
+With a tag, the weighted sum over a whole flight is nearly normal. In noise its tail is that of
+a shifted gamma distribution, as in the search itself (docs/explanation/whole-flight.md).
 """
 
 import math

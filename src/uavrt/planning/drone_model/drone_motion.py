@@ -1,7 +1,7 @@
 """Motion of a drone: its position and the antenna's direction along a leg.
 
 A multirotor accelerates, turns at its yaw rate and does not drift in wind that it can fly
-against; a fixed wing keeps its airspeed and turns on circles. All legs of a decision are
+against. A fixed wing keeps its airspeed and turns on circles. All legs of a decision are
 computed at once.
 """
 

@@ -14,9 +14,9 @@ from uavrt.planning.tuning import PLANNING
 class EnergyModel:
     """Power of a drone, with a scale factor learned from its battery.
 
-    Power at an airspeed v is that of hovering, less up to `translation_share` once the rotors
-    meet fresh air, plus a drag that grows with v³ and gives `cruise_w` at `cruise_m_s`. The
-    scale multiplies all.
+    Power at an airspeed v is that of hovering, less up to 10 % of it in forward flight, plus a
+    drag. The drag grows with v³, so that the power at `cruise_m_s` is `cruise_w`. The scale
+    multiplies all.
     """
 
     hover_w: float = 400.0

@@ -1,7 +1,7 @@
-"""Other drones of the same search: the paths they fly, and the distance that all keep.
+"""Other drones of the same search: their paths, and the distance between all drones.
 
-Each drone owns the whole straight path from its last reported position to its goal, at all
-times. Another drone only flies a path that keeps the distance from it.
+The straight path from a drone's last reported position to its goal is reserved for it. Other
+drones only fly paths that keep the distance from the reserved paths.
 """
 
 from dataclasses import dataclass
@@ -48,9 +48,9 @@ class OtherDrones:
     listening: tuple[Path, ...] = ()
     """Planned paths of the other drones that report; their pulses there count as received."""
     left: frozenset[int] = frozenset()
-    """Tags that other drones search."""
+    """Tags that other drones search for, so that this drone does not."""
     strips: tuple[Strip, ...] = ()
-    """Straight paths owned by other drones at all times, because drones share no clock."""
+    """Straight paths, each reserved for one drone at all times: drones share no clock."""
 
     def strip_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats

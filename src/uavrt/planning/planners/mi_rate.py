@@ -46,7 +46,7 @@ class _PathRating:
     stay_s: float = 4.0
     """Time spent at the end of a path to a tag [s]."""
     finished_share: float = 0.1
-    """Missing share of a tag's needed information below which the round skips the tag."""
+    """Share of a tag's needed information still missing, below which a round skips the tag."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
     # factor times the share. Finishing one tag then counts for more than beginning two; the
     # second term decides while no tag is nearly found.
@@ -55,7 +55,7 @@ class _PathRating:
     explore_nats: float = 2.5
     """Missing information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Relative gain required to change to another tag near animals or drones."""
+    """Relative gain required to change the target tag, near animals or drones."""
     turn_nats: float = 1.5
     """Least information on a possibly near animal that justifies a turn [nats]."""
     near_probability: float = 0.25
@@ -71,8 +71,8 @@ class MiRate:
     """Planner that maximises information per second.
 
     If no path to a tag keeps the distance to animals, all directions are rated. If none of
-    these keeps it, the drone waits, or turns to locate the animals, before it flies one that
-    does not.
+    these keeps it, the drone waits, or turns to locate the animals. Only then does it fly a
+    path closer to them.
 
     `rotation_s`: duration of a turn in place, which is rated if the antenna is directional.
     """

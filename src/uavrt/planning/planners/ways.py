@@ -82,7 +82,7 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths close to other drones' paths; a drone close to one may only leave."""
+    """Refuse paths close to other drones' paths; a drone close to one may only move away."""
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -107,7 +107,7 @@ def here(situation: Situation) -> CandidatePaths:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths of a fixed wing whose actual curves, or a turn back, are not allowed."""
+    """Refuse a fixed wing's paths if the curve flown, or a turn back, is not allowed."""
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -123,7 +123,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Reason if no whole circle fits after a cycle on a path or at its end; else None."""
+    """Reason if no full circle fits in the area after a cycle or at a path's end; else None."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)

@@ -59,7 +59,7 @@ class ChannelOutput:
         )
 
     def process(self, band: IQBlock) -> None:
-        """Process the next block of the decimated band."""
+        """Channelize the next block of the decimated band and send the tags' channels."""
         if self.ports:
             for channel in self._front_end.process(band):
                 self._sender.send(channel)

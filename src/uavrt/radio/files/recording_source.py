@@ -32,10 +32,10 @@ class Segment:
     """Consecutive samples in a file."""
 
     first: int
-    """Position in the file [samples]."""
+    """Position of the first of these samples in the file [samples]."""
     count: int
     sample_index: int
-    """Index since the start of the recording, including lost samples."""
+    """Index of the first of these samples since the recording's start, including lost ones."""
     time_ns: int
     lost_before: int = 0
 
@@ -134,11 +134,11 @@ class RecordingSource:
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """Parts of the file that contain samples."""
+        """Parts of the recording, each with consecutive samples, between its gaps."""
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Continue at a sample, counted over all segments; nothing follows the last."""
+        """Continue reading at a sample, counted over all segments without gaps."""
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:

@@ -39,7 +39,7 @@ _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
 """Sizes in the data chunk that mean unknown: the writer streamed or was killed."""
 
 _MOST_READ = 1 << 16
-"""Maximum part of a chunk that is read [bytes]; the longest, XML, have some thousand bytes."""
+"""Maximum part of a chunk that is read [bytes]; XML, the longest, has some thousand bytes."""
 _MOST_CHUNKS = 1000
 
 

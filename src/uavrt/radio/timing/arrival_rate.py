@@ -18,8 +18,8 @@ _TOLERANCE: Final = 0.02
 _SETTLED: Final = 0.01
 """Rate error below which the rate counts as correct again, as a fraction of the rate."""
 _CAUGHT_UP_S: Final = 0.03
-"""Maximum delay, in excess of that before a pause, of a sender that has caught up [s]. Smaller
-than the change over `_PERIODS` that is reported."""
+"""Excess delay after a pause below which the sender has caught up [s]. It is smaller than the
+change over `_PERIODS` that is reported."""
 _CHANGE_SHARE: Final = 0.1
 """Relative change of a wrong rate above which it is reported again."""
 
@@ -36,7 +36,7 @@ class ArrivalRate:
         self._now_s = 0.0
         self._first_ns: int | None = None
         self._catch_up_to_s = math.inf
-        """Delay before the last pause [s]; the sender is catching up until it is reached."""
+        """Delay before the last pause [s]; the sender catches up until its delay is as low."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
         """Add the number of samples received up to a time.

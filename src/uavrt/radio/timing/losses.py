@@ -9,10 +9,10 @@ single arrivals. The pattern of later arrivals distinguishes the three::
          |     :    :                 a stall: then all at once, each less late than the last
          |__:_.__:_._:_:___________
 
-Arrivals are grouped in cells of 20 ms, each with its smallest lateness. Consecutive cells that
-are all late, at the pace of the samples and level, count as a loss once there are too many for
-the present jitter. With exponential jitter of mean u, n cells are all later than c with
-probability exp(-n c / u). After a loss, half of that evidence is enough.
+Arrivals are grouped in cells of 20 ms, each with its smallest lateness. Consecutive late cells,
+level and at the pace of the samples, count as a loss once they are too many for the present
+jitter. With exponential jitter of mean u, n cells are all later than c with probability exp(-n
+c / u). After a loss, half of that evidence is enough.
 
 A lateness that rises evenly, faster than any clock error, means a source slower than real
 time: a slow disk, network or computer before the pipe. Then nothing is lost, and arrival times
@@ -84,7 +84,7 @@ _SLOW_RATE: Final = 0.003
 """Minimum rise of the delay, per unit of time, that marks a slow source."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
-"""Unit of the scatter: `_SCATTER_S` plus this fraction of the rise."""
+"""Fraction of the rise that, added to `_SCATTER_S`, is the unit of the scatter."""
 _STEP: Final = 2.0
 """Smallest step of the delays, as a multiple of their rise before and after it."""
 
@@ -192,7 +192,7 @@ class LossFinder:
         """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
         self._falls = 0
         self._usual_s = 0.001
-        """Typical smallest lateness of four cells [s]; the envelope is that of many more."""
+        """Typical smallest lateness of four cells [s]; above 0, the smallest of all."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf
@@ -268,7 +268,7 @@ class LossFinder:
             cell.late_s -= seconds
 
     def skip(self, seconds: float) -> None:
-        """Move pending times by `seconds` of skipped samples."""
+        """Add the duration of skipped samples, `seconds`, to all pending times."""
         if self._from is not None:
             self._from = (self._from[0] + seconds, self._from[1])
         self._newest_at_s += seconds
@@ -377,7 +377,7 @@ class LossFinder:
         return climb_s <= _CLIMB_S or level_s >= min(0.5 * climb_s, _LEVEL_AFTER_CLIMB_S)
 
     def _level(self, count: int) -> bool:
-        """True if the newest cells agree, and lateness neither falls nor rises."""
+        """True if enough of the newest cells are about equally late, without a trend."""
         cells = [self._cells[at] for at in range(-count, 0)]
         if len(self._agreeing(count)) < _LEAST_CELLS:
             return False
@@ -388,7 +388,7 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """Newest `count` cells that arrived in real time, with a lateness near the smallest."""
+        """Newest cells, of `count`, that are about equally late and came in real time."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)

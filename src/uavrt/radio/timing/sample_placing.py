@@ -74,7 +74,7 @@ class Placer:
         self.paced = True
         """True if arrivals show a rate; False for a file on standard input."""
         self._before = 0
-        """Number of samples lost before those that are held back."""
+        """Number of samples lost just before the samples that are held back."""
         self._cut = 0
         """Number of held samples before a late arrival; they are passed on first."""
         self._after_cut = 0

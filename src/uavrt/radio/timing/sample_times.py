@@ -102,8 +102,8 @@ class TimeKeeper:
         self.unsure_samples = 0
         """Number of samples returned as lost that may be a wrong clock rate instead."""
         self.inside = 0
-        """Length of the late transfer [samples] that contains the last loss; 0 if it lies
-        before."""
+        """Length of the late transfer [samples] that contains the last loss; 0 if the loss lies
+        before the transfer."""
         self._loss_at_s = -math.inf
         self._credit_s = 0.0
         self._bins = np.zeros((_BINS, 2))

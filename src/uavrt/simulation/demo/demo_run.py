@@ -37,7 +37,7 @@ from uavrt.simulation.scene.scenario import Scenario
 from uavrt.simulation.scene.world import World
 
 START_LEAD_S = 2.5
-"""Start of the world after that of the programs [s]; they need 1.5 s to be ready."""
+"""Delay of the simulated world's start after the programs' [s]; these need 1.5 s."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
@@ -79,9 +79,9 @@ class Demo:
 
     `scenarios`: world of each drone, with the same animals and different flights; the start
     time is set here. `flight_dir`: parent of the drone's flight directory; with several drones,
-    of `drone-NUMBER`. The ground station uses `ground`, if it has a page. `page_port`: port of
-    the ground station's page, 0 for any free one; None: no page. `console`: shows the flight in
-    progress, unless None. `on_page`: called with the page's address when it is ready.
+    of `drone-NUMBER`. The ground station stores in `ground`, if it has a page. `page_port`:
+    port of the ground station's page, 0 for any free one; None: no page. `console`: shows the
+    flight in progress, unless None. `on_page`: called with the page's address when it is ready.
     `on_ros_domain`: called with the ROS domain of the drone's nodes, if any.
     """
 

@@ -97,7 +97,7 @@ class SearchSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Among:
-    """Place of a drone among several that search together."""
+    """Number and start of a drone among several that search together."""
 
     number: int
     ground_port: int
@@ -135,7 +135,7 @@ class SearchDemo:
 
     `scenario`: world in which the drone hovers until commanded. `limit_s`: longest duration of
     the search [s]. `flight_dir`: parent of the drone's flight directory. `say`: gets lines for
-    the terminal. `among`: place among other drones that search together; None if alone.
+    the terminal. `among`: place among other drones; None if alone.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
 """Result of the demo: pulses sent, detected, recorded on the drone and received on the ground.
 
-A true pulse counts as detected when the drone's recording holds a pulse of the same tag within
-`MATCH_TIME_S` and `MATCH_FREQUENCY_HZ`, and as delivered when the ground has that same record.
-For a coded tag a burst counts as a pulse.
+A true pulse counts as detected if the drone recorded a pulse of its tag within `MATCH_TIME_S`
+and `MATCH_FREQUENCY_HZ`. It counts as delivered if the ground has that same record. For a coded
+tag a burst counts as a pulse.
 """
 
 import bisect

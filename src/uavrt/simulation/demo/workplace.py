@@ -18,7 +18,7 @@ from uavrt.core.errors import UavrtError, UsageError, os_errors_as
 PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-together-")
 LOCK = "running"
 _YOUNG_S = 60.0
-"""Age below which a directory may not be locked yet [s]."""
+"""Age below which a directory without a lock may be a demo that just starts [s]."""
 
 
 @contextmanager

@@ -21,7 +21,7 @@ AFTER_S = 120.0
 def flight_world(
     file: Path | None, *, duration_s: float | None, seed: int | None, coded: bool
 ) -> Scenario:
-    """World for a flight along its own plan.
+    """World in which the drone flies planned legs, without commands.
 
     `file`: a scenario file. `duration_s`: of the flight; by default the file's, or 120 s.
     `seed`: of all random numbers; by default the file's, or 1. `coded`: add two animals with

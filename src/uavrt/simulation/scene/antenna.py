@@ -93,7 +93,7 @@ def transverse_axes(
 def polarization_db(
     antenna: Antenna, direction_body: geometry.Vector, field_body: geometry.Vector
 ) -> float:
-    """Loss from the angle between the wave's electric field and the antenna's own [dB, ≤ 0].
+    """Level change by the angle between the electric fields of wave and antenna [dB, ≤ 0].
 
     `direction_body`: unit vector to the source in the antenna's frame. `field_body`: unit
     vector of the wave's electric field in the antenna's frame, perpendicular to the ray.

@@ -82,7 +82,7 @@ def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
 
 
 def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> float:
-    """Tilt by gusts: three sines below 1.1 Hz of a given standard deviation; 0 landed."""
+    """Tilt by gusts: three sines below 1.1 Hz of given standard deviation; 0 on the ground."""
     sines = sum(
         math.sin(2 * math.pi * frequency * elapsed_s + phase * (number + 1))
         for number, frequency in enumerate((0.23, 0.57, 1.03))

@@ -47,7 +47,7 @@ class PathWriter:
 
 
 class FlownPath:
-    """The vehicle's state at any time from the file so far; `keep_s` stay in memory."""
+    """The vehicle's state at a time, from the file; the last `keep_s` stay in memory."""
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
         self._path, self._plane = path, plane

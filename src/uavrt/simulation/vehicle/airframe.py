@@ -11,7 +11,7 @@ HOLD_HEADING_M = 2.0
 """Distance to the target below which the heading is held [m]; farther away it points to the
 target."""
 LINE_TOLERANCE_M = 0.8
-"""Offset from the line to the target that PX4 does not correct before `HOLD_HEADING_M` [m]."""
+"""Offset from the line of flight that PX4 tolerates until `HOLD_HEADING_M` [m]."""
 EARLY_BRAKING_S = 0.35
 """Time by which braking begins early, so that the jerk limit causes no overshoot [s]."""
 VELOCITY_TIMEOUT_S = 3.0
@@ -73,9 +73,9 @@ _BRAKING: dict[Flavour, _Braking] = {
     "px4": _Braking(0.45, 0.1, 0.95, 6.0),
     "ardupilot": _Braking(0.87, 0.045, 0.8, 1.5),
 }
-"""PX4 1.17 in SIH overshoots by 0.4 to 1.5 m at 5 m/s (median of 8: 0.83 m) and settles within
-0.5 m, 7 s after it was 3 m before the target. ArduCopter 4.7-dev in SITL brakes with 2.6 m/s²,
-overshoots by 0.64 m from 9 m/s and by 0.25 m from 5.7 m/s, and settles after 2.3 and 0.7 s."""
+"""Measured braking. PX4 1.17 (SIH) overshoots by 0.4 to 1.5 m at 5 m/s (median 0.83 m) and
+settles 7 s after it was 3 m off. ArduCopter 4.7-dev (SITL) brakes with 2.6 m/s². It overshoots
+by 0.64 m from 9 m/s, 0.25 m from 5.7 m/s; it settles after 2.3 and 0.7 s."""
 
 
 class Airframe:

@@ -140,7 +140,7 @@ class Flown:
         )
 
     def status(self) -> dialect.SysStatus:
-        """Battery status message."""
+        """Create the battery status message."""
         return dialect.SysStatus(
             load=300,
             voltage_battery=16_200,

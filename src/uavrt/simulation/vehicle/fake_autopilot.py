@@ -372,7 +372,7 @@ class FakeAutopilot:
                 self.missions.receive(message, sender, s_from_ns(now_ns), send)
 
     def _random_target(self) -> tuple[int, int]:
-        """Random numbers like those that PX4 1.17 leaves in targets of its answers."""
+        """Random target system and component, as PX4 1.17 puts into its answers."""
         return self._random.randrange(256), self._random.randrange(256)
 
     def _command(

@@ -75,7 +75,7 @@ class Intervals:
         most: int,
         noise: NDArray[np.float32],
     ) -> NDArray[np.float32] | None:
-        """Powers around each expected pulse by column, limited, maximised over the jitter."""
+        """Limited powers in the columns around each expected pulse, maxima over the jitter."""
         hop, reach = self._grid.hop, search.reach
         offset_hz = float(self._grid.offsets_hz[candidate.row])
         side = (most + reach) * hop
@@ -95,7 +95,7 @@ class Intervals:
 
 
 def _changes(within: float, beyond: float, k: int) -> NDArray[np.float64]:
-    """Interval differences to try [columns]; the ends of the group move by two columns."""
+    """Interval differences to try [columns]; each step moves a group's ends by two columns."""
     most = within + beyond
     step = 2.0 / (k - 1)
     count = math.ceil(most / step)

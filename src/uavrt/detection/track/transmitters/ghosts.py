@@ -1,10 +1,10 @@
 """Recognise ghosts: copies of a stronger tag's pulses that the receiver produces.
 
-A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre,
-and a saturated one also at multiples of its distance from the centre. Two simultaneous signals,
-such as a tag and a steady carrier, have products at 2 f1 - f2 and others. A ghost has the
-pulses of its original at the same instants and at such a frequency. The chance that another tag
-does so is computed from its phase, interval and frequency.
+A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre.
+A saturated one also shows it at multiples of its distance from the centre. Two simultaneous
+signals, such as a tag and a steady carrier, have products at 2 f1 - f2 and others. A ghost has
+the pulses of its original at the same instants and at such a frequency. The chance that another
+tag does so is computed from its phase, interval and frequency.
 """
 
 import math
@@ -34,11 +34,11 @@ class _ReceivedTrain(Generic[H]):
     frequency_hz: float
     times_ns: list[int]
     near_s: list[float]
-    """Maximum distance of another pulse that is simultaneous with each pulse [s]."""
+    """Maximum time difference of a simultaneous pulse of another train, for each pulse [s]."""
 
     @property
     def edge_s(self) -> float:
-        """Maximum distance of an edge from its pulse [s]."""
+        """Maximum time between a pulse and its edge, when the edge appears as a pulse [s]."""
         return GHOSTS.edge_widths * self.track.tag.pulse_width_s
 
 
@@ -79,7 +79,7 @@ class _Instants(Generic[H]):
 def mark_ghosts(
     detectors: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
 ) -> list[tuple[H, Track]]:
-    """Mark the tracks that are ghosts of others; return those not marked before.
+    """Mark the tracks that are ghosts of other tracks; return those not marked before.
 
     `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
     """

@@ -58,7 +58,7 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 class _AssignmentSoFar:
     """Best assignment of the trains so far.
 
-    Each tag has a price: no other tag, or none, gives a train more value above the price.
+    Each tag has a price. With prices deducted, no train gains by another tag or by none.
     """
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
@@ -120,7 +120,7 @@ def losses(
 ) -> list[dict[int, float]]:
     """Loss of value if a train is assigned to a given tag instead of the best one.
 
-    Returns it for each train and possible tag; 0 for the assigned one.
+    Returns the loss for each train and possible tag; 0 for the assigned tag.
     """
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _path_losses(able, chosen, owner)

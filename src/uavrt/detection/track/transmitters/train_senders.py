@@ -4,7 +4,7 @@ Detectors with overlapping bands receive the same pulses, and each would report 
 tag's. Tracks of the same pulses are merged into trains, which are assigned one to one to tags,
 by interval and frequency. A declared uncertainty is taken as three standard deviations of a
 normal error, and as a bound. Other tags at least a twentieth as likely are reported with the
-pulses. A tag's interval measured without competing tags is kept for later decisions.
+pulses. A tag's interval measured without competing tags is stored for later decisions.
 """
 
 import math
@@ -97,13 +97,13 @@ class IntervalSeparation:
 
 @dataclass(frozen=True, slots=True)
 class _Learnt:
-    """Measured interval of a tag, kept for later decisions."""
+    """Measured interval of a tag, stored for later decisions."""
 
     scale: float
     bound: float
     """Relative uncertainty of the measured interval."""
     otherwise_ns: float | None = None
-    """Time since which the tag is received with another interval [ns]; or None."""
+    """Time at which the tag was first received with another interval [ns]; or None."""
 
 
 class ConfirmedPulses:
@@ -205,7 +205,7 @@ class Senders(Generic[H]):
         """Drop tracks that were begun or just confirmed only by pulses of other tags.
 
         One strong pulse and the largest noise an interval before and after it make a group of
-        any tag, and another strong pulse on its lattice would confirm it. `trains`: dropped
+        any tag. Another strong pulse on its lattice would confirm the group. `trains`: dropped
         tracks are removed. `given`: those assigned. Returns whether there were any.
         """
         dropped: set[int] = set()
@@ -316,7 +316,7 @@ class Senders(Generic[H]):
         ]
 
     def _likely(self, train: Train[H]) -> dict[int, float]:
-        """Log-likelihood of a train for each possible tag, and the value of any tag."""
+        """Log-likelihood of a train for each possible tag, plus the value of having any tag."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
         return {
             i: value + SENDERS.any_tag_log for i, value in values.items() if value > -math.inf

@@ -221,7 +221,7 @@ def _is_found(track: Track, slot: Slot) -> bool:
 
 
 def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
-    """Tracks of a train for which no other interval is far more likely."""
+    """Select the tracks of a train that explain its pulses nearly as well as the best one."""
     intervals_s = [track.interval_s for _, track in pairs]
     if max(intervals_s) < SENDERS.same_interval_ratio * min(intervals_s):
         return pairs

@@ -171,7 +171,7 @@ def _regressed(
 
 
 def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> float:
-    """Correlation of neighbouring pulses that explains the scatter of means of stretches.
+    """Correlation of neighbouring pulses, from the scatter of means over stretches of pulses.
 
     Errors of the ground model extend over many pulses. The fit absorbs some of them, so the
     model's expected error `error_db`, constant over `alike` pulses, is added to that of the
@@ -190,7 +190,7 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
 
 
 def lasting_correlation(residual: _Floats) -> float:
-    """Correlation of neighbouring residuals (n,), 0 to 0.95, reduced by chance's 1/√n."""
+    """Correlation of neighbouring residuals (n,), 0 to 0.95, less the chance value 1/√n."""
     energy = max(float(residual @ residual), 1e-9)
     lag = float(residual[1:] @ residual[:-1]) / energy
     return float(np.clip(lag - len(residual) ** -0.5, 0.0, 0.95))

@@ -2,7 +2,7 @@
 
 Published trackers assume a known strength. Here every position (cell or particle) has a normal
 distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
-its first two moments. The strength is so estimated during the search.
+its first two moments. So the search itself estimates the strength.
 """
 
 from dataclasses import dataclass, replace
@@ -55,7 +55,7 @@ def false_pulse_density(heard: Listening) -> float:
 
 @lru_cache(maxsize=64)
 def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Gain in and across the plane of the elements, by the cosine off boresight (-1 to 1)."""
+    """Gains [dB] in and across the elements' plane, by the cosine off boresight (-1 to 1)."""
     forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
     aside = np.sqrt(1.0 - forward**2)
     none = np.zeros_like(forward)
@@ -121,7 +121,7 @@ class GroundEffect:
     """Height of the ground above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss [dB] for a relative error of the losses of 1."""
+    """Additional loss if the relative error of the losses is 1 [dB]."""
 
     @classmethod
     def hills(

@@ -1,10 +1,10 @@
 """Estimate the error of a ground model's losses at each position, with a tag's strength.
 
-Behind a round top, in woods, or where the map is some metres off, pulses lose more or less than
-by the map. The error persists while the drone flies along the same side of the hill. As an
-independent error of each pulse, twenty of them would rule out the truth. It is therefore one
+Behind a rounded hilltop, in woods, or with a map some metres off, pulses lose more or less than
+the map predicts. The error persists while the drone flies along the same side of the hill. As
+an independent error of each pulse, twenty of them would rule out the truth. It is therefore one
 unknown that pulses update and that decorrelates along the drone's path. The independent part
-must be small: places behind more of a hill would otherwise become improbable with every pulse.
+must be small: otherwise each pulse would make positions deeper behind a hill less probable.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss [dB] for a relative error of the losses of 1.
+    """Additional loss if the relative error of the losses is 1 [dB].
 
     Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
     """

@@ -1,9 +1,9 @@
 """Likelihood of a position from powers along a track, with unknown level and path loss.
 
 The model is z = P - 10 n log10(r / 100 m) + G + e, with fading e that is correlated along the
-track (first-order autoregressive). At a given place it is linear in P and n, so both, and the
-fading's size, integrate out in closed form; the correlation is summed over some values. Misses
-enter as "below the threshold".
+track (first-order autoregressive). At a given position it is linear in P and n, so both, and
+the fading's size, integrate out in closed form. The correlation is summed over some values.
+Misses enter as "below the threshold".
 """
 
 from collections.abc import Sequence
@@ -152,7 +152,7 @@ class PowerEvidence:
         return replace(fit, level_db=fit.level_db + self._mean_db)
 
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
-        """Correlation of neighbouring pulses' fading, at the most likely of (places,)."""
+        """Correlation of neighbouring pulses' fading, at the likeliest of (places,)."""
         fit = self.fit(east_m, north_m)
         top = int(np.argmax(fit.log_likelihood))
         loss, z = self._heard_from(east_m[top : top + 1], north_m[top : top + 1])
@@ -245,9 +245,9 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
 
     Level, exponent, and the fading's size and correlation integrate out. The precision of a
     first-order process with correlation rho is, up to 1 / (1 - rho²), the sum over all pulses,
-    plus rho² over the inner ones, minus rho over neighbours on both sides. The size has a prior
-    of one pulse with the typical fading, which matters for two or three pulses. The constant is
-    included, so that likelihoods of different numbers of pulses compare.
+    plus rho² over the inner ones, minus rho over adjacent pairs, each pair twice. The size has
+    a prior of one pulse with the typical fading, which matters for two or three pulses. The
+    constant is included, so that likelihoods of different numbers of pulses compare.
     """
 
     def at(number: int) -> _Floats:

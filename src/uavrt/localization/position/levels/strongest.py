@@ -1,8 +1,8 @@
 """Find the position of a survey's strongest signal, which is not the tag's position.
 
-A monopole receives nothing from straight below, so a tag is strongest on a ring around it: the
-largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n), 36 m for 40 m above the tag and an
-exponent of 2.5. Users of surveys walk to the peak, so maps label it.
+A monopole receives nothing from straight below, so a tag is strongest on a ring around it. The
+largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n): 36 m for h = 40 m and n = 2.5. Users
+of surveys walk to the peak, so maps label it.
 """
 
 from dataclasses import dataclass
@@ -80,8 +80,8 @@ def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
     """Divide heights (n,) into the layers in which a survey was flown, lowest first.
 
     A drone holds its height to a few metres: fixed layers of 10 m would split one level flight
-    at 40 m in two. So heights are divided where 5 m are empty, and ranges above 15 m, such as a
-    climb, into equal layers of 10 m at most.
+    at 40 m in two. So heights are divided where 5 m are empty. Ranges above 15 m, such as a
+    climb, are divided into equal layers of 10 m at most.
 
     Returns: low and high of each layer, low ≤ height < high; the last one includes its high.
     """

@@ -1,9 +1,9 @@
 """Estimate errors common to all powers of a survey: a wrong height, pulses of other senders.
 
 A wrong height (terrain, a tag on a tree, a take-off on a hill) moves the minimum and changes
-the slope of the strength; several heights are compared together with the position. Pulses of
+the slope of the strength. Several heights are compared together with the position. Pulses of
 other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
-approximate position. Pulses far outside the others' scatter there are excluded and counted.
+approximate position. Pulses that deviate there far more than most are excluded and counted.
 """
 
 from collections.abc import Sequence
@@ -78,7 +78,7 @@ class SurveyEvidence:
             )
             for kept in readings
         ]
-        """For each set of the tag's own pulses: evidences of the heights, and log-prior."""
+        """Evidences for all height errors, and log-prior, for each set of the tag's pulses."""
 
     @property
     def foreign(self) -> int:
@@ -327,7 +327,7 @@ def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviation of pulses from an estimate by their neighbours (places, n), and its sigma."""
+    """Deviation of pulses from an estimate by adjacent pulses (places, n), and its sigma."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])

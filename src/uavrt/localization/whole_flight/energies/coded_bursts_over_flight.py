@@ -1,6 +1,6 @@
 """Compute the energies of a coded tag's bursts: the mean of the pulses at the code's gaps.
 
-A column of windows becomes that of the bursts that begin there, and a folded train is one of
+Each column's windows are replaced by the bursts that begin in it, so folding finds trains of
 bursts. If all pulses of the code are present, the train is the tag's.
 """
 
@@ -25,7 +25,7 @@ class BurstColumns:
     seen: NDArray[np.bool_]
     """(rows, columns) True where the burst is strong and has the shape of a burst."""
     heard: NDArray[np.bool_]
-    """(columns,) True where the burst has an energy."""
+    """(columns,) True where the burst has a valid energy."""
     listened: NDArray[np.bool_]
     """(columns,) True where the samples of the burst are complete."""
 
@@ -125,8 +125,8 @@ def sender_of(
     """Identify by the energies of single pulses if a train is of this code.
 
     All pulses of a burst are equally strong. A burst of another code has pulses at some of this
-    code's positions and none at others. So has a burst of this code if another of its pulses
-    was taken for the first.
+    code's positions and none at others. The same happens to this code if a later pulse was
+    taken for the first.
 
     `time_s` (n,): starts of the bursts, from the first slot's beginning.
     `weight` (n,): expected strength of each burst.

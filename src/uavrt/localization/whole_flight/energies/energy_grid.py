@@ -67,7 +67,7 @@ class SlotEnergies:
         return self.start_ns + round(length_s * NANOSECONDS_PER_SECOND)
 
     def between(self, first: int, end: int) -> "SlotEnergies":
-        """Slots from one number to another, not standardised again."""
+        """Copy with the slots from one index to another only, not standardised again."""
         start_s = first * self.slot_s
         return replace(
             self,

@@ -1,8 +1,8 @@
 """Sum energies over all pulses of a flight, for every interval and phase at once.
 
 The fast folding algorithm (Staelin 1969, Proc. IEEE 57, 724): rows of one base period are added
-in pairs, pairs in pairs, each time with all shifts for intervals between the base period and
-one slot more. So R rows of P slots cost P R log2 R additions instead of P R².
+in pairs, the sums again in pairs, and so on. Each step uses all shifts for intervals from the
+base period to one slot more. So R rows of P slots cost P R log2 R additions instead of P R².
 """
 
 import numpy as np
@@ -25,8 +25,8 @@ def fold(
     `period`: base period [slots].
     `first`, `end`: range of wanted rows of the fold; by default all.
     Returns: (many, rows, period) ``[i, d - first, p]``, the sum of the i-th values over the
-        slots ``p + k (period + d / (rows - 1))``; rows is the next power of two to the number
-        of periods in all slots.
+    slots ``p + k (period + d / (rows - 1))``. Rows is the next power of two to the number of
+    periods in all slots.
     """
     many, slots = values.shape
     rows = fold_rows(slots, period)
