@@ -15,6 +15,7 @@ from past_flight import write_days, write_flight
 from playwright.sync_api import Page, expect
 from recorded import frames, write_recording
 from some import some
+from until import until
 
 from uavrt.simulation.demo.demo_programs import free_udp_port
 
@@ -41,7 +42,7 @@ def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(scene: S
     expect(star).to_have_text("★")
     expect(star).to_have_attribute("aria-pressed", "true")
     assert (here / first / "starred").exists()
-    box = some(star.bounding_box())
+    box = until(star.bounding_box)
     assert box["x"] + box["width"] <= 1024, "in sight at 1024 x 600"
     page.click("#season-show")
     expect(page.locator("#season-note")).to_contain_text("2 flights, 4 minutes · 1 of 1")

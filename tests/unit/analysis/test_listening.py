@@ -62,9 +62,9 @@ def test_whole_seconds_with_samples_are_laid_together() -> None:
     ("flown", "says"),
     [
         ((0.0, 60.0), []),
-        ((0.0, 120.0), ["samples of 50% of the flight"]),
+        ((0.0, 120.0), ["50% of the flight"]),
         ((0.0, 30.0), ["% of the samples have no pose"]),
-        ((40.0, 160.0), ["samples of 17% of the flight", "% of the samples have no pose"]),
+        ((40.0, 160.0), ["17% of the flight", "% of the samples have no pose"]),
     ],
 )
 def test_time_without_samples_or_without_poses_is_told(

@@ -221,7 +221,7 @@ def test_a_recording_that_does_not_name_its_antennas_is_refused(tmp_path: Path) 
         recording.write_text(
             json.dumps(content | {"global": content["global"] | {SWITCH_KEY: entry}})
         )
-        with pytest.raises(FormatError, match="wrong"):
+        with pytest.raises(FormatError, match="invalid"):
             read_switched_array(recording)
     del content["global"][SWITCH_KEY]
     recording.write_text(json.dumps(content))

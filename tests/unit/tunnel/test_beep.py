@@ -94,7 +94,7 @@ def test_a_damaged_row_of_a_flight_is_no_beep() -> None:
     for column, cell in (("offsets_hz", ""), ("kind", "mirrored"), ("interval_s", 0.0)):
         row = list(beep_row(NAMED if column != "kind" else made.beep(BeepKind.UNLISTED)))
         row[columns.index(column)] = cell
-        with pytest.raises(ValueError, match=r"offset|needs a tag|interval"):
+        with pytest.raises(ValueError, match=r"offset|needs a tag|invalid values"):
             beep_from_row(tuple(row))
 
 
