@@ -37,7 +37,7 @@ def test_a_link_with_both_keys_and_an_experimental_generation_may_begin(tmp_path
     key.chmod(0o600)
     keys = {"key_file": str(key), "signing_key_file": str(key), "tunnel_generation": "G2"}
     check_link(settings(**keys, tunnel_experimental=True))
-    with pytest.raises(ConfigError, match="are inferred"):
+    with pytest.raises(ConfigError, match="is experimental"):
         check_link(settings(**keys))
 
 
