@@ -21,7 +21,7 @@ _MOST_BLOCKS = 40_000
 def fill_pools() -> list[object]:
     """Fill the free slots between Python's objects, before a process is forked.
 
-        Otherwise new objects use these slots first, and each makes an inherited memory page
+    Otherwise new objects use these slots first, and each makes an inherited memory page
     private: ten pages a minute, for hours. Once filled, new objects stay together. Takes 10 ms
     and 0.4 MB, once. Returns the filling objects, which must be kept.
     """
@@ -30,7 +30,7 @@ def fill_pools() -> list[object]:
     # Objects below 48 bytes are numbers only; their pools have few free slots.
     for size in range(3 * _STEP_BYTES, _LARGEST_BYTES + 1, _STEP_BYTES):
         in_a_row, last = 0, 0
-        # So many blocks in a row are an empty pool: no free slots between others remain.
+        # A run of this length is an empty pool: no free slots between other objects remain.
         while in_a_row < _POOL_BYTES // size - 2 and used < _MOST_BLOCKS:
             block = bytes(size - b"".__sizeof__())
             in_a_row = in_a_row + 1 if id(block) == last + size else 1
