@@ -4,7 +4,6 @@ A new field of `uavrt.core.messages.Pulse` becomes a column of the flight's data
 files of ``uavrt detect`` and of the page's records.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from enum import StrEnum
@@ -36,34 +35,8 @@ class RecordField:
     """True if the value may be None."""
     defaulted: bool
     """True if the field may be missing, as in older files."""
-    choices: tuple[str, ...] = ()
-    """Allowed texts; empty if any text is allowed."""
     length: int | None = None
     """Required number of values in a tuple of numbers; None: any."""
-
-    def from_record(self, value: Any) -> Any:
-        """Convert a value from JSON or CSV; raises `ValueError` or `TypeError`."""
-        if value is None and self.optional:
-            return None
-        match self.kind:
-            case "whole":
-                return int(value)
-            case "real":
-                return math.nan if value is None else float(value)
-            case "switch":
-                if not isinstance(value, bool):
-                    raise ValueError(f"{self.name} must be true or false")
-                return value
-            case "wholes":
-                return tuple(map(int, value or ()))
-            case "reals":
-                numbers = tuple(map(float, value or ()))
-                if self.length is not None and len(numbers) != self.length:
-                    raise ValueError(f"{self.name} must have {self.length} numbers")
-                return numbers
-        if self.choices and value not in self.choices:
-            raise ValueError(f"{self.name} has the unknown value {value!r}")
-        return value
 
     @property
     def to_sql(self) -> Callable[[Any], Any] | None:
@@ -100,27 +73,17 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
     optional = get_origin(hint) is UnionType and NoneType in get_args(hint)
     if optional:
         (hint,) = (one for one in get_args(hint) if one is not NoneType)
-    choices: tuple[str, ...] = ()
+    kind: Kind = "word"
     length: int | None = None
-    if get_origin(hint) is Literal:
-        kind: Kind = "word"
-        choices = get_args(hint)
-    elif isinstance(hint, type) and issubclass(hint, StrEnum):
-        kind, choices = "word", tuple(hint)
-    elif get_origin(hint) is tuple:
+    if get_origin(hint) is tuple:
         kind = "reals" if get_args(hint)[0] is float else "wholes"
         length = None if Ellipsis in get_args(hint) else len(get_args(hint))
     elif hint in _KINDS:
         kind = _KINDS[hint]
-    else:
+    elif get_origin(hint) is not Literal and not issubclass(hint, StrEnum):
         raise TypeError(f"{name} is {hint}: no column holds that")
     return RecordField(
-        name=name,
-        kind=kind,
-        optional=optional,
-        defaulted=defaulted,
-        choices=choices,
-        length=length,
+        name=name, kind=kind, optional=optional, defaulted=defaulted, length=length
     )
 
 
