@@ -4,12 +4,20 @@ A new field of `uavrt.core.messages.Pulse` becomes a column of the flight's data
 files of ``uavrt detect`` and of the page's records.
 """
 
-from collections.abc import Callable
+import json
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields
 from enum import StrEnum
+from functools import lru_cache
+from operator import attrgetter
 from types import NoneType, UnionType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
+import msgspec
+
+R = TypeVar("R")
+Row = tuple[Any, ...]
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
 
 IN_NO_TABLE = "in no table"
@@ -37,26 +45,6 @@ class RecordField:
     """True if the field may be missing, as in older files."""
     length: int | None = None
     """Required number of values in a tuple of numbers; None: any."""
-
-    @property
-    def to_sql(self) -> Callable[[Any], Any] | None:
-        """Function that converts a value for the database; None if none is needed."""
-        return _joined if self.kind in ("wholes", "reals") else None
-
-    @property
-    def from_sql(self) -> Callable[[Any], Any] | None:
-        """Function that converts a database cell to a value; None if none is needed.
-
-        NaN is stored as NULL, which each table's own reader converts.
-        """
-        match self.kind:
-            case "switch":
-                return bool
-            case "wholes":
-                return _parted
-            case "reals":
-                return _parted_reals
-        return None
 
 
 def fields_of(record: type) -> tuple[RecordField, ...]:
@@ -87,13 +75,63 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
     )
 
 
-def _joined(numbers: tuple[float, ...]) -> str | None:
-    return " ".join(map(repr, numbers)) if numbers else None
+class Columns(Generic[R]):
+    """Columns of a table of records, and the conversion of a record to a row and back.
+
+    `order`: names of the columns; by default all fields of `kind`. Lists of numbers are texts
+    with spaces, or in JSON with `lists_as_json`. NaN is NULL.
+    """
+
+    def __init__(
+        self, kind: type[R], order: Sequence[str] = (), *, lists_as_json: bool = False
+    ) -> None:
+        described = {one.name: one for one in fields_of(kind)}
+        columns = [described[name] for name in order or described]
+        self.types = {one.name: SQL_TYPES[one.kind] for one in columns}
+        self.names = ", ".join(self.types)
+        """The names for SQL, in order."""
+        self.declared = ", ".join(f"{name} {sql}" for name, sql in self.types.items())
+        self._kind = kind
+        self._values = attrgetter(*self.types)
+        self._lists: list[tuple[int, Callable[[Any], float]]] = []
+        self._switches: list[int] = []
+        self._reals: list[int] = []
+        for place, one in enumerate(columns):
+            if one.kind in ("wholes", "reals"):
+                self._lists.append((place, int if one.kind == "wholes" else float))
+            elif one.kind == "switch":
+                self._switches.append(place)
+            elif one.kind == "real" and not one.optional:
+                self._reals.append(place)
+        self._json = lists_as_json
+
+    def row(self, record: R) -> Row:
+        """Values of a record in the order of the columns."""
+        row = list(self._values(record))
+        for place, _ in self._lists:
+            numbers = row[place]
+            text = json.dumps(numbers) if self._json else " ".join(map(repr, numbers))
+            row[place] = text if numbers else None
+        return tuple(row)
+
+    def values(self, row: Row) -> dict[str, Any]:
+        """Values of a row by name; raises `ValueError` or `TypeError` for wrong ones."""
+        values = list(row)
+        for place in self._reals:
+            if values[place] is None:
+                values[place] = math.nan
+        for place in self._switches:
+            values[place] = bool(values[place])
+        for place, number in self._lists:
+            text = values[place]
+            parts = _from_json(text or "[]") if self._json else str(text or "").split()
+            values[place] = tuple(map(number, parts))
+        return dict(zip(self.types, values, strict=True))
+
+    def record(self, row: Row) -> R:
+        """Make a record from a row; raises as `values`."""
+        return msgspec.convert(self.values(row), self._kind)  # faster than its constructor
 
 
-def _parted(text: str | None) -> tuple[int, ...]:
-    return tuple(map(int, str(text).split())) if text else ()
-
-
-def _parted_reals(text: str | None) -> tuple[float, ...]:
-    return tuple(map(float, str(text).split())) if text else ()
+_from_json = lru_cache(maxsize=256)(json.loads)
+"""Parse a JSON list of numbers, cached because thousands of tags share few intervals."""
