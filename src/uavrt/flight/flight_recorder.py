@@ -42,6 +42,7 @@ from uavrt.core.messages import (
     Tag,
 )
 from uavrt.flight.database import schema
+from uavrt.flight.database.fields import Row
 from uavrt.flight.database.flight_database import FlightDatabase, Statement, is_damage
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.logs.detector_configs import detector_config, write_detector_config
@@ -60,13 +61,13 @@ MAX_WAITING_OTHERS = 20_000
 """Largest number of waiting poses and health records: half an hour; pulses carry poses too."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
-_STATEMENTS: dict[type, tuple[str, Callable[[Any], schema.Row]]] = {
-    Beep: (schema.INSERT_BEEP, schema.beep_row),
+_STATEMENTS: dict[type, tuple[str, Callable[[Any], Row]]] = {
+    Beep: (schema.INSERT_BEEP, schema.BEEPS.row),
     Health: (schema.INSERT_HEALTH, schema.health_row),
     Pose: (schema.INSERT_POSE, schema.pose_row),
     SearchNote: (schema.INSERT_SEARCH_NOTE, schema.search_note_row),
-    SearchReport: (schema.INSERT_SEARCH_REPORT, schema.search_report_row),
-    Tag: (schema.REPLACE_TAG, schema.tag_row),
+    SearchReport: (schema.INSERT_SEARCH_REPORT, schema.SEARCHED.row),
+    Tag: (schema.REPLACE_TAG, schema.TAGS.row),
 }
 
 
@@ -320,4 +321,4 @@ def _info_statements(info: FlightInfo, settings: Settings | None) -> list[Statem
         f"INSERT INTO flight ({columns} uavrt_version) SELECT ?, ?, ?, ?, ?, ? "
         "WHERE NOT EXISTS (SELECT 1 FROM flight)"
     )
-    return [(flight, row), *((schema.INSERT_TAG, schema.tag_row(tag)) for tag in info.tags)]
+    return [(flight, row), *((schema.INSERT_TAG, schema.TAGS.row(tag)) for tag in info.tags)]

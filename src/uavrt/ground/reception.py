@@ -78,13 +78,13 @@ class Reception:
                 vehicle.flight.show_soon(event, record)
             case SearchReport():
                 drone.heard[event.tag_id] = now_ns
-                keeper.add_search_report(event)
+                keeper.write(event)
                 vehicle.feed.send("search", asdict(event))
             case DetectorAlive():
                 drone.heard[event.tag_id] = now_ns
                 drone.bench.alive(event.tag_id, now_ns)
             case Beep() if drone.take_beep(event, vehicle.store.corrections):
-                keeper.add_beep(event)
+                keeper.write(event)
                 vehicle.feed.send_state()
             case LiveBearing():
                 drone.bearings[event.tag_id, event.start_time_ns] = event

@@ -14,7 +14,7 @@ from uavrt.analysis.archive.recordings import find_recordings
 from uavrt.analysis.archive.steps.batch_settings import BatchSettings
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.analysis.season import read_season
-from uavrt.flight.database.schema import PULSE_COLUMNS, insertion, pulse_row
+from uavrt.flight.database.schema import PULSES, insertion
 
 FLIGHTS = 40
 _opened: list[int] = [0]
@@ -42,8 +42,8 @@ def folder_fixture(tmp_path: Path) -> Path:
         pulses = [made.pulse(at, tag_id=2, snr_db=level, confirmed=True) for at, level in heard]
         with closing(sqlite3.connect(place / "flight.sqlite")) as database:
             database.execute("UPDATE flight SET start_time_ns = ?", [start_ns])
-            rows = map(pulse_row, pulses)
-            database.executemany(insertion("pulses", PULSE_COLUMNS), rows)
+            rows = map(PULSES.row, pulses)
+            database.executemany(insertion("pulses", PULSES.names), rows)
             database.execute("INSERT INTO notes VALUES (?, ?)", [start_ns, note])
             database.commit()
 

@@ -35,7 +35,7 @@ def test_every_field_of_a_pulse_comes_back_from_the_database_and_from_the_files(
     database = sqlite3.connect(":memory:")
     schema.bring_up_to_date(database)
     for pulse in (usual, replace(FULL, start_time_ns=6_000)):
-        database.execute(schema.INSERT_PULSE, schema.pulse_row(pulse))
+        database.execute(schema.INSERT_PULSE, schema.PULSES.row(pulse))
         record = pulse_record(PulsePose(pulse=pulse, pose=None))
         assert pulse_from_record(record).pulse == pulse
     rows = database.execute(f"SELECT {schema.PULSE_COLUMNS} FROM pulses").fetchall()
@@ -63,7 +63,7 @@ def test_a_type_that_no_column_holds_is_a_fault_of_the_program() -> None:
 
 def test_a_pulse_with_a_status_of_a_newer_version_does_not_bar_the_others() -> None:
     place = schema.PULSE_COLUMNS.split(", ").index("detection_status")
-    row = list(schema.pulse_row(made.pulse(0)))
+    row = list(schema.PULSES.row(made.pulse(0)))
     row[place] = "of a newer version"
     found: str = schema.pulse_from_row(tuple(row)).detection_status
     assert found == "of a newer version"

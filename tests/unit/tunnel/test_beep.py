@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from uavrt.config.tags.tag_corrections import correction_of, shared_offset_ppm
 from uavrt.core.errors import TunnelError
 from uavrt.core.messages import Beep, BeepKind
-from uavrt.flight.database.schema import BEEP_COLUMNS, beep_from_row, beep_row
+from uavrt.flight.database.schema import BEEPS
 from uavrt.link.tunnel.generations.wire import MAX_PAYLOAD
 from uavrt.link.tunnel.own_messages.beep import decode_beep, encode_beep
 
@@ -90,12 +90,12 @@ def test_a_kind_that_says_something_of_a_tag_is_refused_without_one(kind: BeepKi
 
 
 def test_a_damaged_row_of_a_flight_is_no_beep() -> None:
-    columns = BEEP_COLUMNS.split(", ")
+    columns = BEEPS.names.split(", ")
     for column, cell in (("offsets_hz", ""), ("kind", "mirrored"), ("interval_s", 0.0)):
-        row = list(beep_row(NAMED if column != "kind" else made.beep(BeepKind.UNLISTED)))
+        row = list(BEEPS.row(NAMED if column != "kind" else made.beep(BeepKind.UNLISTED)))
         row[columns.index(column)] = cell
         with pytest.raises(ValueError, match=r"offset|needs a tag|invalid values"):
-            beep_from_row(tuple(row))
+            BEEPS.record(tuple(row))
 
 
 def test_a_long_reason_is_cut_to_fit() -> None:

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from uavrt.cli.options.kinds import Hertz, HertzOrZero
 from uavrt.core.clock import parse_iso_utc
 from uavrt.core.errors import ConfigError, UsageError
+from uavrt.core.messages import Tag
 
 _HEAD_BYTES = 65_536
 
@@ -28,6 +29,21 @@ def refuse(given: dict[str, bool], why: str) -> None:
     for option, wrong in given.items():
         if wrong:
             raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
+
+
+def chosen_tags(known: Sequence[Tag], ids: Sequence[int]) -> list[Tag]:
+    """Select tags by their ids, or all; raises `ConfigError` for an unknown id or no tags."""
+    missing = sorted(set(ids) - {one.tag_id for one in known})
+    if known and missing:
+        listed = ", ".join(str(one.tag_id) for one in known)
+        raise ConfigError(
+            f"there is no tag {missing[0]}", remedy=f"Choose from {listed}, or name --tags"
+        )
+    if not known:
+        raise ConfigError(
+            "there are no tags to search for", remedy="Name a tag file with --tags"
+        )
+    return [one for one in known if not ids or one.tag_id in ids]
 
 
 def _is_empty(path: Path) -> bool:

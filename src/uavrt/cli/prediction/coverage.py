@@ -2,7 +2,7 @@
 
 # isort: off
 from uavrt.cli.options.link_budget_options import USUAL_BUDGET, Budget
-from uavrt.cli.options.inputs import refuse
+from uavrt.cli.options.inputs import chosen_tags, refuse
 from uavrt.cli.options.elevation_option import elevation_of
 from uavrt.cli.options.kinds import (
     DecibelsOfError,
@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.prediction.coverage_records import CoverageOptions, MappedTag, chosen
+from uavrt.cli.prediction.coverage_records import CoverageOptions, MappedTag
 from uavrt.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def _listed(
     from uavrt.config.tags.tag_files import read_tags
 
     if tags is not None:
-        return chosen(list(read_tags(tags)), ids)
+        return chosen_tags(read_tags(tags), ids)
     if interval_s <= 2.0 * pulse_width_s:
         raise ConfigError(
             f"the interval of {interval_s:g} s is too short for pulses of {pulse_width_s:g} s",

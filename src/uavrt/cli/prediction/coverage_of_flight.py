@@ -5,10 +5,10 @@ from pathlib import Path
 from uavrt.analysis.coverage_files import write_maps
 from uavrt.analysis.covered.coverage_maps import inside, read_polygon
 from uavrt.analysis.covered.silence import ListenedFlight
+from uavrt.cli.options.inputs import chosen_tags
 from uavrt.cli.prediction.coverage_records import (
     CoverageOptions,
     MappedTag,
-    chosen,
     mean_inside,
 )
 from uavrt.cli.shown.progress_bars import progress_bar
@@ -23,7 +23,7 @@ def maps_of_flight(
     """Compute the coverage map of a flight for each tag."""
     flight = read_flight(asked.source)
     way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
-    known = list(flight.info.tags if tags is None else read_tags(tags))
+    known = flight.info.tags if tags is None else read_tags(tags)
     listened = ListenedFlight.read(
         asked.source, flight, asked.elevation, margin_m=asked.margin_m, cell_m=asked.cell_m
     )
@@ -32,7 +32,7 @@ def maps_of_flight(
         ground = listened.area.ground
         cells = inside(read_polygon(asked.outline, ground.plane), ground)
     mapped = []
-    for tag in chosen(known, ids):
+    for tag in chosen_tags(known, ids):
         with progress_bar(f"tag {tag.tag_id}") as on_pulse:
             found = listened.silent_map(
                 tag,

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uavrt.core.errors import ConfigError
-
 if TYPE_CHECKING:
     from uavrt.core.messages import Tag
     from uavrt.flight.integrated import SilentAround
@@ -54,16 +52,6 @@ class MappedTag:
     """Coverage of an undetected tag; None for a plan, or if the tag was detected."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
-
-
-def chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select tags by their ids; raises `ConfigError` for an unknown id."""
-    missing = sorted(set(ids) - {one.tag_id for one in known})
-    if missing or not known:
-        listed = ", ".join(str(one.tag_id) for one in known) or "none"
-        what = f"there is no tag {missing[0]}" if missing else "there are no tags"
-        raise ConfigError(what, remedy=f"Choose from {listed}, or name --tags")
-    return [one for one in known if not ids or one.tag_id in ids]
 
 
 def mean_inside(one: "Coverage", cells: Any) -> float:

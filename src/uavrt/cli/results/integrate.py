@@ -4,7 +4,7 @@
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.options.elevation_option import elevation_of
 from uavrt.cli.options.kinds import Between, Degrees, Hertz, Power, SecondsApart, TagIds
-from uavrt.cli.options.inputs import NOTHING_STATED, Stated
+from uavrt.cli.options.inputs import NOTHING_STATED, Stated, chosen_tags
 from uavrt.cli.options.near_codes import warn_of_near_codes
 from uavrt.cli.shown.progress_bars import progress_bar, progress_bars
 from uavrt.cli.shown.outputs import make_directory, print_json
@@ -164,7 +164,7 @@ def integrate(
     if others:
         found, results = _together(asked, flown, listed, tag)
     else:
-        wanted = _wanted(listed or flown[0].info.tags, tag)
+        wanted = chosen_tags(listed or flown[0].info.tags, tag)
         found, results = _one_flight(asked, flown[0], wanted)
     if as_json:
         print_json([one for one, _ in results], indent=2)
@@ -307,7 +307,7 @@ def _together(
     from uavrt.cli.results.integrated_words import record_of_flights, sentence_of_flights
 
     shared = common_tags(flights, listed)
-    wanted = _wanted(shared, ids)
+    wanted = chosen_tags(shared, ids)
     found, reported = False, []
     with progress_bars() as add_bar:
         how = replace(
@@ -434,21 +434,6 @@ def _keep(
         for file in [*drawn, *(one for some in here.values() for one in some)]:
             print(f"drawn: {file}", file=sys.stderr)
     return files
-
-
-def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select the requested tags; raises `ConfigError` if one is not listed, or none is left."""
-    if not known:
-        raise ConfigError(
-            "there are no tags to search for", remedy="Name a tag file with --tags"
-        )
-    missing = sorted(set(ids) - {one.tag_id for one in known})
-    if missing:
-        listed = ", ".join(str(one.tag_id) for one in known)
-        raise ConfigError(
-            f"there is no tag {missing[0]}", remedy=f"Choose from {listed}, or name --tags"
-        )
-    return [one for one in known if not ids or one.tag_id in ids]
 
 
 def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:

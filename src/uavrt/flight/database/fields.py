@@ -4,13 +4,20 @@ A new field of `uavrt.core.messages.Pulse` becomes a column of the flight's data
 files of ``uavrt detect`` and of the page's records.
 """
 
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields
 from enum import StrEnum
+from functools import lru_cache
+from operator import attrgetter
 from types import NoneType, UnionType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
+import msgspec
+
+R = TypeVar("R")
+Row = tuple[Any, ...]
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
 
 IN_NO_TABLE = "in no table"
@@ -36,54 +43,8 @@ class RecordField:
     """True if the value may be None."""
     defaulted: bool
     """True if the field may be missing, as in older files."""
-    choices: tuple[str, ...] = ()
-    """Allowed texts; empty if any text is allowed."""
     length: int | None = None
     """Required number of values in a tuple of numbers; None: any."""
-
-    def from_record(self, value: Any) -> Any:
-        """Convert a value from JSON or CSV; raises `ValueError` or `TypeError`."""
-        if value is None and self.optional:
-            return None
-        match self.kind:
-            case "whole":
-                return int(value)
-            case "real":
-                return math.nan if value is None else float(value)
-            case "switch":
-                if not isinstance(value, bool):
-                    raise ValueError(f"{self.name} must be true or false")
-                return value
-            case "wholes":
-                return tuple(map(int, value or ()))
-            case "reals":
-                numbers = tuple(map(float, value or ()))
-                if self.length is not None and len(numbers) != self.length:
-                    raise ValueError(f"{self.name} must have {self.length} numbers")
-                return numbers
-        if self.choices and value not in self.choices:
-            raise ValueError(f"{self.name} has the unknown value {value!r}")
-        return value
-
-    @property
-    def to_sql(self) -> Callable[[Any], Any] | None:
-        """Function that converts a value for the database; None if none is needed."""
-        return _joined if self.kind in ("wholes", "reals") else None
-
-    @property
-    def from_sql(self) -> Callable[[Any], Any] | None:
-        """Function that converts a database cell to a value; None if none is needed.
-
-        NaN is stored as NULL, which each table's own reader converts.
-        """
-        match self.kind:
-            case "switch":
-                return bool
-            case "wholes":
-                return _parted
-            case "reals":
-                return _parted_reals
-        return None
 
 
 def fields_of(record: type) -> tuple[RecordField, ...]:
@@ -100,37 +61,77 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
     optional = get_origin(hint) is UnionType and NoneType in get_args(hint)
     if optional:
         (hint,) = (one for one in get_args(hint) if one is not NoneType)
-    choices: tuple[str, ...] = ()
+    kind: Kind = "word"
     length: int | None = None
-    if get_origin(hint) is Literal:
-        kind: Kind = "word"
-        choices = get_args(hint)
-    elif isinstance(hint, type) and issubclass(hint, StrEnum):
-        kind, choices = "word", tuple(hint)
-    elif get_origin(hint) is tuple:
+    if get_origin(hint) is tuple:
         kind = "reals" if get_args(hint)[0] is float else "wholes"
         length = None if Ellipsis in get_args(hint) else len(get_args(hint))
     elif hint in _KINDS:
         kind = _KINDS[hint]
-    else:
+    elif get_origin(hint) is not Literal and not issubclass(hint, StrEnum):
         raise TypeError(f"{name} is {hint}: no column holds that")
     return RecordField(
-        name=name,
-        kind=kind,
-        optional=optional,
-        defaulted=defaulted,
-        choices=choices,
-        length=length,
+        name=name, kind=kind, optional=optional, defaulted=defaulted, length=length
     )
 
 
-def _joined(numbers: tuple[float, ...]) -> str | None:
-    return " ".join(map(repr, numbers)) if numbers else None
+class Columns(Generic[R]):
+    """Columns of a table of records, and the conversion of a record to a row and back.
+
+    `order`: names of the columns; by default all fields of `kind`. Lists of numbers are texts
+    with spaces, or in JSON with `lists_as_json`. NaN is NULL.
+    """
+
+    def __init__(
+        self, kind: type[R], order: Sequence[str] = (), *, lists_as_json: bool = False
+    ) -> None:
+        described = {one.name: one for one in fields_of(kind)}
+        columns = [described[name] for name in order or described]
+        self.types = {one.name: SQL_TYPES[one.kind] for one in columns}
+        self.names = ", ".join(self.types)
+        """The names for SQL, in order."""
+        self.declared = ", ".join(f"{name} {sql}" for name, sql in self.types.items())
+        self._kind = kind
+        self._values = attrgetter(*self.types)
+        self._lists: list[tuple[int, Callable[[Any], float]]] = []
+        self._switches: list[int] = []
+        self._reals: list[int] = []
+        for place, one in enumerate(columns):
+            if one.kind in ("wholes", "reals"):
+                self._lists.append((place, int if one.kind == "wholes" else float))
+            elif one.kind == "switch":
+                self._switches.append(place)
+            elif one.kind == "real" and not one.optional:
+                self._reals.append(place)
+        self._json = lists_as_json
+
+    def row(self, record: R) -> Row:
+        """Values of a record in the order of the columns."""
+        row = list(self._values(record))
+        for place, _ in self._lists:
+            numbers = row[place]
+            text = json.dumps(numbers) if self._json else " ".join(map(repr, numbers))
+            row[place] = text if numbers else None
+        return tuple(row)
+
+    def values(self, row: Row) -> dict[str, Any]:
+        """Values of a row by name; raises `ValueError` or `TypeError` for wrong ones."""
+        values = list(row)
+        for place in self._reals:
+            if values[place] is None:
+                values[place] = math.nan
+        for place in self._switches:
+            values[place] = bool(values[place])
+        for place, number in self._lists:
+            text = values[place]
+            parts = _from_json(text or "[]") if self._json else str(text or "").split()
+            values[place] = tuple(map(number, parts))
+        return dict(zip(self.types, values, strict=True))
+
+    def record(self, row: Row) -> R:
+        """Make a record from a row; raises as `values`."""
+        return msgspec.convert(self.values(row), self._kind)  # faster than its constructor
 
 
-def _parted(text: str | None) -> tuple[int, ...]:
-    return tuple(map(int, str(text).split())) if text else ()
-
-
-def _parted_reals(text: str | None) -> tuple[float, ...]:
-    return tuple(map(float, str(text).split())) if text else ()
+_from_json = lru_cache(maxsize=256)(json.loads)
+"""Parse a JSON list of numbers, cached because thousands of tags share few intervals."""

@@ -9,6 +9,7 @@ from uavrt.core.clock import monotonic_s
 from uavrt.core.errors import RecordingError
 from uavrt.core.messages import Pose, Pulse, PulsePose
 from uavrt.flight.database import schema
+from uavrt.flight.database.fields import Row
 from uavrt.flight.flight_layout import FlightLayout
 
 CHECKPOINT_S = 2.0
@@ -25,7 +26,7 @@ _POISON = (sqlite3.IntegrityError, sqlite3.DataError, sqlite3.InterfaceError, Ov
 # Python 3.11 raises InterfaceError or ProgrammingError for a type SQLite does not know.
 _UNWRITABLE = (*_POISON, sqlite3.ProgrammingError, UnicodeEncodeError)
 
-Statement = tuple[str, schema.Row]
+Statement = tuple[str, Row]
 CACHE_KIB = 256
 """Size of SQLite's page cache [KiB]; small, since rows are only appended."""
 
@@ -219,7 +220,7 @@ def _insert_pulse(
     counts: dict[str, int],
 ) -> None:
     pulse = record.pulse if isinstance(record, PulsePose) else record
-    inserted = database.execute(schema.INSERT_PULSE, schema.pulse_row(pulse)).rowcount
+    inserted = database.execute(schema.INSERT_PULSE, schema.PULSES.row(pulse)).rowcount
     counts["pulses"] += inserted
     if not isinstance(record, PulsePose):
         counts["repeated"] += not inserted

@@ -8,9 +8,7 @@ import json
 import math
 import sqlite3
 from dataclasses import replace
-from functools import lru_cache
-from operator import attrgetter
-from typing import Any, cast
+from typing import cast
 
 import msgspec
 
@@ -28,35 +26,43 @@ from uavrt.core.messages import (
     SearchReport,
     Tag,
 )
-from uavrt.flight.database.fields import SQL_TYPES, fields_of
+from uavrt.flight.database.fields import Columns, Row
 
 VERSION = 6
 """Version of the tables. Added in 2: doubts about pulses; 3: searches; 4: coded tags; 5: usable
 share of time and weakest tag in search reports; 6: beeping senders."""
-SEARCH_REPORT_COLUMNS = (
-    "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
+SEARCHED = Columns(
+    SearchReport,
+    (
+        *("time_ns", "tag_id", "frequency_hz", "noise_psd", "best_score"),
+        *("usable_share", "weakest_enr_db"),
+    ),
 )
-
-_PULSE_FIELDS = fields_of(Pulse)
-_PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
+PULSES, BEEPS = Columns(Pulse), Columns(Beep)
+TAGS = Columns(
+    Tag,
+    (
+        *("tag_id", "name", "frequency_hz", "pulse_width_s", "pulse_intervals_s"),
+        *("interval_uncertainty_s", "interval_jitter_s", "k", "false_alarm_probability"),
+        "gaps_s",
+    ),
+    lists_as_json=True,
+)
 _COLUMNS = {
-    "pulses": _PULSE_TYPES,
+    "pulses": PULSES.types,
     "tags": {"gaps_s": "TEXT"},
     "search_reports": {"usable_share": "REAL", "weakest_enr_db": "REAL"},
 }
 """SQL types, by table, of columns that flights of older versions may lack."""
-PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
+PULSE_COLUMNS = PULSES.names
 """Column names of a pulse; columns that older flights lack are read as NULL."""
-_BEEP_FIELDS = fields_of(Beep)
-BEEP_COLUMNS = ", ".join(one.name for one in _BEEP_FIELDS)
-_BEEP_TYPES = {one.name: SQL_TYPES[one.kind] for one in _BEEP_FIELDS}
 POSE_COLUMNS = (
     "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
     "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
 )
 PULSE_POSE_COLUMNS = ", ".join(
     [
-        *(f"pulses.{name}" for name in _PULSE_TYPES),
+        *(f"pulses.{name}" for name in PULSES.types),
         *(f"pulse_poses.{name}" for name in POSE_COLUMNS.split(", ")),
     ]
 )
@@ -68,22 +74,16 @@ POSE_DECLARED = ", ".join(
 )
 
 
-def _declared(types: dict[str, str]) -> str:
-    return ", ".join(f"{name} {kind}" for name, kind in types.items())
-
-
 TABLES = f"""
 CREATE TABLE IF NOT EXISTS flight (
     start_time_ns INTEGER, clock_offset_ns INTEGER, center_frequency_hz REAL,
     sample_rate_hz REAL, settings TEXT, uavrt_version TEXT
 );
 CREATE TABLE IF NOT EXISTS tags (
-    tag_id INTEGER PRIMARY KEY, name TEXT, frequency_hz REAL, pulse_width_s REAL,
-    pulse_intervals_s TEXT, interval_uncertainty_s REAL, interval_jitter_s REAL, k INTEGER,
-    false_alarm_probability REAL, gaps_s TEXT
+    {TAGS.declared.replace("INTEGER", "INTEGER PRIMARY KEY", 1)}
 );
 CREATE TABLE IF NOT EXISTS pulses (
-    pulse_id INTEGER PRIMARY KEY, {_declared(_PULSE_TYPES)},
+    pulse_id INTEGER PRIMARY KEY, {PULSES.declared},
     UNIQUE (tag_id, start_time_ns)
 );
 CREATE TABLE IF NOT EXISTS pulse_poses (
@@ -100,11 +100,8 @@ CREATE TABLE IF NOT EXISTS commands (
     time_ns INTEGER, request_id INTEGER, name TEXT, source TEXT, detail TEXT,
     accepted INTEGER, message TEXT
 );
-CREATE TABLE IF NOT EXISTS search_reports (
-    time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL,
-    usable_share REAL, weakest_enr_db REAL
-);
-CREATE TABLE IF NOT EXISTS beeps ({_declared(_BEEP_TYPES)});
+CREATE TABLE IF NOT EXISTS search_reports ({SEARCHED.declared});
+CREATE TABLE IF NOT EXISTS beeps ({BEEPS.declared});
 CREATE TABLE IF NOT EXISTS search_notes (
     time_ns INTEGER, order_id INTEGER, event TEXT, text TEXT, reason TEXT, detail TEXT
 );
@@ -114,13 +111,6 @@ CREATE TABLE IF NOT EXISTS deliveries (
 CREATE TABLE IF NOT EXISTS notes (time_ns INTEGER, text TEXT);
 """
 
-TAG_COLUMNS = (
-    "tag_id, name, frequency_hz, pulse_width_s, pulse_intervals_s, interval_uncertainty_s, "
-    "interval_jitter_s, k, false_alarm_probability, gaps_s"
-)
-
-Row = tuple[Any, ...]
-
 
 def insertion(table: str, columns: str) -> str:
     """SQL statement that adds a row, unless the row exists already."""
@@ -128,7 +118,7 @@ def insertion(table: str, columns: str) -> str:
     return f"INSERT OR IGNORE INTO {table} ({columns}) VALUES ({marks})"
 
 
-INSERT_TAG = insertion("tags", TAG_COLUMNS)
+INSERT_TAG = insertion("tags", TAGS.names)
 REPLACE_TAG = INSERT_TAG.replace("OR IGNORE", "OR REPLACE")
 INSERT_PULSE = insertion("pulses", PULSE_COLUMNS)
 INSERT_POSE = insertion("poses", POSE_COLUMNS)
@@ -138,8 +128,8 @@ INSERT_STATUS_TEXT = insertion("status_texts", "time_ns, severity, text")
 INSERT_COMMAND = insertion(
     "commands", "time_ns, request_id, name, source, detail, accepted, message"
 )
-INSERT_SEARCH_REPORT = insertion("search_reports", SEARCH_REPORT_COLUMNS)
-INSERT_BEEP = insertion("beeps", BEEP_COLUMNS)
+INSERT_SEARCH_REPORT = insertion("search_reports", SEARCHED.names)
+INSERT_BEEP = insertion("beeps", BEEPS.names)
 SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
 """Column names for queries on search notes; the whole record is in ``detail``."""
 INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
@@ -197,24 +187,10 @@ def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
     return {table: columns for table, columns in lacking.items() if columns}
 
 
-_pulse_values = attrgetter(*_PULSE_TYPES)
-_TO_SQL = [(i, one.to_sql) for i, one in enumerate(_PULSE_FIELDS) if one.to_sql]
-_FROM_SQL = [(i, one.from_sql) for i, one in enumerate(_PULSE_FIELDS) if one.from_sql]
-_REALS = [i for i, one in enumerate(_PULSE_FIELDS) if one.kind == "real" and not one.optional]
-
-
-def pulse_row(pulse: Pulse) -> Row:
-    """Values of a pulse in the order of `PULSE_COLUMNS`."""
-    row = list(_pulse_values(pulse))
-    for place, converted in _TO_SQL:
-        row[place] = converted(row[place])
-    return tuple(row)
-
-
 def inside_row(burst: BurstInside) -> Row:
     """Values of a burst's single pulses, for `UPDATE_INSIDE`."""
-    to_sql = {one.name: one.to_sql for one in _PULSE_FIELDS if one.to_sql}
-    return (*(to_sql[name](getattr(burst, name)) for name in _INSIDE), *burst.key)
+    cells = (getattr(burst, name) for name in _INSIDE)
+    return (*(" ".join(map(repr, numbers)) or None for numbers in cells), *burst.key)
 
 
 def pulse_from_row(row: Row) -> Pulse:
@@ -222,16 +198,10 @@ def pulse_from_row(row: Row) -> Pulse:
 
     NULL in a real column is NaN; a status of a newer version is kept.
     """
-    values = list(row)
-    for place in _REALS:
-        if values[place] is None:
-            values[place] = math.nan
-    for place, converted in _FROM_SQL:
-        values[place] = converted(values[place])
-    record = dict(zip(_PULSE_TYPES, values, strict=True))
     try:
-        return msgspec.convert(record, Pulse)  # faster than the dataclass's own constructor
+        return PULSES.record(row)
     except msgspec.ValidationError:
+        record = PULSES.values(row)
         status = msgspec.convert(record.pop("detection_status"), str)
         pulse = msgspec.convert(record | {"detection_status": "detected"}, Pulse)
         return replace(pulse, detection_status=cast("DetectionStatus", status))
@@ -265,70 +235,23 @@ def pose_from_row(row: Row) -> Pose | None:
 
 def pulse_pose_from_row(row: Row) -> PulsePose:
     """Make a pulse with pose from a row of `PULSE_POSE_COLUMNS`."""
-    width = len(_PULSE_TYPES)
+    width = len(PULSES.types)
     return PulsePose(pulse=pulse_from_row(row[:width]), pose=pose_from_row(row[width:]))
-
-
-def tag_row(tag: Tag) -> Row:
-    """Values of a tag in the order of `TAG_COLUMNS`."""
-    return (
-        tag.tag_id,
-        tag.name,
-        tag.frequency_hz,
-        tag.pulse_width_s,
-        json.dumps(tag.pulse_intervals_s),
-        tag.interval_uncertainty_s,
-        tag.interval_jitter_s,
-        tag.k,
-        tag.false_alarm_probability,
-        json.dumps(tag.gaps_s) if tag.gaps_s else None,
-    )
-
-
-_numbers = lru_cache(maxsize=256)(json.loads)
-"""Parse a JSON list of numbers, cached because thousands of tags share few intervals."""
 
 
 def tag_from_row(row: Row) -> Tag:
     """Make a tag from a row; raises `ValueError` or `TypeError` for wrong values."""
-    record = dict(zip(TAG_COLUMNS.split(", "), row, strict=True))
-    record["pulse_intervals_s"] = _numbers(record["pulse_intervals_s"])
-    record["gaps_s"] = _numbers(record["gaps_s"] or "[]")
     try:
-        tag = msgspec.convert(record, Tag)
+        tag = TAGS.record(row)
     except msgspec.ValidationError as error:
         raise ValueError(f"tag {row[0]}: {error}") from error
-    numbers = (tag.frequency_hz, tag.pulse_width_s, *tag.pulse_intervals_s)
+    numbers = (tag.frequency_hz, tag.pulse_width_s, *(tag.pulse_intervals_s or (0.0,)))
     if not all(0.0 < one < math.inf for one in numbers):
         raise ValueError(f"tag {row[0]}: a frequency, width or interval is not above 0")
+    tolerances = tag.interval_uncertainty_s, tag.interval_jitter_s, tag.false_alarm_probability
+    if any(map(math.isnan, tolerances)):
+        raise ValueError(f"tag {row[0]}: a tolerance is missing")
     return tag
-
-
-search_report_row = attrgetter(*SEARCH_REPORT_COLUMNS.split(", "))
-"""Values of a search report in the order of `SEARCH_REPORT_COLUMNS`."""
-
-
-def search_report_from_row(row: Row) -> SearchReport:
-    """Make a search report from a row, NULL as NaN; raises `ValueError`."""
-    record = dict(zip(SEARCH_REPORT_COLUMNS.split(", "), row, strict=True))
-    for name in ("frequency_hz", "noise_psd", "best_score"):
-        record[name] = _number(record[name])
-    return msgspec.convert(record, SearchReport)
-
-
-def beep_row(beep: Beep) -> Row:
-    """Values of a beeping sender in the order of `BEEP_COLUMNS`."""
-    values = ((one, getattr(beep, one.name)) for one in _BEEP_FIELDS)
-    return tuple(one.to_sql(value) if one.to_sql else value for one, value in values)
-
-
-def beep_from_row(row: Row) -> Beep:
-    """Make a beeping sender's record from a row; raises `ValueError` for wrong values."""
-    values = {
-        one.name: one.from_sql(cell) if one.from_sql else cell
-        for one, cell in zip(_BEEP_FIELDS, row, strict=True)
-    }
-    return msgspec.convert(values, Beep)
 
 
 def search_note_row(note: SearchNote) -> Row:

@@ -8,9 +8,11 @@ import csv
 import json
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import Any, Literal, TextIO
+from typing import Any, Literal, TextIO, TypeVar
+
+import msgspec
 
 from uavrt.core.earth.on_earth import is_attitude, place_on_earth
 from uavrt.core.errors import FormatError, os_errors_as
@@ -20,6 +22,7 @@ from uavrt.flight.database.fields import RecordField, fields_of
 from uavrt.formats.csv_line import csv_cells
 from uavrt.formats.damaged_lines import DamagedLines
 
+R = TypeVar("R")
 PulseFormat = Literal["csv", "jsonl"]
 
 _PULSE = {one.name: one for one in fields_of(Pulse)}
@@ -58,19 +61,9 @@ def inside_record(burst: BurstInside) -> dict[str, Any]:
     return {one.name: getattr(burst, one.name) for one in _INSIDE}
 
 
-def _inside_from_record(record: dict[str, Any]) -> BurstInside:
-    return BurstInside(**{one.name: one.from_record(record[one.name]) for one in _INSIDE})
-
-
 def pulse_from_record(record: dict[str, Any]) -> PulsePose:
     """Make a pulse with pose; raises `ValueError`, `KeyError`, `TypeError` for wrong fields."""
-    pulse = Pulse(
-        **{
-            name: _finite_or_nan(one.from_record(record[name]))
-            for name, one in _PULSE.items()
-            if _has(record, one)
-        }
-    )
+    pulse = _converted(record, Pulse, _PULSE.values())
     time_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
     return PulsePose(pulse=pulse, pose=_pose_from_record(record, time_ns))
 
@@ -79,23 +72,31 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
     """Pose of a record; None if position or attitude is unknown."""
     if record["quaternion_wxyz"] is None:
         return None
-    pose = Pose(
-        time_ns=time_ns,
-        **{name: _finite_or_nan(one.from_record(record[name])) for name, one in _POSE.items()},
-    )
+    pose = _converted(record, Pose, _POSE.values(), time_ns=time_ns)
     place = place_on_earth(pose.latitude_deg, pose.longitude_deg)
     if place is None or not is_attitude(pose.quaternion_wxyz):
         return None
     return replace(pose, latitude_deg=place[0], longitude_deg=place[1])
 
 
-def _finite_or_nan(value: Any) -> Any:
-    return math.nan if isinstance(value, float) and math.isinf(value) else value
+def _converted(
+    record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
+) -> R:
+    """Convert the described fields of a record; unknown numbers become NaN.
+
+    Fields that older files lack have their default.
+    """
+    values = {
+        one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
+        for one in described
+        if not one.defaulted or record.get(one.name) is not None
+    }
+    return msgspec.convert(values | more, kind, strict=False)
 
 
-def _has(record: dict[str, Any], one: RecordField) -> bool:
-    """True if a record has a field; an optional field may be null."""
-    return not one.defaulted or record.get(one.name) is not None
+def _finite_or_nan(value: Any) -> float:
+    number = math.nan if value is None else float(value)
+    return number if math.isfinite(number) else math.nan
 
 
 class PulseWriter:
@@ -163,7 +164,7 @@ def read_pulse_file(
         try:
             record = read()
             if "burst_starts_ns" in record and "frequency_hz" not in record:
-                burst = _inside_from_record(record)
+                burst = _converted(record, BurstInside, _INSIDE)
                 insides[burst.key] = burst
             else:
                 found.append(pulse_from_record(record))
@@ -199,13 +200,8 @@ def _from_cells(names: list[str], cells: list[str]) -> dict[str, Any]:
         raise ValueError(f"{len(cells)} columns instead of {len(names)}")
     record: dict[str, Any] = {}
     for name, cell in zip(names, cells, strict=True):
-        kind = _KINDS.get(name)
-        if kind == "switch":
-            record[name] = {"true": True, "false": False}.get(cell)
-        elif kind in ("wholes", "reals") and cell:
-            record[name] = cell.split()
-        else:
-            record[name] = cell or None
+        several = cell and _KINDS.get(name) in ("wholes", "reals")
+        record[name] = cell.split() if several else cell or None
     return record
 
 

@@ -27,6 +27,7 @@ from uavrt.core.messages import (
     keep_beep,
 )
 from uavrt.flight.database import schema
+from uavrt.flight.database.fields import Row
 from uavrt.flight.database.plain_database import open_plain, require_plain_files
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.logs.pulse_logs import SELECT_PULSE_POSES
@@ -113,7 +114,7 @@ def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
 
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
     """Read the reports of searches without a detection; raises `FormatError`."""
-    columns, of_row = schema.SEARCH_REPORT_COLUMNS, schema.search_report_from_row
+    columns, of_row = schema.SEARCHED.names, schema.SEARCHED.record
     return _records(directory, "search_reports", columns, of_row, order="time_ns, tag_id")
 
 
@@ -126,9 +127,9 @@ def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ..
 def read_beeps(directory: str | os.PathLike[str]) -> tuple[Beep, ...]:
     """Read the last measurement of each unlisted beeping sender; raises `FormatError`."""
     found: list[Beep] = []
-    for row in _records(directory, "beeps", schema.BEEP_COLUMNS, tuple):
+    for row in _records(directory, "beeps", schema.BEEPS.names, tuple):
         with suppress(ValueError):  # a kind of a newer version
-            keep_beep(found, schema.beep_from_row(row))
+            keep_beep(found, schema.BEEPS.record(row))
     return tuple(found)
 
 
@@ -142,7 +143,7 @@ def _records(
     directory: str | os.PathLike[str],
     source: str,
     columns: str,
-    of_row: Callable[[schema.Row], R],
+    of_row: Callable[[Row], R],
     order: str = "time_ns, rowid",
 ) -> tuple[R, ...]:
     """Records of a table in the order of time; none if an older flight lacks the table."""
@@ -211,7 +212,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
     ]
     if not all(isinstance(one, int) and abs(one) < LATEST_NS for one in times_ns):
         raise ValueError("the flight has an invalid time")
-    tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
+    tags = database.execute(f"SELECT {schema.TAGS.names} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),
         start_time_ns=int(row[0]),

@@ -187,7 +187,7 @@ class Commands:
                 after = correction.applied(sent.get(tag_id, correction.before))
                 await link.correct_tag(after)
                 drone.set_tags(tuple((sent and sent | {tag_id: after}).values()))
-                vehicle.flight.keeper.correct_tags((after,))
+                vehicle.flight.keeper.write(after)
             try:
                 await store.disk.run(store.correct_tag, correction)
             except (OSError, UavrtError) as error:

@@ -11,13 +11,11 @@ from uavrt.core.earth.on_ground import ARMED, GROUND_STATION, LANDED
 from uavrt.core.errors import RecordingError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import (
-    Beep,
     BurstInside,
     FlightInfo,
     Health,
     Pose,
     PulsePose,
-    SearchReport,
     StatusText,
     Tag,
 )
@@ -25,7 +23,7 @@ from uavrt.flight.database.disk_thread import Disk, at_once
 from uavrt.flight.database.plain_database import open_plain
 from uavrt.flight.flight_layout import FlightLayout, new_flight_directory
 from uavrt.flight.flight_order import new_copy_directory
-from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.flight_recorder import FlightRecorder, Writable
 from uavrt.flight.reading.flight_reader import ground_states_in
 from uavrt.ground.store.drone_directory import is_drone_directory
 from uavrt.ground.store.flight_queue import FlightQueue
@@ -191,7 +189,7 @@ class FlightKeeper:
     def add_pose(self, pose: Pose) -> None:
         """Add a pose of the vehicle."""
         if not self.ended and self._live.add_pose(pose):
-            self._record(lambda flight: flight.write(pose))
+            self.write(pose)
 
     def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> None:
         """Add whether the vehicle is armed and landed; only changes are written."""
@@ -202,19 +200,11 @@ class FlightKeeper:
         health = Health(
             process=GROUND_STATION, time_ns=time_ns, status="ready", ok=True, counters=counters
         )
-        self._record(lambda flight: flight.write(health))
+        self.write(health)
 
-    def add_search_report(self, report: SearchReport) -> None:
-        """Add the report of a search that found no pulse."""
-        self._record(lambda flight: flight.write(report))
-
-    def correct_tags(self, tags: tuple[Tag, ...]) -> None:
-        """Continue with corrected values for the flight's tags."""
-        self._record(lambda flight: flight.write(*tags))
-
-    def add_beep(self, beep: Beep) -> None:
-        """Add a measurement of a sender of pulses."""
-        self._record(lambda flight: flight.write(beep))
+    def write(self, record: Writable) -> None:
+        """Add a record, such as a search report; a tag replaces the one of its number."""
+        self._record(lambda flight: flight.write(record))
 
     def add_text(self, severity: int, text: str, time_ns: int) -> None:
         """Add a status text for the operator."""

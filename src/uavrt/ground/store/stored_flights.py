@@ -42,27 +42,6 @@ STATUSES: tuple[DetectionStatus, ...] = tuple(
 )
 """Detection statuses of a pulse in flight; the page uses their indices."""
 
-PULSE_COLUMNS = (
-    "tag_id",
-    "start_time_ns",
-    "frequency_hz",
-    "snr_db",
-    "group_snr_db",
-    "noise_psd",
-    "detection_status",
-    "rate",
-    "latitude_deg",
-    "longitude_deg",
-    "altitude_relative_m",
-    "quaternion_w",
-    "quaternion_x",
-    "quaternion_y",
-    "quaternion_z",
-    "also_possible_tag_id",
-    "ghost_of_tag_id",
-    "clipped",
-)
-"""Columns that `FlightLibrary.pulses` reads, of a pulse and its pose, by field name."""
 PLACE_COLUMNS = (
     "latitude_deg",
     "longitude_deg",
@@ -73,6 +52,21 @@ PLACE_COLUMNS = (
     "quaternion_z",
 )
 """Columns of a pose, after its time, that `FlightLibrary.columns` reads."""
+PULSE_COLUMNS = (
+    "tag_id",
+    "start_time_ns",
+    "frequency_hz",
+    "snr_db",
+    "group_snr_db",
+    "noise_psd",
+    "detection_status",
+    "rate",
+    *PLACE_COLUMNS,
+    "also_possible_tag_id",
+    "ghost_of_tag_id",
+    "clipped",
+)
+"""Columns that `FlightLibrary.pulses` reads, of a pulse and its pose, by field name."""
 
 _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     "detection_status": (

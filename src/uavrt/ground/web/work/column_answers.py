@@ -5,18 +5,10 @@ from numpy.typing import NDArray
 from starlette.responses import Response
 
 from uavrt.core.errors import NotFound
+from uavrt.ground.store.stored_flights import PLACE_COLUMNS
 from uavrt.localization.headings import yaws_deg
 
-POSE_COLUMNS = (
-    "time_ns",
-    "latitude_deg",
-    "longitude_deg",
-    "altitude_relative_m",
-    "quaternion_w",
-    "quaternion_x",
-    "quaternion_y",
-    "quaternion_z",
-)
+POSE_COLUMNS = ("time_ns", *PLACE_COLUMNS)
 YAW = "yaw_deg"
 """Name of a column that is computed from the quaternion, on request."""
 
