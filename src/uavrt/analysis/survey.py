@@ -117,6 +117,10 @@ class Survey:
         """Pulses of one tag."""
         return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
 
+    def integrated_of(self, tag_id: int) -> tuple[PulsePose, ...]:
+        """Pulses of one tag found by ``uavrt integrate``."""
+        return tuple(one for one in self.integrated if one.pulse.tag_id == tag_id)
+
     @property
     def every_pulse(self) -> tuple[PulsePose, ...]:
         """All pulses in order of time, including those found by ``uavrt integrate``."""

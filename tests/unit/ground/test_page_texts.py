@@ -345,7 +345,7 @@ REMARKS = {
     "uavrt.analysis.integrated.hindsight": ("_ambiguity",),
     "uavrt.analysis.whole_flights.kept_samples": ("left_out_in_words",),
     "uavrt.analysis.inputs.listening_times": ("missing_in_words", "limits_of"),
-    "uavrt.analysis.measure.pulse_shapes": ("remarks_of",),
+    "uavrt.analysis.estimates.position_words": ("remarks_of",),
     "uavrt.analysis.covered.silence": (
         *("_NOT_JUDGED", "_ANTENNA_UNKNOWN", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),

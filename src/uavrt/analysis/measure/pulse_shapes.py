@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from uavrt.core.clock import told_utc
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.units import wrap_degrees_360
 from uavrt.localization.estimates.flight_estimates import TagBearing, TagPosition
@@ -74,20 +73,6 @@ def path_points(position: Position | None) -> list[Point]:
     """Path of a moving tag as points; empty for a resting tag."""
     track = () if position is None else position.track
     return [(one.longitude_deg, one.latitude_deg) for one in track]
-
-
-def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks printed next to a position's circles.
-
-    For a moving tag they state the time of its single position. The remark is omitted if the
-    path itself is the result: by strength, or on request.
-    """
-    walks = any(one.name == "walk" for one in position.cautions)
-    if not position.track or not walks or position.method == "track":
-        return position.remarks
-    time = told_utc(position.track[-1].time_ns)
-    straight = f"this was its position at {time} if it walked straight; its path may bend"
-    return (*position.remarks, straight)
 
 
 def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:

@@ -44,6 +44,17 @@ _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
 """Width of the legend's texts [in], which keeps the legend clear of the north arrow."""
+CAPTION = (
+    "Latitude and longitude on WGS84; north is up. Stars: most probable places, with the "
+    "line that holds the tag with 95 %. Lines: bearings; shaded: their 90 % arcs; dashed: "
+    "bearings not to be trusted. Grey: the flight, from the dot on."
+)
+TAG_CAPTION = "Pulses by SNR where they were received; red: probability of the tag's place."
+SIGNAL_CAPTION = (
+    "Colours: SNR, interpolated between the pulses. Cross: strongest signal; the dotted ring "
+    "around it is where a tag as strong would be, for a monopole. Star: the estimate; the "
+    "line around it holds the tag with 95 %."
+)
 STRONGEST = "strongest signal; the tag is on a ring around it"
 
 

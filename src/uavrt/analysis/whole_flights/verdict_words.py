@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from uavrt.analysis.estimates.position_words import place_in_words
 from uavrt.analysis.whole_flights.judged_flights import POSITION_M
 from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict
 from uavrt.localization.whole_flight.train_place import PlaceBelief
@@ -23,7 +24,7 @@ def where_in_words(
     """
     if len(parts) > 1:
         each = "; ".join(
-            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
+            f"at {place_in_words(one.latitude_deg, one.longitude_deg)}, within "
             f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"
             for one in parts
         )
