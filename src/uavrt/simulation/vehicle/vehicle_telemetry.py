@@ -78,5 +78,5 @@ def landed_message(vehicle: FlyingVehicle) -> dialect.ExtendedSysState:
     """Message on whether the vehicle is on the ground."""
     state = dialect.MavLandedState
     return dialect.ExtendedSysState(
-        landed_state=state.ON_GROUND if vehicle.ground.landed else state.IN_AIR
+        landed_state=state.ON_GROUND if vehicle.ground.shown_landed else state.IN_AIR
     )
