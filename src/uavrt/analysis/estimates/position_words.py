@@ -1,13 +1,29 @@
 """Words on a position, for command line, report and page."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uavrt.analysis.measure.pulse_shapes import Located
 from uavrt.core.clock import told_utc
 from uavrt.core.units import counted
 from uavrt.localization.results import Position
 
+Row = tuple[str, Sequence[str]]
+"""Label and values; a row without values is not shown."""
 
-def place_in_words(latitude_deg: float, longitude_deg: float) -> str:
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """A small table of labelled values, for report and page."""
+
+    rows: tuple[Row, ...] = ()
+    details: tuple[Row, ...] = ()
+    """Rows that help no decision in the field; shown on request."""
+
+
+def place_in_words(place: Located) -> str:
     """Format a position as decimal degrees to five places, about 1 m."""
-    return f"{latitude_deg:.5f}, {longitude_deg:.5f}"
+    return f"{place.latitude_deg:.5f}, {place.longitude_deg:.5f}"
 
 
 def radii_in_words(radius50_m: float, radius95_m: float) -> str:

@@ -16,8 +16,10 @@ from uavrt.analysis.export.geojson import (
 )
 from uavrt.analysis.measure.pulse_shapes import (
     REGION_SHARES,
+    Located,
     Point,
     path_points,
+    point_of,
     ray,
     ray_length_m,
     region95,
@@ -27,12 +29,11 @@ from uavrt.analysis.measure.pulse_shapes import (
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.core.clock import iso_utc
 from uavrt.core.earth.tangent_plane import TangentPlane
-from uavrt.core.messages import Pose, PulsePose
-from uavrt.flight.reading.noted_places import Mark
+from uavrt.core.messages import PulsePose
 from uavrt.formats.png import disc, heat, png_bytes, signal
 from uavrt.formats.xml_text import add_text
-from uavrt.localization.position.levels.strongest import SignalSurface, StrongestSignal
-from uavrt.localization.results import Position, PositionGrid, TrackPoint
+from uavrt.localization.position.levels.strongest import SignalSurface
+from uavrt.localization.results import Position, PositionGrid
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _STYLES = {
@@ -81,7 +82,7 @@ def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
     if vehicle is not None:
         add_text(document, "description", vehicle)
     _styles(document)
-    track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
+    track = list(map(point_of, thinned(survey.track)))
     if len(track) > 1:
         _mark(document, "track", "track", "LineString", [track], vehicle)
     for tag_id in survey.tag_ids:
@@ -91,8 +92,8 @@ def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
     return root
 
 
-def _at(place: Pose | Mark | Position | TrackPoint | StrongestSignal) -> list[list[Point]]:
-    return [[(place.longitude_deg, place.latitude_deg)]]
+def _at(place: Located) -> list[list[Point]]:
+    return [[point_of(place)]]
 
 
 def _styles(document: ET.Element) -> None:
@@ -121,15 +122,14 @@ def _styles(document: ET.Element) -> None:
 def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
     name = survey.label(tag_id)
     folder = _folder(document, name)
-    found = survey.position_of(tag_id)
-    position = None if found is None else found.position
+    position = survey.placed(tag_id)
     if position is not None:
         text, time_ns = _described(survey, position), survey.position_time_ns(tag_id)
         _mark(folder, name, "position", "Point", _at(position), text, time_ns)
         if (area := region95(position)) is not None:
             _mark(folder, f"{name} 95 %", "region", "Polygon", [area])
         for share in REGION_SHARES:
-            if lines := region_lines(found, share):
+            if lines := region_lines(position, share):
                 _mark(folder, f"{name}, {share} %", "outline", "MultiLineString", lines)
         if position.grid is not None:
             file = f"files/heat_{tag_id}.png"
@@ -149,7 +149,7 @@ def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
         if properties["tag_id"] == tag_id:
             percent = 100.0 * (properties["probability"] or 0.0)
             name = f"{survey.label(tag_id)}, whole flight, {percent:.0f} %"
-            _mark(folder, name, "position", "Point", [[place]])
+            _mark(folder, name, "position", "Point", _at(place))
     for rings, properties in integrated_regions(survey):
         if properties["tag_id"] == tag_id and properties["share"] == 95:
             name = f"{survey.label(tag_id)}, whole flight, 95 %"
@@ -209,8 +209,7 @@ def _described(survey: Survey, position: Position) -> str:
 
 
 def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:
-    found = survey.position_of(tag_id)
-    position = None if found is None else found.position
+    position = survey.placed(tag_id)
     for one, properties in zip(survey.bearings, bearing_properties(survey), strict=True):
         if one.tag_id != tag_id:
             continue

@@ -5,16 +5,9 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from uavrt.analysis.report.report_blocks import (
-    Block,
-    Cards,
-    Grid,
-    Heading,
-    Paragraph,
-    Picture,
-    blocks,
-)
-from uavrt.analysis.report.report_words import Facts, Finding, Row
+from uavrt.analysis.estimates.position_words import Facts, Row
+from uavrt.analysis.report import report_blocks as blocks
+from uavrt.analysis.report.report_words import Finding
 from uavrt.analysis.report.style import (
     A4_IN,
     FAINT,
@@ -55,7 +48,7 @@ def pdf_document(survey: Survey) -> bytes:
 
 def write_pages(pages: "PdfPages", survey: Survey) -> None:
     """Lay out all blocks of the report, and save each page."""
-    writer, every = _Writer(pages, survey.name), list(blocks(survey))
+    writer, every = _Writer(pages, survey.name), list(blocks.all_blocks(survey))
     for block, after in zip_longest(every, every[1:]):
         writer.write(block, after)
     writer.end_page()
@@ -69,37 +62,38 @@ class _Writer:
         self._number = 0
         self._begin_page()
 
-    def write(self, block: Block, after: Block | None) -> None:
+    def write(self, block: blocks.Block, after: blocks.Block | None) -> None:
         """Write a block; a heading stays on one page with the block after it."""
         match block:
-            case Heading():
+            case blocks.Paragraph(kind="section" | "heading"):
                 self._heading(block, after)
-            case Paragraph(kind="title"):
+            case blocks.Paragraph(kind="title"):
                 self._text(block.text, size=16, bold=True)
-            case Paragraph(kind="plain"):
+            case blocks.Paragraph(kind="plain"):
                 self._text(block.text)
                 self._skip(0.3)
-            case Paragraph(kind="warning"):
+            case blocks.Paragraph(kind="warning"):
                 self._text(f"! {block.text}", color=_WARNING)
-            case Paragraph():
+            case blocks.Paragraph():
                 self._text(block.text, color=SOFT)
             case Facts():
                 self._facts(block)
-            case Grid():
+            case blocks.Grid():
                 self._grid(block)
-            case Picture():
+            case blocks.Picture():
                 self._picture(block)
-            case Cards():
+            case blocks.Cards():
                 for one, color in block.cards:
                     self._card(one, color)
 
-    def _heading(self, heading: Heading, after: Block | None) -> None:
-        if heading.new_page and self._top < _TOP:
+    def _heading(self, heading: blocks.Paragraph, after: blocks.Block | None) -> None:
+        begins = heading.kind == "section"
+        if begins and self._top < _TOP:
             self.end_page()
             self._begin_page()
         self._room(3 * _LINE + _least_height(after))
         self._skip()
-        size = 14 if heading.new_page else 12
+        size = 14 if begins else 12
         self._text(heading.text, size=size, bold=True, color=heading.color)
 
     def _card(self, one: Finding, color: str) -> None:
@@ -119,7 +113,7 @@ class _Writer:
             for number, value in enumerate(values):
                 self._cells(["" if number else label, value], (16, 84), color=color)
 
-    def _grid(self, grid: Grid) -> None:
+    def _grid(self, grid: blocks.Grid) -> None:
         header, rows = grid.table
         if grid.folded:
             self._room(5 * _LINE)
@@ -129,7 +123,7 @@ class _Writer:
             self._cells(row, grid.widths, ruled=True)
         self._skip()
 
-    def _picture(self, picture: Picture) -> None:
+    def _picture(self, picture: blocks.Picture) -> None:
         self._room(_least_height(picture))
         height = min(_height(picture), self._left - _caption_height(picture))
         picture.draw(_part(self._figure, self._top - height, height), *picture.of)
@@ -201,18 +195,18 @@ class _Writer:
         self._pages.savefig(figure)  # type: ignore[no-untyped-call]
 
 
-def _height(picture: Picture) -> float:
+def _height(picture: blocks.Picture) -> float:
     return picture.height_in * _WIDTH_IN / WIDTH_IN / A4_IN[1]
 
 
-def _caption_height(picture: Picture) -> float:
+def _caption_height(picture: blocks.Picture) -> float:
     lines = wrapped(picture.caption, _WIDTH_IN, size=8) if picture.caption else []
     return (len(lines) + 1) * _LINE
 
 
-def _least_height(block: Block | None) -> float:
+def _least_height(block: blocks.Block | None) -> float:
     """Height that a block needs to begin on a page."""
-    if isinstance(block, Picture):
+    if isinstance(block, blocks.Picture):
         return _LEAST_SHARE * _height(block) + _caption_height(block)
     return 2 * _LINE
 

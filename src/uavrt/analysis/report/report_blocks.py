@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import uavrt
 from uavrt.analysis.covered.silence import SilentMap
+from uavrt.analysis.estimates.position_words import Facts
 from uavrt.analysis.report import fold_page as folds
 from uavrt.analysis.report import report_heights as heights
 from uavrt.analysis.report import report_maps as maps
@@ -18,20 +20,12 @@ from uavrt.flight.integrated import FlightFold
 
 
 @dataclass(frozen=True, slots=True)
-class Heading:
-    """Heading of a section; `new_page` begins a page of the PDF."""
-
-    text: str
-    color: str = INK
-    new_page: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class Paragraph:
-    """Running text."""
+    """Heading or running text; a section begins a page of the PDF."""
 
     text: str
-    kind: Literal["title", "plain", "soft", "small", "warning"] = "plain"
+    kind: Literal["title", "section", "heading", "plain", "soft", "small", "warning"] = "plain"
+    color: str = INK
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +55,10 @@ class Picture:
     caption: str = ""
 
 
-Block = Heading | Paragraph | words.Facts | Cards | Grid | Picture
+Block = Paragraph | Facts | Cards | Grid | Picture
 
 
-def blocks(survey: Survey) -> Iterator[Block]:
+def all_blocks(survey: Survey) -> Iterator[Block]:
     """All blocks of the report, in order."""
     yield Paragraph(survey.name, "title")
     for text in (words.heading_line(survey), *survey.facts.lines):
@@ -74,11 +68,11 @@ def blocks(survey: Survey) -> Iterator[Block]:
     yield Cards(
         tuple((one, tag_color(survey.tag_ids, one.tag_id)) for one in words.findings(survey))
     )
-    yield Heading("Tags")
+    yield Paragraph("Tags", "heading")
     yield Grid(words.tag_table(survey), (15, 10, 10, 7, 10, 19, 11, 8))
     if (codes := words.code_table(survey)) is not None:
         yield Grid(codes, (15, 30, 30, 14))
-    yield Heading("Map")
+    yield Paragraph("Map", "heading")
     name = "Map of the flight with bearings and positions"
     height_in = 6.4 if survey.track else 1.2
     yield Picture(name, height_in, maps.draw_overview, (survey,), maps.CAPTION)
@@ -92,16 +86,16 @@ def blocks(survey: Survey) -> Iterator[Block]:
     for silence in survey.silences:
         yield from _silence(survey, silence)
     yield from _system(survey)
-    yield Heading("Methods")
+    yield Paragraph("Methods", "heading")
     for text in words.methods(survey):
         yield Paragraph(text)
     credits_ = (f"Map: {one.credit}" for one in maps_under(survey))
-    for text in (*words.SOURCES, *credits_, words.made_by()):
+    for text in (*words.SOURCES, *credits_, f"uavrt {uavrt.__version__}"):
         yield Paragraph(text, "small")
 
 
 def _search(survey: Survey, search: searches.FlownSearch) -> Iterator[Block]:
-    yield Heading("Search by the drone itself", new_page=True)
+    yield Paragraph("Search by the drone itself", "section")
     yield searches.summary(survey, search)
     yield Grid(searches.found_table(survey, search), (20, 16, 24, 12, 9, 11))
     of = survey, search
@@ -113,7 +107,7 @@ def _search(survey: Survey, search: searches.FlownSearch) -> Iterator[Block]:
 def _tag(survey: Survey, tag_id: int) -> Iterator[Block]:
     name, signal = f"Tag {words.title_of(survey, tag_id)}", survey.signal_of(tag_id)
     of = survey, tag_id
-    yield Heading(name, tag_color(survey.tag_ids, tag_id), new_page=True)
+    yield Paragraph(name, "section", tag_color(survey.tag_ids, tag_id))
     if any(one.pose is not None for one in survey.pulses_of(tag_id)):
         caption = maps.TAG_CAPTION if signal is None else maps.SIGNAL_CAPTION
         yield Picture(f"Map of {name}", 4.9, maps.draw_tag_map, of, caption)
@@ -133,7 +127,7 @@ def _tag(survey: Survey, tag_id: int) -> Iterator[Block]:
 
 def _fold(survey: Survey, fold: FlightFold) -> Iterator[Block]:
     title = f"Tag {words.title_of(survey, fold.tag_id)} over the whole flight"
-    yield Heading(title, new_page=True)
+    yield Paragraph(title, "section")
     yield words.hindsight(survey, fold.tag_id)
     of = fold, tag_color(survey.tag_ids, fold.tag_id)
     yield Picture(f"{title}: folded", 4.6, folds.draw_fold, of, folds.CAPTION)
@@ -141,21 +135,21 @@ def _fold(survey: Survey, fold: FlightFold) -> Iterator[Block]:
 
 def _silence(survey: Survey, one: SilentMap) -> Iterator[Block]:
     title = f"Where tag {words.title_of(survey, one.tag_id)} would be detected"
-    yield Heading(title, new_page=True)
+    yield Paragraph(title, "section")
     yield silences.summary(one)
     yield Picture(title, 6.4, silences.draw_silence, (survey, one), silences.CAPTION)
 
 
 def _system(survey: Survey) -> Iterator[Block]:
     if survey.bearings:
-        yield Heading("Bearings", new_page=True)
+        yield Paragraph("Bearings", "section")
         yield Grid(words.bearing_table(survey), (6, 11, 22, 8, 15, 7, 23))
     if (beeps := words.beep_table(survey)) is not None:
-        yield Heading("What else beeped")
+        yield Paragraph("What else beeped", "heading")
         yield Grid(beeps, (10, 11, 9, 7, 5, 50))
     events = words.events(survey)
     if survey.health or survey.search_reports or events:
-        yield Heading("System")
+        yield Paragraph("System", "heading")
     if survey.health:
         yield Grid(words.health_table(survey), (14, 18, 18, 42))
     if survey.search_reports:

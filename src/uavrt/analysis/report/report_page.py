@@ -5,16 +5,9 @@ from collections.abc import Sequence
 from html import escape
 from itertools import chain
 
-from uavrt.analysis.report.report_blocks import (
-    Block,
-    Cards,
-    Grid,
-    Heading,
-    Paragraph,
-    Picture,
-    blocks,
-)
-from uavrt.analysis.report.report_words import Facts, Finding, Row
+from uavrt.analysis.estimates.position_words import Facts, Row
+from uavrt.analysis.report import report_blocks as blocks
+from uavrt.analysis.report.report_words import Finding
 from uavrt.analysis.report.style import WIDTH_IN, new_figure, styled, svg_data
 from uavrt.analysis.survey import Survey
 
@@ -56,7 +49,7 @@ _CLASSES = {"plain": "", "soft": "sub", "small": "small", "warning": "warn"}
 def html_page(survey: Survey) -> str:
     """Make the report's HTML; raises `UsageError` without matplotlib."""
     with styled():
-        body = "\n".join(map(_html, blocks(survey)))
+        body = "\n".join(map(_html, blocks.all_blocks(survey)))
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -65,21 +58,21 @@ def html_page(survey: Survey) -> str:
     )
 
 
-def _html(block: Block) -> str:
+def _html(block: blocks.Block) -> str:
     match block:
-        case Heading():
+        case blocks.Paragraph(kind="section" | "heading"):
             return f"<h2>{escape(block.text)}</h2>"
-        case Paragraph(kind="title"):
+        case blocks.Paragraph(kind="title"):
             return f"<h1>{escape(block.text)}</h1>"
-        case Paragraph():
+        case blocks.Paragraph():
             return f'<p class="{_CLASSES[block.kind]}">{_text(block.text)}</p>'
         case Facts():
             return _facts(block)
-        case Grid():
+        case blocks.Grid():
             return _grid(block)
-        case Picture():
+        case blocks.Picture():
             return _picture(block)
-        case Cards():
+        case blocks.Cards():
             cards = "".join(_card(one, color) for one, color in block.cards)
             return f'<div class="found">{cards}</div>'
 
@@ -111,7 +104,7 @@ def _folded(title: str, content: str) -> str:
     return f"<details>{summary}{content}</details>" if content else ""
 
 
-def _grid(grid: Grid) -> str:
+def _grid(grid: blocks.Grid) -> str:
     header, rows = grid.table
     head = "".join(f"<th>{escape(name)}</th>" for name in header)
     body = "".join(
@@ -121,7 +114,7 @@ def _grid(grid: Grid) -> str:
     return _folded(grid.folded, table) if grid.folded else table
 
 
-def _picture(picture: Picture) -> str:
+def _picture(picture: blocks.Picture) -> str:
     figure = new_figure(WIDTH_IN, picture.height_in)
     picture.draw(figure, *picture.of)
     caption = f"<figcaption>{escape(picture.caption)}</figcaption>" if picture.caption else ""

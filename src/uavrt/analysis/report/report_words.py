@@ -7,17 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import uavrt
-from uavrt.analysis.covered.silence import around_in_words
 from uavrt.analysis.estimates.position_words import (
+    Facts,
+    Row,
     basis_in_words,
     place_in_words,
     radii_in_words,
     remarks_of,
 )
 from uavrt.analysis.survey import Survey
-from uavrt.analysis.whole_flights.judged_flights import chance_in_words
-from uavrt.analysis.whole_flights.verdict_words import where_in_words
+from uavrt.analysis.whole_flights.verdict_words import verdict_facts
 from uavrt.config.tags.tag_corrections import shared_offset_in_words
 from uavrt.core.clock import told_utc
 from uavrt.core.earth.tangent_plane import TangentPlane
@@ -26,9 +25,6 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, counted, wrap_degrees_360
 from uavrt.localization.results import Position
 
 Table = tuple[list[str], list[list[str]]]
-Row = tuple[str, Sequence[str]]
-"""Label and values; a row without values is not shown."""
-
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 HINDSIGHT_METHOD = (
@@ -73,15 +69,6 @@ SOURCES = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
-    """A small table of labelled values."""
-
-    rows: tuple[Row, ...]
-    details: tuple[Row, ...] = ()
-    """Rows that help no decision in the field; the page shows them on request."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """Position of one tag in words, for a person who will walk there."""
 
@@ -115,34 +102,7 @@ def findings(survey: Survey) -> list[Finding]:
 def hindsight(survey: Survey, tag_id: int) -> Facts:
     """Whole-flight result for a tag; empty if the analysis was not run."""
     verdict = survey.verdict_of(tag_id)
-    if verdict is None:
-        return Facts(rows=())
-    together = verdict.flights > 1
-    label = f"{verdict.flights} flights together" if together else "Whole flight"
-    chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
-    remarks = ("Limits", verdict.remarks.split("; ") if verdict.remarks else ())
-    if not verdict.found:
-        silent = () if verdict.silent is None else (around_in_words(verdict.silent),)
-        rows: tuple[Row, ...] = ((label, ("not found", *silent)), remarks)
-        return Facts(rows=rows, details=(("False alarms", (chance,)),))
-    if verdict.places > 1 and not verdict.parts:
-        where = [f"in one of {verdict.places} places (`uavrt integrate` lists them)"]
-    else:
-        flown = "the flights" if together else "the flight"
-        where = where_in_words(verdict, verdict.parts, flown)
-    found = f"found, {counted(verdict.pulses, _what(survey, tag_id))}"
-    return Facts(
-        rows=((label, (found, *where)), remarks),
-        details=(
-            ("False alarms", (chance,)),
-            ("Interval", (f"{verdict.interval_s:.4f} s over the whole flight",)),
-        ),
-    )
-
-
-def _what(survey: Survey, tag_id: int) -> str:
-    tag = survey.tag(tag_id)
-    return "further burst" if tag is not None and tag.coded else "further pulse"
+    return Facts() if verdict is None else verdict_facts(verdict)
 
 
 def tag_table(survey: Survey) -> Table:
@@ -278,15 +238,9 @@ def methods(survey: Survey) -> list[str]:
     return [*(text.format(antenna=survey.antenna) for text in METHODS), *hindsight]
 
 
-def made_by() -> str:
-    """Line with program version and author of the report."""
-    return f"uavrt {uavrt.__version__}"
-
-
 def title_of(survey: Survey, tag_id: int) -> str:
     """Heading for a tag: its number and name."""
-    tag = survey.tag(tag_id)
-    return f"{tag_id} {tag.name}" if tag is not None and tag.name else str(tag_id)
+    return f"{tag_id} {survey.name_of(tag_id)}".rstrip()
 
 
 def zones(survey: Survey) -> str:
@@ -295,13 +249,12 @@ def zones(survey: Survey) -> str:
 
 
 def _finding(survey: Survey, tag_id: int) -> Finding:
-    found, later = survey.position_of(tag_id), hindsight(survey, tag_id)
-    position = None if found is None else found.position
+    position, later = survey.placed(tag_id), hindsight(survey, tag_id)
     if position is None:
         facts, place = _without_position(survey, tag_id), None
     else:
         facts = _with_position(survey, tag_id, position)
-        place = place_in_words(position.latitude_deg, position.longitude_deg)
+        place = place_in_words(position)
     return Finding(
         tag_id=tag_id,
         title=f"Tag {title_of(survey, tag_id)}",
@@ -316,9 +269,7 @@ def _with_position(survey: Survey, tag_id: int, position: Position) -> Facts:
         within = [radii_in_words(position.radius50_m, position.radius95_m)]
     time_ns, signal = survey.position_time_ns(tag_id), survey.signal_of(tag_id)
     loudest = None if signal is None else signal.strongest
-    strongest = []
-    if loudest is not None:
-        strongest = [place_in_words(loudest.latitude_deg, loudest.longitude_deg)]
+    strongest = [] if loudest is None else [place_in_words(loudest)]
     return Facts(
         rows=(
             ("Within", within),
@@ -347,8 +298,7 @@ def _way(survey: Survey, position: Position) -> list[str]:
     if len(position.track) < 2:
         return []
     return [
-        f"{survey.facts.clock_in_words(one.time_ns)}: "
-        f"{place_in_words(one.latitude_deg, one.longitude_deg)}, "
+        f"{survey.facts.clock_in_words(one.time_ns)}: {place_in_words(one)}, "
         f"within {one.radius95_m:.0f} m (95 %)"
         for one in (position.track[0], position.track[len(position.track) // 2])
     ]
@@ -387,23 +337,12 @@ def _undetected(reports: Sequence[SearchReport]) -> Facts:
     seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND
     usable = [one.usable_share for one in reports if one.usable_share is not None]
     weakest = [one.weakest_enr_db for one in reports if one.weakest_enr_db is not None]
-    known = bool(usable and weakest)
-    best = max(
-        (one.best_score for one in reports if math.isfinite(one.best_score)), default=0.0
-    )
-    return Facts(
-        rows=(
-            ("Detected", [f"no, in {seconds:.0f} s of search"]),
-            (
-                "Detectable from",
-                [f"{sum(weakest) / len(weakest):.1f} dB"] if known else [],
-            ),
-        ),
-        details=(
-            (
-                "Frequency usable",
-                [f"{100.0 * sum(usable) / len(usable):.0f} % of the time"] if known else [],
-            ),
-            ("Strongest trace", [f"{100 * best:.0f} % of the threshold"]),
-        ),
-    )
+    scores = [one.best_score for one in reports if math.isfinite(one.best_score)]
+    rows: list[Row] = [("Detected", [f"no, in {seconds:.0f} s of search"])]
+    details: list[Row] = [
+        ("Strongest trace", [f"{100 * max(scores, default=0.0):.0f} % of the threshold"])
+    ]
+    if usable and weakest:
+        rows.append(("Detectable from", [f"{np.mean(weakest):.1f} dB"]))
+        details.append(("Frequency usable", [f"{100.0 * np.mean(usable):.0f} % of the time"]))
+    return Facts(rows=tuple(rows), details=tuple(details))

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uavrt.analysis.estimates.position_words import place_in_words
+from uavrt.analysis.estimates.position_words import Facts, place_in_words
+from uavrt.analysis.measure.pulse_shapes import point_of
 from uavrt.analysis.report.report_maps import LocalMap, draw_track, finish_legend
-from uavrt.analysis.report.report_words import Facts, Table, title_of, zones
+from uavrt.analysis.report.report_words import Table, title_of, zones
 from uavrt.analysis.report.style import SOFT, tag_color
 from uavrt.analysis.survey import Survey
 from uavrt.core.messages import SearchNote, SoughtTag
@@ -85,7 +86,7 @@ def _unknown(one: SoughtTag) -> list[str]:
     ]
     if one.likely:
         squares = ", ".join(
-            f"{place_in_words(latitude, longitude)} ({100 * share:.0f} %)"
+            f"{latitude:.5f}, {longitude:.5f} ({100 * share:.0f} %)"
             for latitude, longitude, share in one.likely[:3]
         )
         lines.append(f"if so, most probably around {squares}")
@@ -102,7 +103,7 @@ def found_table(survey: Survey, search: FlownSearch) -> Table:
             [
                 title_of(survey, one.tag_id),
                 "no" if minutes is None else f"after {minutes:.1f} min",
-                place_in_words(one.latitude_deg, one.longitude_deg),
+                place_in_words(one),
                 f"{one.radius95_m:.0f} m",
                 f"{100 * one.existence:.0f} %",
                 f"{one.pulses} / {one.missed}",
@@ -130,7 +131,7 @@ def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> No
         x, y = chart.line([*corners, corners[0]])
         axes.plot(x, y, color=SOFT, lw=1.0, ls=":", zorder=2, label="area")
     draw_track(chart, survey)
-    x, y = chart.line((note.longitude_deg, note.latitude_deg) for note in search.notes)
+    x, y = chart.line(map(point_of, search.notes))
     axes.plot(x, y, ".", color=SOFT, ms=4, zorder=3)
     for one in search.last.tags:
         color = tag_color(survey.tag_ids, one.tag_id)
@@ -139,7 +140,7 @@ def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> No
 
 
 def _draw_found(chart: LocalMap, survey: Survey, one: SoughtTag, color: str) -> None:
-    (x,), (y,) = chart.line([(one.longitude_deg, one.latitude_deg)])
+    (x,), (y,) = chart.line([point_of(one)])
     angle = np.linspace(0.0, 2.0 * np.pi, 61)
     circle = x + one.radius95_m * np.cos(angle), y + one.radius95_m * np.sin(angle)
     chart.axes.plot(*circle, color=color, lw=1.3, zorder=5)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uavrt.analysis.covered.silence import SilentMap
+from uavrt.analysis.estimates.position_words import Facts
 from uavrt.analysis.report.report_maps import LocalMap, draw_track
-from uavrt.analysis.report.report_words import Facts
 from uavrt.analysis.report.style import SOFT, new_figure, styled
 from uavrt.analysis.survey import Survey
 from uavrt.core.units import counted

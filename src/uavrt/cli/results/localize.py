@@ -96,7 +96,7 @@ def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
         tag += f" at {one.frequency_hz / 1e6:.4f} MHz"
     if found is None:
         return f"{tag}: no position: {one.reason}"
-    text = f"{tag}: {place_in_words(found.latitude_deg, found.longitude_deg)}"
+    text = f"{tag}: {place_in_words(found)}"
     if found.radius50_m is not None and found.radius95_m is not None:
         text += f", within {radii_in_words(found.radius50_m, found.radius95_m)}"
     origin = "from " if found.stations or found.pulses else ""
@@ -111,7 +111,7 @@ def _way(found: "Position") -> list[str]:
 
     step = max(1, -(-len(found.track) // _MOST_POINTS))
     return [
-        f"{told_utc(one.time_ns)}: {place_in_words(one.latitude_deg, one.longitude_deg)}, "
+        f"{told_utc(one.time_ns)}: {place_in_words(one)}, "
         f"within {radii_in_words(one.radius50_m, one.radius95_m)}"
         for one in (*found.track[:-1:step], *found.track[-1:])
     ]
