@@ -13,6 +13,7 @@ from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.control.authority import Standing
 from uavrt.guidance.control.commanded import Commanded
 from uavrt.guidance.control.observed import PositionSeen, TargetSeen
+from uavrt.guidance.control.observed_vehicle import ObservedVehicle
 from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
 from uavrt.guidance.plans import Go
 from uavrt.link.mavlink import dialect
@@ -110,6 +111,59 @@ def test_a_heading_asked_for_during_the_opposite_turn_is_no_takeover() -> None:
     )
     for number, yaw_deg in enumerate(TURNED_ON):
         assert watch.fault(0.1 * number, yaw_deg) is None
+
+
+FAST = (
+    *(7.3, 10.6, 15.4, 18.4, 22.7, 26.2, 29.3, 32.3, 35.0, 37.6, 39.9, 42.2, 44.0, 45.5, 47.4),
+    *(48.5, 49.9, 50.7, 51.6, 52.2, 52.6, 52.7, 52.7, 52.5, 52.0, 51.3, 50.5),
+)
+FAST_DEG_S = 41.0
+"""The same with a heading of -4.1°, given during a turn at 43°/s, and the rate that PX4
+reported with the second value [°/s]."""
+
+
+def test_a_fast_turn_goes_on_as_far_as_its_reported_rate_lets_expect() -> None:
+    vehicle = ObservedVehicle(BEHAVIOURS["px4"])
+    for number, yaw_deg in enumerate(FAST[:2]):
+        at_s = 10.0 + 0.1 * number
+        seen = replace(BEFORE, time_s=at_s, boot_s=at_s, yaw_deg=yaw_deg)
+        vehicle.take(replace(seen, yaw_rate_deg_s=FAST_DEG_S))
+    assert vehicle.target_turning_deg_s == FAST_DEG_S
+    for rate_deg_s, expected in ((FAST_DEG_S, False), (10.0 * (FAST[1] - FAST[0]), True)):
+        watch = replace(watch_of(rate_deg_s, FAST[1]), wanted_deg=-4.1)
+        faults = [watch.fault(0.1 * n, yaw_deg) for n, yaw_deg in enumerate(FAST[1:])]
+        assert any(faults) is expected
+
+
+MET = [
+    *((13.4, 52.9), (16.6, 52.6), (20.1, 52.3), (22.4, 51.9), (26.1, 51.5), (29.5, 51.1)),
+    *((32.7, 50.7), (35.6, 50.3), (37.3, 49.9), (39.9, 49.4), (42.2, 49.0), (44.4, 48.6)),
+    *((46.2, 48.2), (47.3, 47.8), (48.8, 47.4), (50.0, 47.0), (51.1, 46.6), (51.9, 46.2)),
+    *((52.4, 45.8), (52.7, 45.5), (52.8, 45.2), (52.7, 44.9), (52.4, 44.6), (51.9, 44.3)),
+]
+"""Heading setpoint and bearing of its target every 0.1 s [°]: as the drone still drifted, the
+bearing came to meet the setpoint, which passed it at 15°/s and braked."""
+
+
+def test_a_setpoint_that_meets_its_moving_aim_may_brake_beyond_it() -> None:
+    watch = watch_of(29.0, MET[0][0])
+    faults = [
+        watch.fault(0.1 * n, yaw, bearing, AWAY_M) for n, (yaw, bearing) in enumerate(MET)
+    ]
+    assert not any(faults)
+
+
+def test_a_setpoint_that_turns_on_beyond_its_aim_without_braking_is_not_ours() -> None:
+    passed = next(number for number, (yaw, bearing) in enumerate(MET) if yaw > bearing)
+    turned = [
+        (yaw + 1.2 * max(0, number - passed), bearing)
+        for number, (yaw, bearing) in enumerate(MET)
+    ]
+    watch = watch_of(29.0, MET[0][0])
+    faults = [
+        watch.fault(0.1 * n, yaw, bearing, AWAY_M) for n, (yaw, bearing) in enumerate(turned)
+    ]
+    assert OTHERS_TURN in faults[passed : passed + 10]
 
 
 def targets_after(sent_s: float, setpoints_deg: Iterable[float]) -> Iterator[TargetSeen]:

@@ -28,6 +28,9 @@ class _Turning:
         return now_deg_s + max(-most, min(most, wanted - now_deg_s))
 
 
+SETPOINT_AGE_S = 0.04
+"""Greatest age of a reported heading setpoint [s]; differences of reports of PX4 1.17 (SIH)
+vary by a quarter."""
 SETTLED_DEG = 0.3
 """Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
 _TURNING: dict[Flavour, _Turning] = {
@@ -50,6 +53,13 @@ class Heading:
         self.wanted_deg: float | None = None
         self._turn_left_deg, self._turn_rate_deg_s = 0.0, 20.0
         """Remaining angle [°] and rate [°/s] of a CONDITION_YAW command, both signed."""
+
+    def shown_setpoint(self, boot_ms: int) -> tuple[float, float]:
+        """Heading setpoint [°] and its rate [°/s] as reported; the setpoint is a little old."""
+        if self.setpoint_deg is None:
+            return self.yaw_deg, 0.0
+        age_s = SETPOINT_AGE_S * (boot_ms * 0.6180339887 % 1.0)  # a sequence without a pattern
+        return self.setpoint_deg - age_s * self._setpoint_rate_deg_s, self._setpoint_rate_deg_s
 
     def want(self, wanted_deg: float | None) -> None:
         """Turn to a heading [°]; None: to the bearing of the target."""
