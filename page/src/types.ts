@@ -323,6 +323,9 @@ export interface MarkRecord {
 }
 
 /** What a whole flight's samples say of one tag (uavrt integrate). */
+/** A label and its values, in the server's words. */
+type FactRow = [string, string[]];
+
 export interface Verdict {
   tag_id: number;
   found: boolean;
@@ -343,6 +346,8 @@ export interface Verdict {
   region95: [number, number][][];
   /** Map of a search without detection; null if the tag was detected. */
   silent: { tag_power_dbm: number; probability: number; within_m: number | null; whole_flight: boolean } | null;
+  /** The result as a small table; details help no decision in the field. */
+  facts: { rows: FactRow[]; details: FactRow[] };
 }
 
 export interface Hindsight {

@@ -3,10 +3,10 @@
 import { ApiError, reasonOf, send } from "../shared/api";
 import { by, fill, h, say } from "../shared/dom";
 import { askForMap, discardCoverageMap, coverageElements, numberOf, showCoverageSummary } from "./coverage_maps";
-import { isPlace } from "../map/features";
-import { fixed, metres, percent } from "../shared/format";
+import { fixed, percent } from "../shared/format";
 import type { LonLat } from "../shared/geo";
 import { fromServer, t, verbatim, type Words } from "../shared/i18n";
+import { folded, type Row, rowList } from "../shared/rows";
 import { store } from "../store";
 import { catchTaps } from "./map_tap";
 import type { Absence, IntegrationAnswer, SilenceMap, Verdict } from "../types";
@@ -113,42 +113,8 @@ function fold(one: Verdict): HTMLElement | "" {
 function verdict(one: Verdict): HTMLElement {
   const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
   const name = t("common.tag_named", { tag: verbatim([one.tag_id, row?.name].filter(Boolean).join(" ")) });
-  const odds = oddsOf(one.false_alarm_probability);
-  const said = one.found
-    ? [t("after.found", { interval: fixed(one.interval_s, 4) }), odds, t("after.pulses", { pulses: one.pulses, heard: one.heard_live }), where(one)]
-    : [t("after.not_found"), odds, one.silent && silent(one.silent)];
-  return h("li", {}, h("strong", {}, name), ...said.flatMap((words) => (words ? [verbatim(" "), words] : [])), remarks(one), fold(one));
-}
-
-function where(one: Verdict): HTMLElement | Words | "" {
-  if (isPlace(one)) {
-    const [latitude, longitude] = [fixed(one.latitude_deg!, 5), fixed(one.longitude_deg!, 5)];
-    return h("span", { class: "place" }, t("after.place", { latitude, longitude, radius: metres(one.radius95_m!) }));
-  }
-  if (one.places > 1) return t("after.places", { count: one.places, places: verbatim(one.parts.map(partOf).join("; ")) });
-  if (one.bearing_deg === null) return "";
-  return t("after.bearing", { bearing: fixed(one.bearing_deg, 0), half: fixed((one.arc95_deg ?? 360) / 2, 0) });
-}
-
-function partOf(one: Verdict["parts"][number]): Words {
-  return t("after.part", { latitude: fixed(one.latitude_deg, 5), longitude: fixed(one.longitude_deg, 5), radius: metres(one.radius95_m), probability: percent(one.probability) });
-}
-
-function silent({ tag_power_dbm, probability, within_m }: NonNullable<Verdict["silent"]>): Words {
-  const [power, sure] = [fixed(tag_power_dbm, 0), fixed(probability, 1)];
-  return within_m === null ? t("after.silent_nowhere", { power, sure }) : t("after.silent_within", { radius: metres(within_m), power, sure });
-}
-
-function remarks(one: Verdict): HTMLElement | "" {
-  // Each has its own words.
-  return one.remarks ? h("p", { class: "note" }, verbatim(one.remarks.split("; ").map(fromServer).join("; "))) : "";
-}
-
-function oddsOf(probability: number): Words {
-  if (probability >= 0.01) return t("after.odds_in_100", { flights: Math.round(100 * probability) });
-  return probability < 1e-9
-    ? t("after.odds_below_billion")
-    : t("after.odds_one_in", { flights: verbatim(Number((1 / probability).toPrecision(1)).toLocaleString("en")) });
+  const rows = (found: Verdict["facts"]["rows"]): Row[] => found.map(([label, values]) => [fromServer(label), ...values.map(fromServer)]);
+  return h("li", {}, h("strong", {}, name), rowList(rows(one.facts.rows)), folded(rowList(rows(one.facts.details))), fold(one));
 }
 
 // ------------------------------------------------------------------- the map of silence

@@ -41,7 +41,7 @@ export function drawBeeps(): void {
 function item(one: BeepRecord): HTMLElement {
   const facts = listed(
     fixed(one.frequency_hz / 1e6, 4, "MHz"),
-    t("fly.every", { interval: fixed(1e3 * one.interval_s, one.odd ? 0 : 1) }),
+    t("beeps.every", { interval: fixed(1e3 * one.interval_s, one.odd ? 0 : 1) }),
     t("common.pulse_count", { pulses: one.pulses }),
     fixed(one.level_db, 0, "dB"),
   );

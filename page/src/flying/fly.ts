@@ -7,13 +7,14 @@ import { snrColour, SNR_HIGH, tagColour } from "../shared/colour";
 import { mayCommand } from "./commands";
 import { append, by, describe, fill, h, say } from "../shared/dom";
 import { ago, fixed, percent, UNKNOWN } from "../shared/format";
-import { fromServer, listed, t, verbatim, type Words } from "../shared/i18n";
+import { fromServer, t, verbatim, type Words } from "../shared/i18n";
 import { drawFollow, drawLegend, layerBox, legend, offerMaps, recall } from "../map/layers";
 import { FlatMap, hasWebGl2 } from "../map/flatmap";
 import { MapView } from "../map/map";
 import { motionPanel, openMotion } from "./motion";
 import { toast } from "../shared/notice";
 import { drawReplay, replayBar } from "../past/replay";
+import { fillRows, folded, type Row, rowList } from "../shared/rows";
 import { tagsSent } from "../settings/setup";
 import { store } from "../store";
 import type { Choices, TagRow } from "../types";
@@ -36,6 +37,7 @@ interface Card {
   bar: HTMLElement;
   snr: HTMLElement;
   facts: HTMLElement;
+  details: HTMLElement;
   fresh: HTMLElement;
   eye: HTMLButtonElement;
 }
@@ -246,7 +248,7 @@ function buildCards(): void {
 function makeCard(id: number): Card {
   const bar = h("div", { class: "bar-fill" });
   const snr = h("span", { class: "snr" }, UNKNOWN);
-  const facts = h("div", { class: "facts" });
+  const [facts, details] = [rowList(), rowList()];
   const fresh = h("span", { class: "fresh" });
   const eye = h("button", { class: "eye", onclick: () => store.toggle(id) });
   const root = h(
@@ -261,10 +263,10 @@ function makeCard(id: number): Card {
       snr,
     ),
     h("div", { class: "bar", role: "img", "aria-label": t("fly.signal_strength") }, bar),
-    facts,
+    h("div", { class: "facts" }, facts, folded(details)),
     eye,
   );
-  return { root, bar, snr, facts, fresh, eye };
+  return { root, bar, snr, facts, details, fresh, eye };
 }
 
 interface Latest {
@@ -303,56 +305,65 @@ function drawCards(): void {
     const part = Math.min(1, Math.max(0.02, snr / SNR_HIGH));
     card.bar.style.width = Number.isFinite(snr) ? `${part * 100}%` : "0";
     card.bar.style.background = snrColour(snr);
-    const facts = one ? factsOf(one, age, row, now) : nominal(row);
-    say(card.facts, listed(facts, ...usable(id)));
+    fillRows(card.facts, one ? factsOf(one, age, row, now) : nominal(row));
+    fillRows(card.details, [...(one ? detailsOf(one, row) : []), ...usable(id)]);
   }
 }
 
-function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number): Words {
-  const frequency = store.pulses.get("frequency")[one.last]! / 1e6;
-  const rate = store.pulses.get("rate")[one.last]!;
-  const interval = Number(rate === 2 ? row?.second_interval_ms : row?.interval_ms);
+function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number): Row[] {
   const start = store.review ? store.review.start_time_ns : (store.state?.flight.start_time_ns ?? now);
   const minutes = Math.min(1, Math.max(1 / 60, (now - start) / RATE_WINDOW_NS));
   const also = store.pulses.get("also")[one.last]!;
   const ghost = store.pulses.get("ghost")[one.last]!;
   const id = store.pulses.get("tag")[one.last]!;
-  return listed(
-    Number.isFinite(ghost) ? t("fly.image_of", { ghost }) : Number.isFinite(also) ? t("fly.either_tag", { id, also }) : null,
-    store.review ? null : ago(age),
-    t("fly.per_minute", { pulses: Math.round(one.minute / minutes) }),
-    fixed(frequency, 4, "MHz"),
-    !!row?.second_interval_ms && (interval ? t("fly.rate_of", { rate, interval }) : t("fly.rate", { rate })),
-    row?.gaps_ms ? t("fly.bursts", { bursts: one.all }) : t("common.pulse_count", { pulses: one.all }),
-    !!row?.gaps_ms && codeOf(id, row),
-  );
+  return [
+    [t("fly.caution"), Number.isFinite(ghost) ? t("fly.image_of", { ghost }) : Number.isFinite(also) && t("fly.either_tag", { id, also })],
+    [t("fly.last_pulse"), !store.review && ago(age)],
+    [row?.gaps_ms ? t("fly.bursts") : t("common.pulses"), t("fly.count_and_rate", { count: one.all, rate: Math.round(one.minute / minutes) })],
+  ];
+}
+
+function detailsOf(one: Latest, row: TagRow | undefined): Row[] {
+  const rate = store.pulses.get("rate")[one.last]!;
+  const interval = Number(rate === 2 ? row?.second_interval_ms : row?.interval_ms);
+  return [
+    [t("common.frequency"), fixed(store.pulses.get("frequency")[one.last]! / 1e6, 4, "MHz")],
+    [t("fly.rate"), !!row?.second_interval_ms && (interval ? t("fly.rate_of", { rate, interval }) : verbatim(String(rate)))],
+    [t("common.gaps"), !!row?.gaps_ms && codeOf(store.pulses.get("tag")[one.last]!, row)],
+  ];
 }
 
 /** How much of the time the tag's frequency is usable now, and from which strength on. */
-function usable(id: number): Words[] {
+function usable(id: number): Row[] {
   const report = store.review ? undefined : store.searched.get(id);
   if (typeof report?.usable_share !== "number") return [];
   const weakest = report.weakest_enr_db;
-  const share = t("fly.usable", { share: percent(report.usable_share) });
-  return weakest === null ? [share] : [share, t("fly.detectable", { snr: fixed(weakest, 0, "dB") })];
+  return [
+    [t("fly.usable"), percent(report.usable_share)],
+    [t("fly.detectable"), weakest !== null && fixed(weakest, 0, "dB")],
+  ];
 }
 
 /** The code: its gaps as measured in the last burst, or as listed. */
 function codeOf(id: number, row: TagRow): Words {
   const starts = store.review ? undefined : store.bursts.get(id)?.burst_starts_ns;
   const inList = String(row.gaps_ms).trim().split(/\s+/);
-  if (!starts || starts.length !== inList.length + 1) return t("fly.code", { gaps: verbatim(inList.join(" ")) });
+  if (!starts || starts.length !== inList.length + 1) return inMilliseconds(inList);
   const gaps = starts.slice(1).map((start, place) => ((start - starts[place]!) / 1e6).toFixed(1));
-  return t("fly.gaps", { gaps: verbatim(gaps.join(" ")) });
+  return inMilliseconds(gaps);
 }
 
-function nominal(row: TagRow | undefined): Words {
-  if (!row) return listed();
-  return listed(
-    t("fly.frequency", { frequency: verbatim(row.frequency_mhz!) }),
-    t("fly.every", { interval: verbatim(row.interval_ms!) }),
-    !!row.gaps_ms && t("fly.code", { gaps: verbatim(row.gaps_ms) }),
-  );
+function inMilliseconds(values: string[]): Words {
+  return t("fly.milliseconds", { values: verbatim(values.join(" ")) });
+}
+
+function nominal(row: TagRow | undefined): Row[] {
+  if (!row) return [];
+  return [
+    [t("common.frequency"), fixed(Number(row.frequency_mhz), 4, "MHz")],
+    [t("common.interval"), inMilliseconds([String(row.interval_ms)])],
+    [t("common.gaps"), !!row.gaps_ms && inMilliseconds([String(row.gaps_ms)])],
+  ];
 }
 
 /** Of a past flight nothing is live: a tag was heard by then, or not. */

@@ -163,7 +163,7 @@ function wayOf(one: PositionRecord, colour: string): Feature[] {
 const POSITION_M = 2000;
 
 /** Whether a whole flight gives a single place of a tag. */
-export function isPlace(one: Verdict): boolean {
+function isPlace(one: Verdict): boolean {
   return one.found && one.places === 1 && one.latitude_deg !== null && one.longitude_deg !== null && (one.radius95_m ?? Infinity) <= POSITION_M;
 }
 

@@ -58,6 +58,7 @@ from uavrt.localization.estimates.flight_estimates import (
     estimate,
     heard_in_turns,
 )
+from uavrt.localization.results import Position
 
 if TYPE_CHECKING:
     from uavrt.analysis.covered.silence import SilentMap
@@ -117,6 +118,10 @@ class Survey:
         """Pulses of one tag."""
         return tuple(one for one in self.pulse_poses if one.pulse.tag_id == tag_id)
 
+    def integrated_of(self, tag_id: int) -> tuple[PulsePose, ...]:
+        """Pulses of one tag found by ``uavrt integrate``."""
+        return tuple(one for one in self.integrated if one.pulse.tag_id == tag_id)
+
     @property
     def every_pulse(self) -> tuple[PulsePose, ...]:
         """All pulses in order of time, including those found by ``uavrt integrate``."""
@@ -137,14 +142,19 @@ class Survey:
         """Position of one tag, or the reason why there is none."""
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
+    def placed(self, tag_id: int) -> Position | None:
+        """Estimated position of one tag; None without one."""
+        found = self.position_of(tag_id)
+        return None if found is None else found.position
+
     def position_time_ns(self, tag_id: int) -> int | None:
         """Time of a tag's position: end of its last bearing, or last pulse [ns, UTC].
 
         For a moving tag it is the last time on its path.
         """
-        found = self.position_of(tag_id)
-        if found is not None and found.position is not None and found.position.track:
-            return found.position.track[-1].time_ns
+        position = self.placed(tag_id)
+        if position is not None and position.track:
+            return position.track[-1].time_ns
         bearings = [one.end_time_ns for one in self.bearings_of(tag_id) if one.bearing.accepted]
         heard = [one.pulse.start_time_ns for one in self.pulses_of(tag_id)]
         return max(bearings or heard, default=None)
@@ -163,10 +173,14 @@ class Survey:
         """Number and name of the vehicle, if recorded by a ground station."""
         return vehicle_of(self.notes)
 
+    def name_of(self, tag_id: int) -> str:
+        """Name of a tag in the tag list; empty without one."""
+        tag = self.tag(tag_id)
+        return "" if tag is None else tag.name or ""
+
     def label(self, tag_id: int) -> str:
         """Number of a tag, followed by its name if it has one."""
-        tag = self.tag(tag_id)
-        return f"tag {tag_id}" + (f" {tag.name}" if tag is not None and tag.name else "")
+        return f"tag {tag_id} {self.name_of(tag_id)}".rstrip()
 
     @property
     def span_ns(self) -> tuple[int, int] | None:

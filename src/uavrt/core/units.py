@@ -92,3 +92,8 @@ def wrap_degrees_180(angle_deg: "NDArray[np.float64]") -> "NDArray[np.float64]":
 def wrap_degrees_180(angle_deg: Any) -> Any:
     """Wrap an angle [°], or each of an array, to [-180, 180)."""
     return wrap_degrees_360(angle_deg + 180.0) - 180.0
+
+
+def counted(number: int, one: str, several: str | None = None) -> str:
+    """Format a number with its noun: ``1 flight``, ``3 flights``, ``2 batteries``."""
+    return f"{number} {one if number == 1 else several or one + 's'}"

@@ -103,16 +103,16 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
     verdicts = page.locator("#verdicts li")
     expect(verdicts).to_have_count(3)
     expect(verdicts.nth(0)).to_contain_text(
-        "one of 2 places that this flight cannot distinguish"
+        "in one of 2 places that the flight cannot distinguish:"
     )
     expect(verdicts.nth(0)).to_contain_text("within 80 m (49")
     expect(page.locator("#verdicts img.fold")).to_have_count(1)
     expect(page.locator("#integrate-begin")).to_be_hidden()
-    expect(verdicts.nth(1)).to_contain_text("Tag 4 fox Found")
+    expect(verdicts.nth(1)).to_contain_text("Tag 4 foxWhole flightfound")
     expect(verdicts.nth(1)).to_contain_text("one of 50,000 flights")
-    expect(verdicts.nth(1)).to_contain_text("24 pulses found after the flight")
+    expect(verdicts.nth(1)).to_contain_text("24 found after the flight")
     expect(verdicts.nth(1)).to_contain_text("within 95 m")
-    expect(verdicts.nth(2)).to_contain_text("Tag 6 owl Not found")
+    expect(verdicts.nth(2)).to_contain_text("Tag 6 owlWhole flightnot found")
     expect(verdicts.nth(2)).to_contain_text("do not cover the flight")
     watched.picture("after")
 

@@ -225,9 +225,10 @@ def test_a_walkers_place_says_for_which_time_it_stands(
     last_ns = way_of(survey, WALKER).track[-1].time_ns
     assert survey.position_time_ns(WALKER) == last_ns
     (walker, resting) = words.findings(survey)
-    assert f"at {told_utc(last_ns)[11:19]} UTC" in walker.detail
-    assert "if it walked straight;" in walker.detail
-    assert "if it walked straight;" not in resting.detail
+    rows = dict(walker.facts.rows)
+    assert rows["Time"] == [f"{told_utc(last_ns)[11:19]} UTC"]
+    assert "if it walked straight;" in rows["Caution"][-1]
+    assert "if it walked straight;" not in str(resting.facts)
     assert uavrt("localize", str(place)) == 0
     plain = capsys.readouterr().out
     assert "the tag seems to have walked" in plain

@@ -124,8 +124,8 @@ def test_the_report_names_the_strongest_signal_and_does_not_take_it_for_the_tag(
     page = html_page(survey)
     assert page.count("data:image/svg+xml") == 5  # overview, map, heights, times, noise
     (finding,) = words.findings(survey)
-    assert "strongest signal at" in finding.detail
-    assert "from the strength of" in finding.detail
+    assert "Strongest signal" in dict(finding.facts.details)
+    assert dict(finding.facts.rows)["Based on"][0].startswith("the strength of")
     assert "The strongest signal is not the tag" in page
     assert "principal components" in page  # the sources stay
     assert pdf_document(survey).startswith(b"%PDF-")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import uavrt
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
@@ -23,12 +24,12 @@ from uavrt.analysis.estimates.bearings import (
 )
 from uavrt.analysis.inputs.flight_facts import Facts, facts_of, write_facts
 from uavrt.analysis.report import report_words as words
-from uavrt.analysis.report.document import _Book, pdf_document
+from uavrt.analysis.report.document import pdf_document, write_pages
 from uavrt.analysis.report.report_maps import draw_overview, draw_tag_map
 from uavrt.analysis.report.report_page import html_page
 from uavrt.analysis.report.report_times import draw_times
 from uavrt.analysis.report.roses import draw_roses
-from uavrt.analysis.report.searches import searches_of, sentences
+from uavrt.analysis.report.searches import searches_of, summary
 from uavrt.analysis.report.style import new_figure, styled
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.core.errors import ConfigError
@@ -88,7 +89,7 @@ def test_the_page_fetches_nothing_and_says_where_the_tag_is(survey: Survey) -> N
     place = f"{found.position.latitude_deg:.5f}, {found.position.longitude_deg:.5f}"
     assert place in page.text
     assert "Kiwi & <Chick>" in page.text
-    assert "Not detected in 239 s of search" in page.text
+    assert "Detected no, in 239 s of search" in page.text
     assert "samples lost <12>" in page.text
     assert "Lenth" in page.text
 
@@ -98,20 +99,39 @@ def test_the_headline_says_what_its_bearings_say(survey: Survey) -> None:
     first = replace(survey.bearings[0], bearing=doubtful)
     doubted = replace(survey, bearings=(first, *survey.bearings[1:]))
     (plain, _), (told, _) = words.findings(survey), words.findings(doubted)
-    assert "reflection" not in plain.detail
-    assert "in 1 of its 3 bearings a reflection is likely" in told.detail
-    assert "UTC" in told.detail
+    assert "reflection" not in str(plain.facts)
+    rows = dict(told.facts.rows)
+    assert rows["Caution"][0].startswith("in 1 of its 3 bearings a reflection is likely")
+    assert rows["Based on"] == ["3 bearings"]
+    assert rows["Time"][0].endswith("UTC")
 
 
 def test_the_headline_says_what_may_be_wrong_with_all_bearings(survey: Survey) -> None:
-    detail = words.findings(survey)[0].detail
-    assert "a shared error" in detail
+    rows = dict(words.findings(survey)[0].facts.rows)
+    assert any("a shared error" in text for text in rows["Caution"])
+
+
+def test_a_card_has_the_words_of_the_command_line(
+    survey: Survey, write_flight: WriteFlight, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt("localize", str(write_flight())) == 0
+    (line, *_) = capsys.readouterr().out.splitlines()
+    finding = words.findings(survey)[0]
+    rows = dict(finding.facts.rows)
+    assert f"{finding.place}, within {rows['Within'][0]}, from {rows['Based on'][0]}" in line
+
+
+def test_figures_that_help_no_decision_are_folded(survey: Survey) -> None:
+    page = html_page(survey)
+    folded = page[page.index("<details>") : page.index("</details>")]
+    assert "<dt>Strongest trace</dt><dd>40\u00a0% of the threshold</dd>" in folded
+    assert page.count("Strongest trace") == 1
 
 
 def test_the_pdf_has_a_page_for_each_heard_tag(survey: Survey) -> None:
     content = pdf_document(survey)
     assert content.startswith(b"%PDF-")
-    assert len(re.findall(rb"/Type /Page\b", content)) == 4  # first, tag 2, tables, methods
+    assert len(re.findall(rb"/Type /Page\b", content)) == 3  # first, tag 2, bearings to methods
 
 
 def test_a_flight_without_pulses_and_poses_still_has_a_report(
@@ -119,7 +139,7 @@ def test_a_flight_without_pulses_and_poses_still_has_a_report(
 ) -> None:
     survey = read_survey(write_flight(heard=0, poses=False))
     page = Page(html_page(survey))
-    assert "Not detected." in page.text
+    assert "Detected no" in page.text
     assert "0 of 2 tags heard, 0 pulses" in page.text
     assert pdf_document(survey).startswith(b"%PDF-")
 
@@ -128,8 +148,10 @@ def test_pulses_without_poses_are_reported_with_the_reason(write_flight: WriteFl
     survey = read_survey(write_flight(poses=False))
     (first, second) = words.findings(survey)
     assert first.place is None
-    assert "never at a known position" in first.detail
-    assert second.detail.startswith("Not detected in")
+    assert dict(first.facts.rows)["No position"] == [
+        "it was never detected at a known position"
+    ]
+    assert dict(second.facts.rows)["Detected"] == ["no, in 239 s of search"]
     assert any("have no pose" in warning for warning in survey.warnings)
     assert any("No bearings" in warning for warning in survey.warnings)
 
@@ -163,10 +185,7 @@ def extent(artist: Artist) -> Bbox:
 def test_long_names_stay_on_the_page_and_off_the_maps(survey: Survey, name: str) -> None:
     pages = Pages()
     with styled():
-        book = _Book(pages, named(survey, name))  # type: ignore[arg-type]
-        book.first_page()
-        book.tag_page(2)
-        book.last_pages()
+        write_pages(pages, named(survey, name))  # type: ignore[arg-type]
         assert len(pages.figures) >= 3
         for figure in pages.figures:
             texts = [one for one in figure.texts if one.get_text()]
@@ -175,8 +194,12 @@ def test_long_names_stay_on_the_page_and_off_the_maps(survey: Survey, name: str)
                 box = extent(one)
                 assert box.x0 >= 0.0, one.get_text()
                 assert box.x1 <= figure.bbox.x1, one.get_text()
-        tag_page = pages.figures[1]
-        titles = [one for one in tag_page.texts if one.get_fontsize() == 14]
+        titled = [
+            [one for one in figure.texts if one.get_fontsize() == 14]
+            for figure in pages.figures
+        ]
+        titles = next(filter(None, titled))
+        tag_page = pages.figures[titled.index(titles)]
         assert "".join(one.get_text() for one in titles).replace(" ", "") == (
             f"Tag2{name}".replace(" ", "")
         )
@@ -266,8 +289,8 @@ def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlig
 def test_local_time_stands_beside_utc_wherever_a_time_is_told(survey: Survey) -> None:
     local = replace(survey, facts=Facts(time_zone="Asia/Tokyo"))
     (finding, _) = words.findings(local)
-    told = re.search(r"at (\d\d):(\d\d:\d\d) UTC \((\d\d):(\d\d:\d\d) JST\)", finding.detail)
-    assert told is not None
+    (time,) = dict(finding.facts.rows)["Time"]
+    told = some(re.fullmatch(r"(\d\d):(\d\d:\d\d) UTC \((\d\d):(\d\d:\d\d) JST\)", time))
     assert (int(told[1]) + 9) % 24 == int(told[3])
     assert told[2] == told[4]
     bearings, tags = words.bearing_table(local), words.tag_table(local)
@@ -279,7 +302,7 @@ def test_local_time_stands_beside_utc_wherever_a_time_is_told(survey: Survey) ->
     assert all(both.fullmatch(time) for time, _ in words.events(local))
     with styled():
         figure = new_figure(7.0, 4.0)
-        draw_times(figure, local, [2])
+        draw_times(figure, local, 2)
     assert re.fullmatch(
         r"minutes after [\d:]+ UTC \([\d:]+ JST\)", figure.axes[-1].get_xlabel()
     )
@@ -376,9 +399,10 @@ def test_a_search_is_told_with_its_reasons_minutes_and_what_is_unknown(
 ) -> None:
     survey = searched(survey, scenario_of(2))
     text = Page(html_page(survey)).text
-    assert "a pilot took over. 1 of 2 found in 3.3 minutes, 3.3 minutes for each animal" in text
+    assert "UTC: a pilot took over" in text
+    assert "Found 1 of 2 in 3.3 minutes, 3.3 minutes for each animal" in text
     assert "after 2.5 min" in text
-    assert "Tag 3 was not found: detected 0 times, 160 times not" in text
+    assert "Tag 3 not found: detected 0 times, 160 times not" in text
     assert "with 31 %" in text
     assert "(40 %)" in text
     assert "0.1 nats/s of <35>" in text
@@ -391,8 +415,9 @@ def test_a_search_whose_recording_broke_off_is_told_as_far_as_it_went(
 ) -> None:
     survey = searched(survey, scenario_of(2), ended=False)
     (search,) = searches_of(survey)
-    text = " ".join(sentences(survey, search)).replace("\u00a0", " ")
-    assert "the recording breaks off. 0 of 2 found" in text
+    rows = dict(summary(survey, search).rows)
+    assert rows["Ended"][0].endswith(": the recording breaks off")
+    assert rows["Found"][0].startswith("0 of 2 in")
 
 
 def test_flights_from_before_there_were_searches_have_none(write_flight: WriteFlight) -> None:

@@ -7,10 +7,10 @@ from past_flight import write_flight
 
 from uavrt.analysis.report.report_words import health_table
 from uavrt.analysis.survey import read_survey
-from uavrt.cli.shown.plurals import counted
 from uavrt.cli.system.ground import _text_of
 from uavrt.core.commands import SystemState
 from uavrt.core.messages import Health
+from uavrt.core.units import counted
 
 
 def test_one_thing_is_not_told_as_several() -> None:

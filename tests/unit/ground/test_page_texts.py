@@ -5,6 +5,7 @@ import inspect
 import pkgutil
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -27,12 +28,14 @@ from page_texts import (
 )
 from virtual_time import VirtualClock
 
+from uavrt.analysis.whole_flights.verdict_words import verdict_facts
 from uavrt.config.settings import Settings
 from uavrt.core import errors
 from uavrt.drone import card
 from uavrt.drone.card import Card
 from uavrt.drone.computer import bench
 from uavrt.drone.computer import computer_checks as checks
+from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict, SilentAround
 from uavrt.ground import fetch, link, store, web
 from uavrt.ground.link import button_states as actions
 from uavrt.ground.store import tag_table
@@ -345,7 +348,7 @@ REMARKS = {
     "uavrt.analysis.integrated.hindsight": ("_ambiguity",),
     "uavrt.analysis.whole_flights.kept_samples": ("left_out_in_words",),
     "uavrt.analysis.inputs.listening_times": ("missing_in_words", "limits_of"),
-    "uavrt.analysis.measure.pulse_shapes": ("remarks_of",),
+    "uavrt.analysis.estimates.position_words": ("remarks_of",),
     "uavrt.analysis.covered.silence": (
         *("_NOT_JUDGED", "_ANTENNA_UNKNOWN", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),
@@ -405,6 +408,49 @@ def test_what_says_how_far_to_trust_a_place_or_a_map_has_words(name: str) -> Non
         part for text in texts for part in (text.split("; ") if name in TOGETHER else [text])
     }
     assert {text for text in shown if not has_words(text)} == set()
+
+
+@pytest.mark.parametrize("flights", [1, 3])
+@pytest.mark.parametrize("chance", [1e-12, 1e-4, 0.05])
+@pytest.mark.parametrize(
+    ("radius_m", "arc_deg", "places"),
+    [(80.0, 20.0, 1), (80.0, None, 2), (9e3, 20.0, 1), (9e3, 350.0, 1), (80.0, None, 3)],
+)
+def test_each_result_of_a_whole_flight_has_words(
+    flights: int, chance: float, radius_m: float, arc_deg: float | None, places: int
+) -> None:
+    part = IntegratedPart(
+        latitude_deg=1.5, longitude_deg=-2.5, radius95_m=radius_m, probability=0.4
+    )
+    found = IntegratedVerdict(
+        tag_id=2,
+        found=True,
+        false_alarm_probability=chance,
+        interval_s=1.2,
+        frequency_hz=150e6,
+        bearing_deg=None if arc_deg is None else 30.0,
+        arc50_deg=arc_deg,
+        arc95_deg=arc_deg,
+        latitude_deg=1.5,
+        longitude_deg=-2.5,
+        radius50_m=radius_m / 2,
+        radius95_m=radius_m,
+        places=places,
+        parts=(part,) * (places % 3),
+        flights=flights,
+    )
+    silences = [
+        SilentAround(tag_power_dbm=-50.0, probability=0.9, within_m=near_m, whole_flight=whole)
+        for near_m in (None, 230.0)
+        for whole in (False, True)
+    ]
+    missing = [replace(found, found=False, silent=silent) for silent in silences]
+    for verdict in (found, *missing):
+        facts = verdict_facts(verdict)
+        texts = {
+            text for label, values in (*facts.rows, *facts.details) for text in (label, *values)
+        }
+        assert {text for text in texts if not has_words(text)} == set()
 
 
 def test_a_text_that_goes_on_in_english_is_noticed_whatever_it_begins_with() -> None:

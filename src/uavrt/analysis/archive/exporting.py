@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -22,7 +23,6 @@ from uavrt.analysis.survey import Survey
 from uavrt.core.atomic_file import make_directories, replacing
 from uavrt.core.errors import FormatError, NotFound, RecordingError, os_errors_as
 from uavrt.core.messages import FlightInfo, Pose, PulsePose
-from uavrt.flight.database.fields import fields_of
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.localization.estimates.flight_estimates import TagBearing, TagPosition
@@ -115,10 +115,7 @@ def flights_in(archive: Path) -> list[str]:
 def survey_of(archive: Path, flight: str) -> Survey:
     """Gather a flight's data from the tables, and its track if the flight still exists.
 
-    Raises
-    ------
-    FormatError
-        There is no archive.
+    Raises `FormatError` if there is no archive.
     """
     which = f"WHERE flight = {quoted(flight)}"
     pulses = _pulse_poses(
@@ -162,30 +159,23 @@ def _pulse_poses(pulses: _Rows, poses: _Rows) -> tuple[PulsePose, ...]:
         pose = None
         if where is not None:
             wxyz = tuple(where["quaternion_wxyz"])
-            kept = {one.name: where[one.name] for one in fields_of(Pose)}
-            pose = Pose(**(kept | {"quaternion_wxyz": wxyz}))
+            pose = Pose(**_shared(Pose, where) | {"quaternion_wxyz": wxyz})
         found.append(PulsePose(pulse=pulse_of(row), pose=pose))
     return tuple(found)
 
 
 def _bearing(row: dict[str, Any]) -> TagBearing:
     low_deg, high_deg = row["interval90_from_deg"], row["interval90_to_deg"]
-    same = (
-        *("bearing_deg", "method", "pulses", "sigma_deg", "second_lobe_probability"),
-        *("evidence", "reduced_chi2", "multipath_suspected", "level_db", "fading_db"),
-        "confidence",
-    )
-    place = (
-        *("tag_id", "latitude_deg", "longitude_deg", "altitude_amsl_m"),
-        *("start_time_ns", "middle_time_ns", "end_time_ns"),
-    )
-    return TagBearing(
-        bearing=Bearing(
-            interval90_deg=None if low_deg is None else (low_deg, high_deg),
-            **{name: row[name] for name in same},
-        ),
-        **{name: row[name] for name in place},
-    )
+    interval90_deg = None if low_deg is None else (low_deg, high_deg)
+    bearing = Bearing(interval90_deg=interval90_deg, **_shared(Bearing, row))
+    # The column `flight` is a name, the field a number among flights read together.
+    return TagBearing(**_shared(TagBearing, row) | {"bearing": bearing, "flight": 0})
+
+
+def _shared(record: type, row: dict[str, Any]) -> dict[str, Any]:
+    """Columns of a row that are fields of a record, too."""
+    names = [one.name for one in fields(record)]
+    return {name: row[name] for name in names if name in row}
 
 
 def _position(row: dict[str, Any]) -> TagPosition:
@@ -197,21 +187,15 @@ def _position(row: dict[str, Any]) -> TagPosition:
             orientation_deg=row["orientation_deg"],
         )
     way = zip(*(row[f"track_{name}"] for name in PATH_FIELDS), strict=True)
-    same = (
-        *("latitude_deg", "longitude_deg", "method", "radius50_m", "radius95_m", "at_edge"),
-        *("heading_error_deg", "heading_error_sigma_deg"),
-    )
-    return TagPosition(
-        tag_id=row["tag_id"],
-        position=Position(
-            stations=row["bearings"],
-            pulses=row["powers"],
-            ellipse95=ellipse,
-            cautions=_cautions(row),
-            track=tuple(TrackPoint(**dict(zip(PATH_FIELDS, one, strict=True))) for one in way),
-            **{name: row[name] for name in same},
-        ),
-    )
+    more = {
+        "stations": row["bearings"],
+        "pulses": row["powers"],
+        "ellipse95": ellipse,
+        "cautions": _cautions(row),
+        "track": tuple(TrackPoint(**dict(zip(PATH_FIELDS, one, strict=True))) for one in way),
+    }
+    position = Position(**_shared(Position, row) | more)
+    return TagPosition(tag_id=row["tag_id"], position=position)
 
 
 def _cautions(row: dict[str, Any]) -> tuple[Caution, ...]:

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from uavrt.analysis.measure.pulse_shapes import remarks_of
+from uavrt.analysis.estimates.position_words import remarks_of
 from uavrt.core.clock import iso_utc
 from uavrt.localization.estimates.flight_estimates import TagBearing, TagPosition
 

@@ -151,7 +151,7 @@ def detections_csv(survey: Survey) -> str:
         writer.writerow(
             (
                 *(port.number, _seconds(pulse.start_time_ns), pulse.tag_id),
-                "" if tag is None else tag.name or "",
+                survey.name_of(pulse.tag_id),
                 *(number, place + 1, f"{noise_db + pulse.snr_db:.2f}", f"{spread:.2f}"),
                 *(f"{noise_db:.2f}", f"{away_khz:.3f}", ""),
                 *(_slop(pulse, tag), _burst_slop(pulse, tag, before_ns)),

@@ -110,8 +110,7 @@ def fixes_csv(survey: Survey) -> str:
     rows = []
     vehicle = survey.vehicle or ""
     for tag_id in survey.tag_ids:
-        tag, found = survey.tag(tag_id), survey.position_of(tag_id)
-        name = "" if tag is None else tag.name or ""
+        name, found = survey.name_of(tag_id), survey.position_of(tag_id)
         if found is None or found.position is None:
             reason = "no bearing was taken" if found is None else found.reason
             rows.append((tag_id, name, *[""] * 10, reason, vehicle))
@@ -135,11 +134,10 @@ def tag_paths_csv(survey: Survey) -> str:
     )
     rows = []
     for each in survey.positions:
-        tag = survey.tag(each.tag_id)
+        name = survey.name_of(each.tag_id)
         for one in () if each.position is None else each.position.track:
             place = (f"{one.latitude_deg:.9f}", f"{one.longitude_deg:.9f}")
             radii = (_metres(one.radius50_m), _metres(one.radius95_m))
-            name = "" if tag is None else tag.name or ""
             time = iso_utc(one.time_ns)
             rows.append((each.tag_id, name, time, *place, *radii, survey.vehicle or ""))
     return _csv(header, rows)
@@ -195,7 +193,7 @@ def _movebank_row(
     place: tuple[int, float, float, float | None],
 ) -> Sequence[Any]:
     time_ns, latitude_deg, longitude_deg, radius95_m = place
-    tag, radius = survey.tag(tag_id), _metres(radius95_m)
+    radius = _metres(radius95_m)
     heard = "pulses" if position.pulses else "bearings"
     count = position.pulses or position.stations
     text = f"{position.method}, {count} {heard}, {survey.name}"
@@ -204,7 +202,7 @@ def _movebank_row(
         *(number, _movebank_time(time_ns)),
         *(f"{longitude_deg:.8f}", f"{latitude_deg:.8f}"),
         *("radio-transmitter", _animal(survey, tag_id), tag_id),
-        "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
+        _megahertz(survey, tag_id),
         *(radius, 95 if radius else ""),
         "; ".join([text, *(one.text for one in position.cautions)]),
         # What says no more than a direction is no place, and bearings that contradict each
@@ -221,16 +219,18 @@ def movebank_reference_csv(survey: Survey) -> str:
     note = f"dates are of {survey.name}: put in those of the deployment"
     rows = []
     for tag_id in survey.tag_ids:
-        tag = survey.tag(tag_id)
-        name = "" if tag is None else tag.name or ""
-        frequency = "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}"
-        rows.append((tag_id, _animal(survey, tag_id), name, frequency, day, "", note))
+        about = survey.name_of(tag_id), _megahertz(survey, tag_id)
+        rows.append((tag_id, _animal(survey, tag_id), *about, day, "", note))
     return _without_empty(REFERENCE_COLUMNS, rows)
 
 
 def _animal(survey: Survey, tag_id: int) -> str:
+    return survey.name_of(tag_id) or f"tag {tag_id}"
+
+
+def _megahertz(survey: Survey, tag_id: int) -> str:
     tag = survey.tag(tag_id)
-    return tag.name if tag is not None and tag.name else f"tag {tag_id}"
+    return "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}"
 
 
 def _without_empty(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

@@ -2,15 +2,17 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from uavrt.analysis.estimates.power_survey import HeightBand, TagSignal
 from uavrt.analysis.estimates.records import bearing_record, known, position_record
 from uavrt.analysis.measure.pulse_shapes import (
     REGION_SHARES,
+    Located,
     Point,
     path_points,
+    point_of,
     ray,
     ray_length_m,
     region95,
@@ -21,9 +23,11 @@ from uavrt.analysis.measure.pulse_shapes import (
 )
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.core.clock import iso_utc
-from uavrt.flight.integrated import Ring
+from uavrt.core.messages import Pose
+from uavrt.flight.integrated import IntegratedPart, Ring
+from uavrt.flight.reading.noted_places import Mark
 from uavrt.localization.position.levels.strongest import StrongestSignal
-from uavrt.localization.results import Position
+from uavrt.localization.results import Position, TrackPoint
 
 _PLACES = 8
 """Decimals of coordinates in degrees; the eighth is 1 mm."""
@@ -52,22 +56,21 @@ def geojson_text(survey: Survey) -> str:
 
 def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
     """Map layers of a survey: name, table in a GeoPackage (or empty), geometry type, shapes."""
-    track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
+    track = list(map(point_of, thinned(survey.track)))
     rays: list[Shape] = []
     wedges: list[Shape] = []
     for one, facts in zip(survey.bearings, bearing_properties(survey), strict=True):
-        found = survey.position_of(one.tag_id)
-        length_m = ray_length_m(one, None if found is None else found.position)
+        length_m = ray_length_m(one, survey.placed(one.tag_id))
         rays.append((split_at_date_line(ray(one, length_m)), facts))
         area = wedge(one, length_m)
         wedges += [] if area is None else [(split_area_at_date_line(area), facts)]
-    places, circles, outlines = position_properties(survey), list[Shape](), list[Shape]()
-    for _, facts in places:
-        found = survey.position_of(facts["tag_id"])
-        area = None if found is None or found.position is None else region95(found.position)
+    places, circles, outlines = list[Shape](), list[Shape](), list[Shape]()
+    for position, facts in position_properties(survey):
+        places.append(([[point_of(position)]], facts))
+        area = region95(position)
         circles += [] if area is None else [(split_area_at_date_line(area), facts)]
         for share in REGION_SHARES:
-            if lines := region_lines(found, share):
+            if lines := region_lines(position, share):
                 outlines.append((lines, {"share": share, **facts}))
     yield "pulse", "pulses", "POINT", _points(pulse_properties(survey))
     if len(track) > 1:
@@ -76,7 +79,7 @@ def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
         yield "track", "track", "LINESTRING", [shape]
     yield "bearing", "bearings", "LINESTRING", rays
     yield "bearing 90 %", "bearing_wedges", "POLYGON", wedges
-    yield "position", "positions", "POINT", _points(places)
+    yield "position", "positions", "POINT", places
     yield "tag track", "", "LINESTRING", _tag_paths(survey)
     yield "tag track place", "tag_tracks", "POINT", _points(path_properties(survey))
     yield "position 95 %", "regions95", "POLYGON", circles
@@ -89,8 +92,8 @@ def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
     yield "strongest signal", "strongest_signal", "POINT", _points(loudest)
 
 
-def _points(found: list[tuple[Point, Properties]]) -> list[Shape]:
-    return [([[place]], facts) for place, facts in found]
+def _points(found: Sequence[tuple[Located, Properties]]) -> list[Shape]:
+    return [([[point_of(place)]], facts) for place, facts in found]
 
 
 def _tag_paths(survey: Survey) -> list[Shape]:
@@ -110,23 +113,23 @@ def _geometry(kind: str, parts: list[list[Point]]) -> Properties:
     return {"type": f"Multi{name}", "coordinates": several}
 
 
-def pulse_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Longitude, latitude and attributes of each pulse with a pose."""
-    found = []
-    for one in survey.every_pulse:
-        if one.pose is None:
-            continue
-        place = (one.pose.longitude_deg, one.pose.latitude_deg)
-        facts = {
-            "tag_id": one.pulse.tag_id,
-            "time": iso_utc(one.pulse.start_time_ns),
-            "snr_db": known(one.pulse.snr_db),
-            "frequency_hz": known(one.pulse.frequency_hz),
-            "detection_status": one.pulse.detection_status,
-            "altitude_amsl_m": known(one.pose.altitude_amsl_m),
-        }
-        found.append((place, facts))
-    return found
+def pulse_properties(survey: Survey) -> list[tuple[Pose, Properties]]:
+    """Pose and attributes of each pulse with a pose."""
+    return [
+        (
+            one.pose,
+            {
+                "tag_id": one.pulse.tag_id,
+                "time": iso_utc(one.pulse.start_time_ns),
+                "snr_db": known(one.pulse.snr_db),
+                "frequency_hz": known(one.pulse.frequency_hz),
+                "detection_status": one.pulse.detection_status,
+                "altitude_amsl_m": known(one.pose.altitude_amsl_m),
+            },
+        )
+        for one in survey.every_pulse
+        if one.pose is not None
+    ]
 
 
 def bearing_properties(survey: Survey) -> list[Properties]:
@@ -141,8 +144,8 @@ def bearing_properties(survey: Survey) -> list[Properties]:
     return found
 
 
-def position_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Longitude, latitude and attributes of each estimated position."""
+def position_properties(survey: Survey) -> list[tuple[Position, Properties]]:
+    """Each estimated position and its attributes."""
     found = []
     for one in survey.positions:
         if one.position is None:
@@ -158,7 +161,7 @@ def position_properties(survey: Survey) -> list[tuple[Point, Properties]]:
             "may_be_farther_out": position.at_edge,
             **cautions_of(position),
         }
-        found.append(((position.longitude_deg, position.latitude_deg), facts))
+        found.append((position, facts))
     return found
 
 
@@ -170,22 +173,16 @@ def cautions_of(position: Position) -> dict[str, str]:
     }
 
 
-def mark_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Longitude, latitude and attributes of each mark made by the operator."""
-    return [
-        (
-            (mark.longitude_deg, mark.latitude_deg),
-            {"time": iso_utc(mark.time_ns), "text": mark.text},
-        )
-        for mark in survey.marks
-    ]
+def mark_properties(survey: Survey) -> list[tuple[Mark, Properties]]:
+    """Each mark made by the operator, and its attributes."""
+    return [(mark, {"time": iso_utc(mark.time_ns), "text": mark.text}) for mark in survey.marks]
 
 
-def path_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Longitude, latitude and attributes of each point on the paths of moving tags."""
+def path_properties(survey: Survey) -> list[tuple[TrackPoint, Properties]]:
+    """Each point on the paths of moving tags, and its attributes."""
     return [
         (
-            (one.longitude_deg, one.latitude_deg),
+            one,
             {
                 "tag_id": each.tag_id,
                 "time": iso_utc(one.time_ns),
@@ -199,7 +196,7 @@ def path_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     ]
 
 
-def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
+def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Properties]]:
     """Place and attributes of a tag's strongest signal, over all heights and for each height
     layer.
     """
@@ -208,7 +205,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
         found.append((signal.strongest, None))
     return [
         (
-            (one.longitude_deg, one.latitude_deg),
+            one,
             {
                 "tag_id": signal.tag_id,
                 "snr_db": known(one.snr_db),
@@ -221,11 +218,11 @@ def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
     ]
 
 
-def integrated_places(survey: Survey) -> list[tuple[Point, Properties]]:
+def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]:
     """Tag positions by whole-flight analysis; two if a straight path is ambiguous."""
     return [
         (
-            (part.longitude_deg, part.latitude_deg),
+            part,
             {
                 "tag_id": verdict.tag_id,
                 "places": verdict.places,

@@ -14,6 +14,7 @@ import numpy as np
 
 from uavrt.analysis.export.kmz import bounds
 from uavrt.core.units import wrap_degrees_360
+from uavrt.localization.position.levels.strongest import SignalSurface
 from uavrt.localization.results import PositionGrid
 
 _SHORT, _LONG, _ASCII, _DOUBLE = 3, 4, 2, 12
@@ -30,14 +31,15 @@ _GEO_KEYS = (
 )
 
 
-def geotiff_bytes(grid: PositionGrid, description: str) -> bytes:
-    """Encode a heat map as GeoTIFF.
+def geotiff_bytes(grid: PositionGrid | SignalSurface, description: str) -> bytes:
+    """Encode a heat map, or a map of SNR [dB] with NaN where unknown, as GeoTIFF.
 
     The northern axis of `grid` may ascend or descend. `description` becomes the image
     description tag.
     """
     rising = grid.north_m[-1] >= grid.north_m[0]
-    pixels = np.asarray(grid.probability, "<f4")
+    cells = grid.probability if isinstance(grid, PositionGrid) else grid.snr_db
+    pixels = np.asarray(cells, "<f4")
     pixels = np.ascontiguousarray(pixels[::-1] if rising else pixels)
     rows, columns = pixels.shape
     west, south, east, north = bounds(grid)

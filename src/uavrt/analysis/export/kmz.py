@@ -16,8 +16,10 @@ from uavrt.analysis.export.geojson import (
 )
 from uavrt.analysis.measure.pulse_shapes import (
     REGION_SHARES,
+    Located,
     Point,
     path_points,
+    point_of,
     ray,
     ray_length_m,
     region95,
@@ -80,15 +82,18 @@ def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
     if vehicle is not None:
         add_text(document, "description", vehicle)
     _styles(document)
-    track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
+    track = list(map(point_of, thinned(survey.track)))
     if len(track) > 1:
-        _geometry(_placemark(document, "track", "track", vehicle), "LineString", track)
+        _mark(document, "track", "track", "LineString", [track], vehicle)
     for tag_id in survey.tag_ids:
         _tag(document, survey, tag_id, files)
     for seen in survey.marks:
-        mark = _placemark(document, seen.text or "mark", "mark", time_ns=seen.time_ns)
-        _geometry(mark, "Point", [(seen.longitude_deg, seen.latitude_deg)])
+        _mark(document, seen.text or "mark", "mark", "Point", _at(seen), time_ns=seen.time_ns)
     return root
+
+
+def _at(place: Located) -> list[list[Point]]:
+    return [[point_of(place)]]
 
 
 def _styles(document: ET.Element) -> None:
@@ -115,22 +120,17 @@ def _styles(document: ET.Element) -> None:
 
 
 def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    folder = ET.SubElement(document, "Folder")
     name = survey.label(tag_id)
-    add_text(folder, "name", name)
-    found = survey.position_of(tag_id)
-    position = None if found is None else found.position
+    folder = _folder(document, name)
+    position = survey.placed(tag_id)
     if position is not None:
-        time_ns = survey.position_time_ns(tag_id)
-        mark = _placemark(folder, name, "position", _described(survey, position), time_ns)
-        place = (position.longitude_deg, position.latitude_deg)
-        _geometry(mark, "Point", [place])
-        area = region95(position)
-        if area is not None:
-            _polygon(_placemark(folder, f"{name} 95 %", "region"), area)
+        text, time_ns = _described(survey, position), survey.position_time_ns(tag_id)
+        _mark(folder, name, "position", "Point", _at(position), text, time_ns)
+        if (area := region95(position)) is not None:
+            _mark(folder, f"{name} 95 %", "region", "Polygon", [area])
         for share in REGION_SHARES:
-            if lines := region_lines(found, share):
-                _lines(_placemark(folder, f"{name}, {share} %", "outline"), lines)
+            if lines := region_lines(position, share):
+                _mark(folder, f"{name}, {share} %", "outline", "MultiLineString", lines)
         if position.grid is not None:
             file = f"files/heat_{tag_id}.png"
             files[file] = png_bytes(heat(position.grid.probability[::-1]))
@@ -139,7 +139,7 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
     _signal(folder, survey, tag_id, files)
     _bearings(folder, survey, tag_id)
     _pulses(folder, "pulses", "pulse", survey.pulses_of(tag_id))
-    hindsight = [one for one in survey.integrated if one.pulse.tag_id == tag_id]
+    hindsight = survey.integrated_of(tag_id)
     _pulses(folder, "pulses seen in hindsight (integrated)", "integrated", hindsight)
     _whole(folder, survey, tag_id)
 
@@ -149,27 +149,21 @@ def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
         if properties["tag_id"] == tag_id:
             percent = 100.0 * (properties["probability"] or 0.0)
             name = f"{survey.label(tag_id)}, whole flight, {percent:.0f} %"
-            _geometry(_placemark(folder, name, "position"), "Point", [place])
+            _mark(folder, name, "position", "Point", _at(place))
     for rings, properties in integrated_regions(survey):
         if properties["tag_id"] == tag_id and properties["share"] == 95:
-            mark = _placemark(folder, f"{survey.label(tag_id)}, whole flight, 95 %", "whole")
-            several = ET.SubElement(mark, "MultiGeometry")
-            for ring in rings:
-                _polygon(several, ring)
+            name = f"{survey.label(tag_id)}, whole flight, 95 %"
+            _mark(folder, name, "whole", "MultiPolygon", rings)
 
 
 def _track(folder: ET.Element, name: str, position: Position) -> None:
     if len(position.track) < 2:
         return
-    inner = ET.SubElement(folder, "Folder")
-    add_text(inner, "name", f"{name} track")
-    _geometry(
-        _placemark(inner, f"{name} track", "outline"), "LineString", path_points(position)
-    )
+    inner = _folder(folder, f"{name} track")
+    _mark(inner, f"{name} track", "outline", "LineString", [path_points(position)])
     for one in position.track:
         within = f"within {one.radius95_m:.0f} m with 95 %"
-        mark = _placemark(inner, within, "pulse", time_ns=one.time_ns)
-        _geometry(mark, "Point", [(one.longitude_deg, one.latitude_deg)])
+        _mark(inner, within, "pulse", "Point", _at(one), time_ns=one.time_ns)
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
@@ -180,15 +174,13 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
     if found.strongest is not None:
         loudest = found.strongest
         text = f"{loudest.snr_db:.0f} dB; the tag is about {loudest.ring_radius_m:.0f} m away"
-        mark = _placemark(folder, "strongest signal", "pulse", text)
-        _geometry(mark, "Point", [(loudest.longitude_deg, loudest.latitude_deg)])
+        _mark(folder, "strongest signal", "pulse", "Point", _at(loudest), text)
     if found.surface is not None:
         file = f"files/signal_{tag_id}.png"
         files[file] = png_bytes(signal(found.surface.snr_db[::-1]))
         _overlay(folder, "signal strength", file, found.surface)
     if found.layers:
-        inner = ET.SubElement(folder, "Folder")
-        add_text(inner, "name", "signal strength by height")
+        inner = _folder(folder, "signal strength by height")
         for number, layer in enumerate(found.layers):
             if layer.surface is None:
                 continue
@@ -217,33 +209,26 @@ def _described(survey: Survey, position: Position) -> str:
 
 
 def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:
-    found = survey.position_of(tag_id)
-    position = None if found is None else found.position
+    position = survey.placed(tag_id)
     for one, properties in zip(survey.bearings, bearing_properties(survey), strict=True):
         if one.tag_id != tag_id:
             continue
         length_m = ray_length_m(one, position)
         name = f"{one.bearing.bearing_deg:.0f}°"
         description = "; ".join(f"{key}: {value}" for key, value in properties.items())
-        mark = _placemark(folder, name, "bearing", description)
-        _geometry(mark, "LineString", ray(one, length_m))
-        area = wedge(one, length_m)
-        if area is not None:
-            _polygon(_placemark(folder, f"{name}, 90 %", "wedge"), area)
+        _mark(folder, name, "bearing", "LineString", [ray(one, length_m)], description)
+        if (area := wedge(one, length_m)) is not None:
+            _mark(folder, f"{name}, 90 %", "wedge", "Polygon", [area])
 
 
 def _pulses(folder: ET.Element, name: str, style: str, found: Iterable[PulsePose]) -> None:
-    pulses = [one for one in found if one.pose is not None]
+    pulses = [(one.pulse, one.pose) for one in found if one.pose is not None]
     if not pulses:
         return
-    inner = ET.SubElement(folder, "Folder")
-    add_text(inner, "name", name)
-    for one in pulses:
-        assert one.pose is not None
-        snr = one.pulse.snr_db
-        level = f"{snr:.1f} dB" if math.isfinite(snr) else ""
-        mark = _placemark(inner, level, style, time_ns=one.pulse.start_time_ns)
-        _geometry(mark, "Point", [(one.pose.longitude_deg, one.pose.latitude_deg)])
+    inner = _folder(folder, name)
+    for pulse, pose in pulses:
+        level = f"{pulse.snr_db:.1f} dB" if math.isfinite(pulse.snr_db) else ""
+        _mark(inner, level, style, "Point", _at(pose), time_ns=pulse.start_time_ns)
 
 
 def _overlay(
@@ -284,13 +269,22 @@ def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, flo
     return float(west), float(south), float(east), float(north)
 
 
-def _placemark(
+def _folder(parent: ET.Element, name: str) -> ET.Element:
+    folder = ET.SubElement(parent, "Folder")
+    add_text(folder, "name", name)
+    return folder
+
+
+def _mark(
     parent: ET.Element,
     name: str,
     style: str,
+    kind: str,
+    parts: list[list[Point]],
     description: str | None = None,
     time_ns: int | None = None,
-) -> ET.Element:
+) -> None:
+    """Add a placemark; `kind` is Point, LineString or Polygon, or Multi- with one of them."""
     mark = ET.SubElement(parent, "Placemark")
     add_text(mark, "name", name)
     if description is not None:
@@ -298,28 +292,12 @@ def _placemark(
     if time_ns is not None:
         add_text(ET.SubElement(mark, "TimeStamp"), "when", iso_utc(time_ns))
     add_text(mark, "styleUrl", f"#{style}")
-    return mark
-
-
-def _lines(mark: ET.Element, lines: list[list[Point]]) -> None:
-    several = ET.SubElement(mark, "MultiGeometry")
-    for line in lines:
-        _geometry(several, "LineString", line)
-
-
-def _geometry(mark: ET.Element, kind: str, points: list[Point]) -> None:
-    shape = ET.SubElement(mark, kind)
-    if kind == "LineString":
-        add_text(shape, "tessellate", "1")
-    add_text(shape, "coordinates", _coordinates(points))
-
-
-def _polygon(mark: ET.Element, points: list[Point]) -> None:
-    shape = ET.SubElement(mark, "Polygon")
-    add_text(shape, "tessellate", "1")
-    ring = ET.SubElement(ET.SubElement(shape, "outerBoundaryIs"), "LinearRing")
-    add_text(ring, "coordinates", _coordinates(points))
-
-
-def _coordinates(points: list[Point]) -> str:
-    return " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in points)
+    shapes = ET.SubElement(mark, "MultiGeometry") if kind.startswith("Multi") else mark
+    for points in parts:
+        shape = ET.SubElement(shapes, kind.removeprefix("Multi"))
+        if shape.tag != "Point":
+            add_text(shape, "tessellate", "1")
+        if shape.tag == "Polygon":
+            shape = ET.SubElement(ET.SubElement(shape, "outerBoundaryIs"), "LinearRing")
+        text = " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in points)
+        add_text(shape, "coordinates", text)

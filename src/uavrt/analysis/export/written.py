@@ -18,8 +18,6 @@ from uavrt.core.errors import RecordingError, UsageError
 from uavrt.formats.bearings_csv import write_bearing_file
 from uavrt.formats.positions_csv import write_position_file
 from uavrt.formats.whole_file import write_whole
-from uavrt.localization.position.levels.strongest import SignalSurface
-from uavrt.localization.results import PositionGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,24 +126,13 @@ def _geotiff(survey: Survey, directory: Path) -> list[Path]:
         text = f"SNR of tag {signal.tag_id} [dB], strongest is not the tag, uavrt"
         name = f"signal_tag_{signal.tag_id}"
         if signal.surface is not None:
-            files[f"{name}.tif"] = geotiff_bytes(as_grid(signal.surface), text)
+            files[f"{name}.tif"] = geotiff_bytes(signal.surface, text)
         for layer in signal.layers:
             if layer.surface is not None:
                 heights = f"{layer.low_m:.0f}-{layer.high_m:.0f}m"
-                content = geotiff_bytes(as_grid(layer.surface), f"{text}, heights {heights}")
+                content = geotiff_bytes(layer.surface, f"{text}, heights {heights}")
                 files[f"{name}_{heights}.tif"] = content
     return _written(directory, files)
-
-
-def as_grid(surface: SignalSurface) -> PositionGrid:
-    """Convert a signal map to a heat map of SNR [dB]; unknown cells are NaN."""
-    return PositionGrid(
-        latitude_deg=surface.latitude_deg,
-        longitude_deg=surface.longitude_deg,
-        east_m=surface.east_m,
-        north_m=surface.north_m,
-        probability=surface.snr_db,
-    )
 
 
 def _motus(survey: Survey, directory: Path) -> list[Path]:

@@ -3,20 +3,35 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Protocol
 
-from uavrt.core.clock import told_utc
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.units import wrap_degrees_360
-from uavrt.localization.estimates.flight_estimates import TagBearing, TagPosition
+from uavrt.localization.estimates.flight_estimates import TagBearing
 from uavrt.localization.position.regions import region_outlines
-from uavrt.localization.results import Position
+from uavrt.localization.results import Position, PositionGrid
 
 Point = tuple[float, float]
 """Longitude and latitude [deg], in the order of GeoJSON."""
 
+
+class Located(Protocol):
+    """A record with a position."""
+
+    @property
+    def latitude_deg(self) -> float: ...  # noqa: D102
+    @property
+    def longitude_deg(self) -> float: ...  # noqa: D102
+
+
 RAY_M = 1500.0
 REGION_SHARES = (50, 95)
 _STEP_DEG = 5.0
+
+
+def point_of(one: Located) -> Point:
+    """Longitude and latitude of a record."""
+    return one.longitude_deg, one.latitude_deg
 
 
 def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
@@ -73,47 +88,31 @@ def region95(position: Position) -> list[Point] | None:
 def path_points(position: Position | None) -> list[Point]:
     """Path of a moving tag as points; empty for a resting tag."""
     track = () if position is None else position.track
-    return [(one.longitude_deg, one.latitude_deg) for one in track]
+    return list(map(point_of, track))
 
 
-def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks printed next to a position's circles.
-
-    For a moving tag they state the time of its single position. The remark is omitted if the
-    path itself is the result: by strength, or on request.
-    """
-    walks = any(one.name == "walk" for one in position.cautions)
-    if not position.track or not walks or position.method == "track":
-        return position.remarks
-    time = told_utc(position.track[-1].time_ns)
-    straight = f"this was its position at {time} if it walked straight; its path may bend"
-    return (*position.remarks, straight)
-
-
-def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:
+def region_lines(position: Position, share: int) -> list[list[Point]]:
     """Outlines of the smallest region with a probability [%], cut at the 180° meridian."""
-    if found is None or found.position is None or found.position.grid is None:
+    if position.grid is None:
         return []
-    rings = region_outlines(found.position.grid, share / 100.0)
-    return [
-        part
-        for ring in rings
-        for part in split_at_date_line([(float(lon), float(lat)) for lon, lat in ring])
-    ]
+    rings = _outlines(position.grid, share / 100.0)
+    return [part for ring in rings for part in split_at_date_line(ring)]
 
 
-def rings95(found: TagPosition | None) -> list[list[Point]]:
+def rings95(position: Position) -> list[list[Point]]:
     """Outlines of the smallest 95 % region; an ellipse or circle where there is no grid.
 
     For local maps: not cut at the 180° meridian.
     """
-    if found is None or found.position is None:
-        return []
-    if found.position.grid is not None:
-        rings = region_outlines(found.position.grid, 0.95)
-        return [[(float(lon), float(lat)) for lon, lat in ring] for ring in rings]
-    area = region95(found.position)
+    if position.grid is not None:
+        return _outlines(position.grid, 0.95)
+    area = region95(position)
     return [] if area is None else [area]
+
+
+def _outlines(grid: PositionGrid, share: float) -> list[list[Point]]:
+    rings = region_outlines(grid, share)
+    return [[(float(lon), float(lat)) for lon, lat in ring] for ring in rings]
 
 
 def split_at_date_line(points: Sequence[Point]) -> list[list[Point]]:

@@ -14,6 +14,14 @@ if TYPE_CHECKING:
 
 COLUMNS = 2
 PER_PAGE = 6
+CAPTION = (
+    "SNR of each pulse over the drone's height; line: median of each layer. Right, for a "
+    "survey at several heights: SNR from the side, by the distance from the estimated place."
+)
+LAYER_CAPTION = (
+    "The same map for each layer of heights that was flown, in the same colours. Cross: "
+    "strongest signal of that layer, with the ring of the tag."
+)
 
 
 def draw_heights(target: "FigureBase", signal: TagSignal) -> None:

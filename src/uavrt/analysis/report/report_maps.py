@@ -11,6 +11,7 @@ from uavrt.analysis.estimates.power_survey import TagSignal
 from uavrt.analysis.measure.pulse_shapes import (
     Point,
     path_points,
+    point_of,
     ray,
     ray_length_m,
     rings95,
@@ -44,6 +45,17 @@ _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
 """Width of the legend's texts [in], which keeps the legend clear of the north arrow."""
+CAPTION = (
+    "Latitude and longitude on WGS84; north is up. Stars: most probable places, with the "
+    "line that holds the tag with 95 %. Lines: bearings; shaded: their 90 % arcs; dashed: "
+    "bearings not to be trusted. Grey: the flight, from the dot on."
+)
+TAG_CAPTION = "Pulses by SNR where they were received; red: probability of the tag's place."
+SIGNAL_CAPTION = (
+    "Colours: SNR, interpolated between the pulses. Cross: strongest signal; the dotted ring "
+    "around it is where a tag as strong would be, for a monopole. Star: the estimate; the "
+    "line around it holds the tag with 95 %."
+)
 STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
@@ -60,14 +72,12 @@ class LocalMap:
         margin: float = 1.25,
     ) -> None:
         self.axes = axes
-        places = [(pose.longitude_deg, pose.latitude_deg) for pose in survey.track]
-        places += also
+        places = [*map(point_of, survey.track), *also]
         for tag_id in tag_ids:
-            found = survey.position_of(tag_id)
-            if found is not None and found.position is not None:
-                places.append((found.position.longitude_deg, found.position.latitude_deg))
-                places += [place for ring in rings95(found) for place in ring]
-                places += path_points(found.position)
+            if (position := survey.placed(tag_id)) is not None:
+                places.append(point_of(position))
+                places += [place for ring in rings95(position) for place in ring]
+                places += path_points(position)
             places += _hindsight_places(survey, tag_id)
         self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
         self._frame(places, margin)
@@ -164,16 +174,13 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
     chart = LocalMap(axes, survey, [tag_id])
     draw_track(chart, survey)
     color = tag_color(survey.tag_ids, tag_id)
-    found = survey.position_of(tag_id)
-    signal = survey.signal_of(tag_id)
+    signal, position = survey.signal_of(tag_id), survey.placed(tag_id)
     if signal is not None:
         _signal(target, chart, signal)
-    elif found is not None and found.position is not None:
-        _heat(chart, found.position)
+    elif position is not None:
+        _heat(chart, position)
     _bearings(chart, survey, tag_id, color, wedges=True)
-    east, north = chart.line(
-        (one.pose.longitude_deg, one.pose.latitude_deg) for one in pulses if one.pose
-    )
+    east, north = chart.line(point_of(one.pose) for one in pulses if one.pose)
     snr = np.array([one.pulse.snr_db for one in pulses])
     known = np.isfinite(snr)
     dots = axes.scatter(
@@ -202,7 +209,7 @@ def finish_legend(axes: "Axes") -> None:
 def draw_track(chart: LocalMap, survey: Survey) -> None:
     """Draw the path of the drone."""
     poses = thinned(survey.track)
-    east, north = chart.line((pose.longitude_deg, pose.latitude_deg) for pose in poses)
+    east, north = chart.line(map(point_of, poses))
     chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2, label="flight")
     chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)
 
@@ -210,8 +217,7 @@ def draw_track(chart: LocalMap, survey: Survey) -> None:
 def _bearings(
     chart: LocalMap, survey: Survey, tag_id: int, color: str, *, wedges: bool
 ) -> None:
-    found = survey.position_of(tag_id)
-    position = None if found is None else found.position
+    position = survey.placed(tag_id)
     (left, right), (low, high) = chart.axes.get_xlim(), chart.axes.get_ylim()
     for one in survey.bearings_of(tag_id):
         length_m = max(ray_length_m(one, position), math.hypot(right - left, high - low))
@@ -228,21 +234,18 @@ def _bearings(
 
 
 def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
-    found = survey.position_of(tag_id)
-    if found is None or found.position is None:
+    position = survey.placed(tag_id)
+    if position is None:
         return
-    position = found.position
     limits = chart.axes.get_xlim(), chart.axes.get_ylim()
-    for ring in rings95(found):
+    for ring in rings95(position):
         x, y = chart.line(ring)
         chart.axes.plot(x, y, color=color, lw=1.3, zorder=5)
     if position.track:
         x, y = chart.line(path_points(position))
         chart.axes.plot(x, y, color=color, lw=1.6, ls=":", zorder=5)
-    (x,), (y,) = chart.line([(position.longitude_deg, position.latitude_deg)])
-    tag = survey.tag(tag_id)
-    name = f"tag {tag_id}" + (f", {tag.name}" if tag is not None and tag.name else "")
-    label = "\n".join(wrapped(f"{name} and 95 %", _LEGEND_IN, size=7.5))
+    (x,), (y,) = chart.line([point_of(position)])
+    label = "\n".join(wrapped(f"{survey.label(tag_id)} and 95 %", _LEGEND_IN, size=7.5))
     chart.axes.plot([x], [y], "*", color=color, ms=13, mec="white", zorder=6, label=label)
     chart.axes.set_xlim(limits[0])
     chart.axes.set_ylim(limits[1])
@@ -267,9 +270,7 @@ def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None
 def _hindsight_places(survey: Survey, tag_id: int) -> list[Point]:
     verdict = survey.verdict_of(tag_id)
     parts = () if verdict is None else verdict.parts
-    return [
-        (one.longitude_deg, one.latitude_deg) for one in parts if one.radius95_m <= POSITION_M
-    ]
+    return [point_of(one) for one in parts if one.radius95_m <= POSITION_M]
 
 
 def _heat(chart: LocalMap, position: Position) -> None:
@@ -318,7 +319,7 @@ def draw_surface(
 
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
     """Mark the position of strongest signal, and the circle around it where the tag lies."""
-    x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
+    x, y = chart.line([point_of(loudest)])
     label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
     chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)
     angle = np.linspace(0.0, 2.0 * np.pi, 90)

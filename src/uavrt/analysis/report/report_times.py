@@ -2,63 +2,50 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uavrt.analysis.report.style import FAINT, INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.core.earth.attitude import yaw_deg
+from uavrt.core.messages import PulsePose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
+NOISE_CAPTION = "Noise density at each tag's frequency, over the square of full scale."
 
-def draw_times(target: "FigureBase", survey: Survey, tag_ids: Sequence[int]) -> None:
-    """Draw SNR of some tags, and the heading; turns with a bearing are shaded."""
-    pulses = [one for one in survey.every_pulse if one.pulse.tag_id in tag_ids]
-    if not pulses and not survey.track:
+
+def draw_times(target: "FigureBase", survey: Survey, tag_id: int) -> None:
+    """Draw SNR of a tag, and the heading; turns with a bearing are shaded."""
+    heard, later = survey.pulses_of(tag_id), survey.integrated_of(tag_id)
+    if not heard and not later and not survey.track:
         message(target, "No pulses and no poses: nothing to draw over time.")
         return
     upper, lower = target.subplots(2, 1, sharex=True, height_ratios=[1.4, 1.0])
     start_ns = (survey.span_ns or (0, 0))[0]
-    for tag_id in tag_ids:
-        own = survey.pulses_of(tag_id)
-        times = [_minutes(one.pulse.start_time_ns, start_ns) for one in own]
-        upper.plot(
-            times,
-            [one.pulse.snr_db if math.isfinite(one.pulse.snr_db) else np.nan for one in own],
-            "o",
-            ms=2.6,
-            mew=0,
-            color=tag_color(survey.tag_ids, tag_id),
-            label=f"tag {tag_id}",
-            rasterized=len(own) > 3000,
-        )
-        later = [one for one in survey.integrated if one.pulse.tag_id == tag_id]
-        if later:
-            upper.plot(
-                [_minutes(one.pulse.start_time_ns, start_ns) for one in later],
-                [one.pulse.snr_db for one in later],
-                "o",
-                ms=3.4,
-                mew=0.6,
-                mfc="none",
-                color=tag_color(survey.tag_ids, tag_id),
-                label=f"tag {tag_id}, seen in hindsight",
-            )
-    for one in survey.bearings:
-        if one.tag_id in tag_ids:
-            span = [_minutes(t, start_ns) for t in (one.start_time_ns, one.end_time_ns)]
-            for axes in (upper, lower):
-                axes.axvspan(*span, color=FAINT, alpha=0.35, lw=0)
+    color = tag_color(survey.tag_ids, tag_id)
+    _snr(upper, heard, start_ns, ms=2.6, mew=0, color=color, label=f"tag {tag_id}")
+    if later:
+        name = f"tag {tag_id}, seen in hindsight"
+        _snr(upper, later, start_ns, ms=3.4, mew=0.6, mfc="none", color=color, label=name)
+        upper.legend(loc="upper right", fontsize=7.5)
+    for one in survey.bearings_of(tag_id):
+        span = [_minutes(t, start_ns) for t in (one.start_time_ns, one.end_time_ns)]
+        for axes in (upper, lower):
+            axes.axvspan(*span, color=FAINT, alpha=0.35, lw=0)
     _heading(lower, survey, start_ns)
     upper.set_ylabel("SNR [dB]")
     upper.grid(visible=True)
-    if len(tag_ids) > 1 or any(one.pulse.tag_id in tag_ids for one in survey.integrated):
-        upper.legend(loc="upper right", ncols=min(5, len(tag_ids)), fontsize=7.5)
     lower.set_xlabel(f"minutes after {survey.facts.clock_in_words(start_ns)}")
+
+
+def _snr(axes: "Axes", pulses: Sequence[PulsePose], start_ns: int, **style: Any) -> None:
+    snr = [one.pulse.snr_db if math.isfinite(one.pulse.snr_db) else np.nan for one in pulses]
+    minutes = [_minutes(one.pulse.start_time_ns, start_ns) for one in pulses]
+    axes.plot(minutes, snr, "o", rasterized=len(pulses) > 3000, **style)
 
 
 def draw_noise(target: "FigureBase", survey: Survey) -> None:

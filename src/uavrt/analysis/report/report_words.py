@@ -3,26 +3,28 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-import uavrt
-from uavrt.analysis.covered.silence import around_in_words
-from uavrt.analysis.measure.pulse_shapes import remarks_of
+from uavrt.analysis.estimates.position_words import (
+    Facts,
+    Row,
+    basis_in_words,
+    place_in_words,
+    radii_in_words,
+    remarks_of,
+)
 from uavrt.analysis.survey import Survey
-from uavrt.analysis.whole_flights.judged_flights import chance_in_words
-from uavrt.analysis.whole_flights.verdict_words import where_in_words
+from uavrt.analysis.whole_flights.verdict_words import verdict_facts
 from uavrt.config.tags.tag_corrections import shared_offset_in_words
 from uavrt.core.clock import told_utc
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import STATION_COUNTER, Pulse, SearchReport, Tag
-from uavrt.core.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
-from uavrt.flight.integrated import IntegratedVerdict
+from uavrt.core.units import NANOSECONDS_PER_SECOND, counted, wrap_degrees_360
 from uavrt.localization.results import Position
 
 Table = tuple[list[str], list[list[str]]]
-
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 HINDSIGHT_METHOD = (
@@ -58,20 +60,6 @@ POWER_METHOD = (
     "is the mean of the probability. The strongest signal is not the tag: at a height h and an "
     "exponent of 2.5 it lies 0.9 h away from it."
 )
-MAP_CAPTION = "Pulses by SNR where they were received; red: probability of the tag's place."
-SIGNAL_CAPTION = (
-    "Colours: SNR, interpolated between the pulses. Cross: strongest signal; the dotted ring "
-    "around it is where a tag as strong would be, for a monopole. Star: the estimate; the "
-    "line around it holds the tag with 95 %."
-)
-HEIGHT_CAPTION = (
-    "SNR of each pulse over the drone's height; line: median of each layer. Right, for a "
-    "survey at several heights: SNR from the side, by the distance from the estimated place."
-)
-LAYER_CAPTION = (
-    "The same map for each layer of heights that was flown, in the same colours. Cross: "
-    "strongest signal of that layer, with the ring of the tag."
-)
 SOURCES = (
     "[1] M. W. Shafer, G. Vega, K. Rothfus, P. Flikkema: UAV wildlife radiotelemetry: System "
     "and methods of localization. Methods in Ecology and Evolution 10 (2019). The estimator "
@@ -87,7 +75,7 @@ class Finding:
     tag_id: int
     title: str
     place: str | None
-    detail: str
+    facts: Facts
 
 
 def heading_line(survey: Survey) -> str:
@@ -101,55 +89,20 @@ def heading_line(survey: Survey) -> str:
     local_text = "" if local is None else f" ({local})"
     return (
         f"{told_utc(span[0])}{local_text}, {minutes:.1f} minutes · "
-        f"{heard} of {_count(len(survey.tag_ids), 'tag')} heard, "
-        f"{_count(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
+        f"{heard} of {counted(len(survey.tag_ids), 'tag')} heard, "
+        f"{counted(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
     )
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """Findings of all tags in order, then results of whole-flight analysis."""
-    found = [_finding(survey, tag_id) for tag_id in survey.tag_ids]
-    return [
-        replace(one, detail=" ".join([one.detail, *hindsight(survey, one.tag_id)]))
-        for one in found
-    ]
+    """Findings of all tags in order, results of whole-flight analysis included."""
+    return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
 
 
-def hindsight(survey: Survey, tag_id: int) -> list[str]:
-    """Sentences on the whole-flight analysis for a tag; empty if it was not run."""
+def hindsight(survey: Survey, tag_id: int) -> Facts:
+    """Whole-flight result for a tag; empty if the analysis was not run."""
     verdict = survey.verdict_of(tag_id)
-    if verdict is None:
-        return []
-    chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
-    many = verdict.flights > 1
-    over = f"over {verdict.flights} flights together" if many else "over the whole flight"
-    middle = "the flights" if many else "the flight"
-    if not verdict.found:
-        said = [f"In hindsight, {over}: not found ({chance})."]
-        if verdict.silent is not None:
-            near = around_in_words(verdict.silent)
-            said.append(f"{near[:1].upper()}{near[1:]}.")
-        return [*said, *_remarks(verdict)]
-    parts = [
-        f"In hindsight, {over}: found ({chance}), "
-        f"{_count(verdict.pulses, _what(survey, tag_id))} "
-        f"in slots {verdict.interval_s:.4f} s apart"
-    ]
-    if verdict.places > 1 and not verdict.parts:
-        parts.append(f"in one of {verdict.places} places (`uavrt integrate` lists them)")
-    else:
-        parts += where_in_words(verdict, verdict.parts, middle)
-    return ["; ".join(parts) + ".", *_remarks(verdict)]
-
-
-def _what(survey: Survey, tag_id: int) -> str:
-    tag = survey.tag(tag_id)
-    return "further burst" if tag is not None and tag.coded else "further pulse"
-
-
-def _remarks(verdict: IntegratedVerdict) -> list[str]:
-    text = verdict.remarks
-    return [f"{text[:1].upper()}{text[1:]}."] if text else []
+    return Facts() if verdict is None else verdict_facts(verdict)
 
 
 def tag_table(survey: Survey) -> Table:
@@ -248,11 +201,11 @@ def _plain(count: float) -> str:
     return f"{count:,.0f}" if count == round(count) else f"{count:.4g}"
 
 
-def events(survey: Survey) -> list[tuple[str, str]]:
+def events(survey: Survey) -> list[list[str]]:
     """Times and texts of notes, and of messages of severity warning and above."""
     found = [(time_ns, text) for time_ns, text in survey.notes]
     found += [(time_ns, one.text) for time_ns, one in survey.status_texts if one.severity <= 4]
-    return [(survey.facts.clock(time_ns), text) for time_ns, text in sorted(found)]
+    return [[survey.facts.clock(time_ns), text] for time_ns, text in sorted(found)]
 
 
 def beep_table(survey: Survey) -> Table | None:
@@ -285,15 +238,9 @@ def methods(survey: Survey) -> list[str]:
     return [*(text.format(antenna=survey.antenna) for text in METHODS), *hindsight]
 
 
-def made_by() -> str:
-    """Line with program version and author of the report."""
-    return f"uavrt {uavrt.__version__}"
-
-
 def title_of(survey: Survey, tag_id: int) -> str:
     """Heading for a tag: its number and name."""
-    tag = survey.tag(tag_id)
-    return f"{tag_id} {tag.name}" if tag is not None and tag.name else str(tag_id)
+    return f"{tag_id} {survey.name_of(tag_id)}".rstrip()
 
 
 def zones(survey: Survey) -> str:
@@ -302,108 +249,100 @@ def zones(survey: Survey) -> str:
 
 
 def _finding(survey: Survey, tag_id: int) -> Finding:
-    title = f"Tag {title_of(survey, tag_id)}"
-    found = survey.position_of(tag_id)
-    if found is None or found.position is None:
-        return Finding(
-            tag_id=tag_id, title=title, place=None, detail=_why_no_position(survey, tag_id)
-        )
-    position = found.position
-    parts = []
-    if position.radius50_m is not None and position.radius95_m is not None:
-        parts.append(
-            f"within {position.radius50_m:.0f}\u00a0m with 50\u00a0%, "
-            f"{position.radius95_m:.0f}\u00a0m with 95\u00a0% probability"
-        )
-    if survey.track:
-        start = survey.track[0]
-        plane = TangentPlane(latitude_deg=start.latitude_deg, longitude_deg=start.longitude_deg)
-        east, north = plane.to_local(position.latitude_deg, position.longitude_deg)
-        direction = wrap_degrees_360(math.degrees(math.atan2(float(east), float(north))))
-        point = _POINTS[round(direction / 45.0) % 8]
-        distance = math.hypot(float(east), float(north))
-        parts.append(f"{distance:.0f} m from the start of the track towards {point}")
-    time_ns = survey.position_time_ns(tag_id)
-    if time_ns is not None:
-        parts.append(f"at {survey.facts.clock_in_words(time_ns)}")
-    signal = survey.signal_of(tag_id)
-    if signal is None:
-        parts.append(f"from {_count(position.stations, 'bearing')}")
+    position, later = survey.placed(tag_id), hindsight(survey, tag_id)
+    if position is None:
+        facts, place = _without_position(survey, tag_id), None
     else:
-        parts.append(f"from the strength of {_count(position.pulses, 'pulse')}")
-        if signal.strongest is not None:
-            loudest = signal.strongest
-            parts.append(
-                f"strongest signal at {loudest.latitude_deg:.5f}, {loudest.longitude_deg:.5f}"
-            )
-    if caveat := _caveat(survey, tag_id):
-        parts.append(caveat)
-    if position.at_edge:
-        parts.append("it may be farther out")
-    if position.stations == 1:
-        parts.append("one bearing gives the direction but hardly the distance")
-    parts += remarks_of(position)
-    parts += _way(survey, position)
+        facts = _with_position(survey, tag_id, position)
+        place = place_in_words(position)
     return Finding(
         tag_id=tag_id,
-        title=title,
-        place=f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}",
-        detail="; ".join(parts) + ".",
+        title=f"Tag {title_of(survey, tag_id)}",
+        place=place,
+        facts=Facts(rows=(*facts.rows, *later.rows), details=(*facts.details, *later.details)),
     )
+
+
+def _with_position(survey: Survey, tag_id: int, position: Position) -> Facts:
+    within = []
+    if position.radius50_m is not None and position.radius95_m is not None:
+        within = [radii_in_words(position.radius50_m, position.radius95_m)]
+    time_ns, signal = survey.position_time_ns(tag_id), survey.signal_of(tag_id)
+    loudest = None if signal is None else signal.strongest
+    strongest = [] if loudest is None else [place_in_words(loudest)]
+    return Facts(
+        rows=(
+            ("Within", within),
+            ("From the start", _from_start(survey, position)),
+            ("Time", [] if time_ns is None else [survey.facts.clock_in_words(time_ns)]),
+            ("Based on", [basis_in_words(position)]),
+            ("Caution", [*_cautions(survey, tag_id, position), *remarks_of(position)]),
+            ("Dotted track", _way(survey, position)),
+        ),
+        details=(("Strongest signal", strongest),),
+    )
+
+
+def _from_start(survey: Survey, position: Position) -> list[str]:
+    """Distance and direction from the start of the track, for a person who walks there."""
+    if not survey.track:
+        return []
+    start = survey.track[0]
+    plane = TangentPlane(latitude_deg=start.latitude_deg, longitude_deg=start.longitude_deg)
+    east, north = map(float, plane.to_local(position.latitude_deg, position.longitude_deg))
+    direction = wrap_degrees_360(math.degrees(math.atan2(east, north)))
+    return [f"{math.hypot(east, north):.0f} m {_POINTS[round(direction / 45.0) % 8]}"]
 
 
 def _way(survey: Survey, position: Position) -> list[str]:
     if len(position.track) < 2:
         return []
-    places = [
-        f"{survey.facts.clock_in_words(one.time_ns)} "
-        f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f} "
-        f"(within {one.radius95_m:.0f}\u00a0m with 95\u00a0%)"
+    return [
+        f"{survey.facts.clock_in_words(one.time_ns)}: {place_in_words(one)}, "
+        f"within {one.radius95_m:.0f} m (95 %)"
         for one in (position.track[0], position.track[len(position.track) // 2])
     ]
-    return [f"its track is dotted on the map: at {', at '.join(places)}"]
 
 
-def _caveat(survey: Survey, tag_id: int) -> str:
+def _cautions(survey: Survey, tag_id: int, position: Position) -> list[str]:
     bearings = survey.bearings_of(tag_id)
     doubts = Counter(text for one in bearings for text in one.bearing.remarks)
-    many = _count(len(bearings), "bearing")
-    return "; ".join(f"in {count} of its {many} {text}" for text, count in doubts.items())
+    many = counted(len(bearings), "bearing")
+    cautions = [f"in {count} of its {many} {text}" for text, count in doubts.items()]
+    if position.at_edge:
+        cautions.append("it may be farther out")
+    if position.stations == 1:
+        cautions.append("one bearing gives the direction but hardly the distance")
+    return cautions
 
 
-def _why_no_position(survey: Survey, tag_id: int) -> str:
+def _without_position(survey: Survey, tag_id: int) -> Facts:
     own = survey.pulses_of(tag_id)
     if not own:
-        reports = [r for r in survey.search_reports if r.tag_id == tag_id]
-        if not reports:
-            return "Not detected."
-        seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND
-        best = max((r.best_score for r in reports if math.isfinite(r.best_score)), default=0.0)
-        return (
-            f"Not detected in {seconds:.0f} s of search; the strongest trace had "
-            f"{100 * best:.0f} % of the threshold.{_how_searched(reports)}"
-        )
+        return _undetected([one for one in survey.search_reports if one.tag_id == tag_id])
     found = survey.position_of(tag_id)
     if found is not None and found.reason:
-        return f"Detected {len(own)} times. No position: {found.reason}"
-    if all(one.pose is None for one in own):
-        return f"Detected {len(own)} times, never at a known position."
-    return f"Detected {len(own)} times, but there is no turn in place to take a bearing from."
+        reason = found.reason
+    elif all(one.pose is None for one in own):
+        reason = "it was never detected at a known position"
+    else:
+        reason = "there is no turn in place to take a bearing from"
+    return Facts(rows=(("Detected", [f"{len(own)} times"]), ("No position", [reason])))
 
 
-def _how_searched(reports: Sequence[SearchReport]) -> str:
-    """Sentence on the usable share of time on a tag's frequency, and the weakest detectable
-    pulses.
-    """
-    usable = [r.usable_share for r in reports if r.usable_share is not None]
-    weakest = [r.weakest_enr_db for r in reports if r.weakest_enr_db is not None]
-    if not usable or not weakest:
-        return ""
-    return (
-        f" Its frequency was usable {100.0 * sum(usable) / len(usable):.0f} % of the time; "
-        f"pulses of {sum(weakest) / len(weakest):.1f} dB would have been found."
-    )
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+def _undetected(reports: Sequence[SearchReport]) -> Facts:
+    """How long a tag was searched for, and the weakest detectable pulses."""
+    if not reports:
+        return Facts(rows=(("Detected", ["no"]),))
+    seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND
+    usable = [one.usable_share for one in reports if one.usable_share is not None]
+    weakest = [one.weakest_enr_db for one in reports if one.weakest_enr_db is not None]
+    scores = [one.best_score for one in reports if math.isfinite(one.best_score)]
+    rows: list[Row] = [("Detected", [f"no, in {seconds:.0f} s of search"])]
+    details: list[Row] = [
+        ("Strongest trace", [f"{100 * max(scores, default=0.0):.0f} % of the threshold"])
+    ]
+    if usable and weakest:
+        rows.append(("Detectable from", [f"{np.mean(weakest):.1f} dB"]))
+        details.append(("Frequency usable", [f"{100.0 * np.mean(usable):.0f} % of the time"]))
+    return Facts(rows=tuple(rows), details=tuple(details))

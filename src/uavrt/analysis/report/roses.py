@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 COLUMNS = 4
+CAPTION = (
+    "SNR [dB] over heading for each turn in place; grey: the antenna's pattern at the "
+    "bearing found; below: what the pattern leaves unexplained."
+)
 _Floats = NDArray[np.float64]
 
 

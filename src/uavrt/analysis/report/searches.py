@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uavrt.analysis.estimates.position_words import Facts, place_in_words
+from uavrt.analysis.measure.pulse_shapes import point_of
 from uavrt.analysis.report.report_maps import LocalMap, draw_track, finish_legend
 from uavrt.analysis.report.report_words import Table, title_of, zones
 from uavrt.analysis.report.style import SOFT, tag_color
@@ -59,31 +61,36 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
         yield FlownSearch(notes=own)
 
 
-def sentences(survey: Survey, search: FlownSearch) -> list[str]:
-    """Sentences on the search's task, how it ended, and where tags not found may be."""
+def summary(survey: Survey, search: FlownSearch) -> Facts:
+    """The search's task, how it ended, and where tags not found may be."""
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)
-    ended = last.reason if last.event == "ended" else "the recording breaks off"
     each = f", {minutes / found:.1f} minutes for each animal" if found else ""
-    lines = [
-        f"{clock(begun.time_ns)}: {begun.text}. Planner {begun.reason}.",
-        f"{clock(last.time_ns)}: {ended}. {found} of {len(last.tags)} found in "
-        f"{minutes:.1f} minutes{each}; {len(search.decisions)} decisions.",
-    ]
-    return lines + [_unknown(survey, one) for one in search.unknown]
-
-
-def _unknown(survey: Survey, one: SoughtTag) -> str:
-    there = f"Tag {title_of(survey, one.tag_id)} was not found: detected {one.pulses} times, "
-    there += f"{one.missed} times not; it is there and beeps with {100 * one.existence:.0f} %."
-    if not one.likely:
-        return there
-    squares = ", ".join(
-        f"{latitude:.5f}, {longitude:.5f} ({100 * share:.0f} %)"
-        for latitude, longitude, share in one.likely[:3]
+    ended = last.reason if last.event == "ended" else "the recording breaks off"
+    return Facts(
+        rows=(
+            ("Begun", (f"{clock(begun.time_ns)}: {begun.text}",)),
+            ("Ended", (f"{clock(last.time_ns)}: {ended}",)),
+            ("Found", (f"{found} of {len(last.tags)} in {minutes:.1f} minutes{each}",)),
+            *((f"Tag {title_of(survey, one.tag_id)}", _unknown(one)) for one in search.unknown),
+        ),
+        details=(("Planner", (begun.reason,)),),
     )
-    return f"{there} If so, most probably around {squares}."
+
+
+def _unknown(one: SoughtTag) -> list[str]:
+    lines = [
+        f"not found: detected {one.pulses} times, {one.missed} times not",
+        f"in the area and beeping with {100 * one.existence:.0f} %",
+    ]
+    if one.likely:
+        squares = ", ".join(
+            f"{latitude:.5f}, {longitude:.5f} ({100 * share:.0f} %)"
+            for latitude, longitude, share in one.likely[:3]
+        )
+        lines.append(f"if so, most probably around {squares}")
+    return lines
 
 
 def found_table(survey: Survey, search: FlownSearch) -> Table:
@@ -96,7 +103,7 @@ def found_table(survey: Survey, search: FlownSearch) -> Table:
             [
                 title_of(survey, one.tag_id),
                 "no" if minutes is None else f"after {minutes:.1f} min",
-                f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}",
+                place_in_words(one),
                 f"{one.radius95_m:.0f} m",
                 f"{100 * one.existence:.0f} %",
                 f"{one.pulses} / {one.missed}",
@@ -124,7 +131,7 @@ def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> No
         x, y = chart.line([*corners, corners[0]])
         axes.plot(x, y, color=SOFT, lw=1.0, ls=":", zorder=2, label="area")
     draw_track(chart, survey)
-    x, y = chart.line((note.longitude_deg, note.latitude_deg) for note in search.notes)
+    x, y = chart.line(map(point_of, search.notes))
     axes.plot(x, y, ".", color=SOFT, ms=4, zorder=3)
     for one in search.last.tags:
         color = tag_color(survey.tag_ids, one.tag_id)
@@ -133,7 +140,7 @@ def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> No
 
 
 def _draw_found(chart: LocalMap, survey: Survey, one: SoughtTag, color: str) -> None:
-    (x,), (y,) = chart.line([(one.longitude_deg, one.latitude_deg)])
+    (x,), (y,) = chart.line([point_of(one)])
     angle = np.linspace(0.0, 2.0 * np.pi, 61)
     circle = x + one.radius95_m * np.cos(angle), y + one.radius95_m * np.sin(angle)
     chart.axes.plot(*circle, color=color, lw=1.3, zorder=5)

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uavrt.analysis.covered.silence import SilentMap
+from uavrt.analysis.estimates.position_words import Facts
 from uavrt.analysis.report.report_maps import LocalMap, draw_track
 from uavrt.analysis.report.style import SOFT, new_figure, styled
 from uavrt.analysis.survey import Survey
+from uavrt.core.units import counted
 from uavrt.formats.png import chance
 from uavrt.planning.detectability.detection_coverage import Coverage
 
@@ -23,24 +25,32 @@ CAPTION = (
 )
 
 
-def sentences(survey: Survey, one: SilentMap) -> list[str]:
-    """Sentences that summarise the coverage map of a tag that was not found."""
+def summary(one: SilentMap) -> Facts:
+    """Summary of a tag's coverage map."""
     found = one.coverage
     if one.heard_pulses:
-        silent = f"The tag was detected ({one.heard_pulses} confirmed pulses)."
+        result = f"detected ({counted(one.heard_pulses, 'confirmed pulse')})"
     elif one.in_hindsight:
-        silent = "The tag was found over the whole flight, too weak for single groups."
+        result = "found over the whole flight, too weak for single groups"
     else:
-        silent = "The tag was not detected: where the map is yellow, it is probably absent."
+        result = "not detected: where the map is yellow, it is probably absent"
     how = "found over the whole flight" if found.whole_flight else "detected"
-    return [
-        f"{survey.label(one.tag_id).capitalize()}, taken to radiate "
-        f"{one.tag_power_dbm:g} dBm (± 3 dB), would have been {how} with "
-        f"{100.0 * found.mean:.0f} % on average, and with 90 % or more on "
-        f"{100.0 * found.share_above(0.9):.0f} % of {found.known_km2:.1f} km². {silent}",
-        f"The drone's noise: {one.noise}. Antenna: {one.antenna}.",
-        *(f"{text[:1].upper()}{text[1:]}." for text in found.limitations),
-    ]
+    return Facts(
+        rows=(
+            ("Tag", (result,)),
+            ("Assumed power", (f"{one.tag_power_dbm:g} dBm (± 3 dB)",)),
+            (
+                f"Would be {how}",
+                (
+                    f"with {100.0 * found.mean:.0f} % on average",
+                    f"with 90 % or more on {100.0 * found.share_above(0.9):.0f} % of "
+                    f"{found.known_km2:.1f} km²",
+                ),
+            ),
+            ("Limits", found.limitations),
+        ),
+        details=(("Drone's noise", (one.noise,)), ("Antenna", (one.antenna,))),
+    )
 
 
 def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:

@@ -19,6 +19,8 @@ TAG_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", 
 INK, SOFT, FAINT = "#1b2430", "#5c6773", "#c9d0d8"
 SNR_COLORS = "viridis"
 A4_IN = (8.27, 11.69)
+WIDTH_IN = 7.6
+"""Width of the report's figures [in]."""
 
 _SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",

@@ -1,13 +1,47 @@
-"""Sentences on a whole-flight result, for command line, report and status text."""
+"""Words on a whole-flight result, for command line, report, page and status text."""
 
 from collections.abc import Sequence
 
-from uavrt.analysis.whole_flights.judged_flights import POSITION_M
+from uavrt.analysis.covered.silence import around_in_words
+from uavrt.analysis.estimates.position_words import Facts, Row, place_in_words
+from uavrt.analysis.whole_flights.judged_flights import POSITION_M, chance_in_words
 from uavrt.flight.integrated import IntegratedPart, IntegratedVerdict
 from uavrt.localization.whole_flight.train_place import PlaceBelief
 
 ALL_ROUND_DEG = 330.0
 """Width above which an arc of directions no longer gives a direction [deg]."""
+
+
+def verdict_facts(verdict: IntegratedVerdict) -> Facts:
+    """Small table of a whole-flight result for one tag."""
+    together = verdict.flights > 1
+    label = f"{verdict.flights} flights together" if together else "Whole flight"
+    chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
+    limits: Row = "Limits", verdict.remarks.split("; ") if verdict.remarks else ()
+    if not verdict.found:
+        silent = () if verdict.silent is None else (around_in_words(verdict.silent),)
+        return Facts(
+            rows=((label, ("not found", *silent)), limits),
+            details=(("False alarms", (chance,)),),
+        )
+    where = [f"in one of {verdict.places} places (`uavrt integrate` lists them)"]
+    if verdict.places == 1 or verdict.parts:
+        flown = "the flights" if together else "the flight"
+        where = where_in_words(verdict, verdict.parts, flown)
+    coded = verdict.searched is not None and bool(verdict.searched.gaps_s)
+    heard = f"{verdict.pulses} found after the flight, {verdict.heard_live} detected in flight"
+    return Facts(
+        rows=(
+            (label, ("found",)),
+            ("Bursts" if coded else "Pulses", (heard,)),
+            ("Place", where),
+            limits,
+        ),
+        details=(
+            ("False alarms", (chance,)),
+            ("Interval", (f"{verdict.interval_s:.4f} s",)),
+        ),
+    )
 
 
 def where_in_words(
@@ -22,17 +56,19 @@ def where_in_words(
     after "middle of".
     """
     if len(parts) > 1:
-        each = "; ".join(
-            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
-            f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"
-            for one in parts
-        )
-        return [f"in one of {len(parts)} places that {flown} cannot distinguish: {each}"]
+        return [
+            f"in one of {len(parts)} places that {flown} cannot distinguish:",
+            *(
+                f"at {place_in_words(one)}, within "
+                f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"
+                for one in parts
+            ),
+        ]
     known = place.radius95_m is not None and place.radius95_m <= POSITION_M
     lines = []
     if place.bearing_deg is not None and place.arc50_deg is not None and place.arc95_deg:
         if place.arc95_deg > ALL_ROUND_DEG and not known:
-            return [f"position and direction are unknown: {flown} does not constrain them"]
+            return [f"position and direction are unknown: not constrained by {flown}"]
         lines.append(
             f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
             f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 from cyclopts import Parameter
 
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
-from uavrt.cli.shown.plurals import counted
 from uavrt.core.errors import UsageError
+from uavrt.core.units import counted
 
 if TYPE_CHECKING:
     from uavrt.analysis.archive.parquet.parquet_tables import FlightRow, RecordingRow

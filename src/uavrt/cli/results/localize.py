@@ -11,7 +11,6 @@ from cyclopts import Parameter
 from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
 from uavrt.cli.shown.outputs import print_json
-from uavrt.cli.shown.plurals import counted
 from uavrt.core.clock import told_utc
 from uavrt.core.errors import ConfigError
 
@@ -84,7 +83,12 @@ def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
 
 def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
     """Sentence on a tag's position; with its frequency if several tags share its number."""
-    from uavrt.analysis.measure.pulse_shapes import remarks_of
+    from uavrt.analysis.estimates.position_words import (
+        basis_in_words,
+        place_in_words,
+        radii_in_words,
+        remarks_of,
+    )
 
     found = one.position
     tag = f"tag {one.tag_id} ({one.name})" if one.name else f"tag {one.tag_id}"
@@ -92,24 +96,22 @@ def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
         tag += f" at {one.frequency_hz / 1e6:.4f} MHz"
     if found is None:
         return f"{tag}: no position: {one.reason}"
-    text = f"{tag}: {found.latitude_deg:.5f}, {found.longitude_deg:.5f}"
+    text = f"{tag}: {place_in_words(found)}"
     if found.radius50_m is not None and found.radius95_m is not None:
-        text += f", within {found.radius50_m:.0f} m (50 %), {found.radius95_m:.0f} m (95 %)"
-    if found.stations:
-        text += f", from {counted(found.stations, 'bearing')}"
-    elif found.pulses:
-        text += f", from the strength of {counted(found.pulses, 'pulse')}"
-    else:
-        text += f", {found.method} as it stands in the file"
+        text += f", within {radii_in_words(found.radius50_m, found.radius95_m)}"
+    origin = "from " if found.stations or found.pulses else ""
+    text += f", {origin}{basis_in_words(found)}"
     if found.at_edge:
         text += "; it may be farther out"
     return "\n  ".join([text, *remarks_of(found), *_way(found)])
 
 
 def _way(found: "Position") -> list[str]:
+    from uavrt.analysis.estimates.position_words import place_in_words, radii_in_words
+
     step = max(1, -(-len(found.track) // _MOST_POINTS))
     return [
-        f"{told_utc(one.time_ns)}: {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, "
-        f"within {one.radius50_m:.0f} m (50 %), {one.radius95_m:.0f} m (95 %)"
+        f"{told_utc(one.time_ns)}: {place_in_words(one)}, "
+        f"within {radii_in_words(one.radius50_m, one.radius95_m)}"
         for one in (*found.track[:-1:step], *found.track[-1:])
     ]

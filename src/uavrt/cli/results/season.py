@@ -9,9 +9,9 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from uavrt.cli.shown.outputs import check_place, print_json
-from uavrt.cli.shown.plurals import counted
 from uavrt.core.clock import iso_utc
 from uavrt.core.terminal_tables import table_of
+from uavrt.core.units import counted
 from uavrt.formats.csv_line import TableWriter
 
 if TYPE_CHECKING:

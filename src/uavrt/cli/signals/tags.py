@@ -14,12 +14,12 @@ from uavrt.cli.examples import examples
 from uavrt.cli.options.inputs import NOTHING_STATED, Stated
 from uavrt.cli.options.kinds import Count, Hertz
 from uavrt.cli.shown.outputs import check_place, keep_inputs
-from uavrt.cli.shown.plurals import counted
 from uavrt.cli.shown.progress_bars import progress_bar
 from uavrt.cli.system.run import DEFAULT_CONFIG, settings_from
 from uavrt.core.clock import cpu_s, iso_utc
 from uavrt.core.errors import ConfigError, TagFileError, UavrtError, os_errors_as
 from uavrt.core.foreign import TAGS, read_file
+from uavrt.core.units import counted
 
 if TYPE_CHECKING:
     from uavrt.analysis.measure.coded_bursts import MeasuredCode

@@ -27,11 +27,13 @@ _MOST_CORNERS = 500
 
 def integrated_record(flight: Path) -> Record:
     """Record of a whole flight's results, with the pulses found afterwards, thinned evenly."""
+    from uavrt.analysis.whole_flights.verdict_words import verdict_facts
+
     verdicts, pulses = read_integrated(flight)
     placed = [one for one in pulses if one.pose is not None]
     step = max(1, math.ceil(len(placed) / _MOST_PULSES))
     return {
-        "tags": [asdict(one) for one in verdicts],
+        "tags": [{**asdict(one), "facts": asdict(verdict_facts(one))} for one in verdicts],
         "pulses": [
             {
                 "tag_id": one.pulse.tag_id,

@@ -1,0 +1,54 @@
+"""Words on a position, for command line, report and page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uavrt.analysis.measure.pulse_shapes import Located
+from uavrt.core.clock import told_utc
+from uavrt.core.units import counted
+from uavrt.localization.results import Position
+
+Row = tuple[str, Sequence[str]]
+"""Label and values; a row without values is not shown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """A small table of labelled values, for report and page."""
+
+    rows: tuple[Row, ...] = ()
+    details: tuple[Row, ...] = ()
+    """Rows that help no decision in the field; shown on request."""
+
+
+def place_in_words(place: Located) -> str:
+    """Format a position as decimal degrees to five places, about 1 m."""
+    return f"{place.latitude_deg:.5f}, {place.longitude_deg:.5f}"
+
+
+def radii_in_words(radius50_m: float, radius95_m: float) -> str:
+    """Format the radii that hold a tag with 50 % and 95 %."""
+    return f"{radius50_m:.0f} m (50 %), {radius95_m:.0f} m (95 %)"
+
+
+def basis_in_words(position: Position) -> str:
+    """Name the data a position was estimated from."""
+    if position.stations:
+        return counted(position.stations, "bearing")
+    if position.pulses:
+        return f"the strength of {counted(position.pulses, 'pulse')}"
+    return f"{position.method} as it stands in the file"
+
+
+def remarks_of(position: Position) -> tuple[str, ...]:
+    """Remarks printed next to a position's circles.
+
+    For a moving tag they state the time of its single position. The remark is omitted if the
+    path itself is the result: by strength, or on request.
+    """
+    walks = any(one.name == "walk" for one in position.cautions)
+    if not position.track or not walks or position.method == "track":
+        return position.remarks
+    time = told_utc(position.track[-1].time_ns)
+    straight = f"this was its position at {time} if it walked straight; its path may bend"
+    return (*position.remarks, straight)
