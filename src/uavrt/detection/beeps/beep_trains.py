@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver
@@ -65,12 +64,26 @@ class Train:
         return max(self.beats, key=lambda one: one.members.size)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Searched:
+    """Result for the points of one frequency, which stays valid while no point is new there."""
+
+    groups: list[list[FoundBeat]]
+    """Intervals of each sender; their members are indices into the points."""
+    burst_share: float
+
+
 def find_trains(
-    points: Points, span_s: float, receiver: Receiver
+    points: Points,
+    span_s: float,
+    receiver: Receiver,
+    searched: dict[bytes, Searched] | None = None,
 ) -> tuple[list[Train], list[float]]:
     """Find all trains among points.
 
     `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
+    `searched`: results of the previous call for a growing stream, replaced by those of this
+    call; only frequencies with new or dropped points are then searched.
     Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
     frequencies with bursts of pulses, as from a coded tag, the purest first.
     """
@@ -79,6 +92,8 @@ def find_trains(
     ordered = points.frequencies_hz[by_frequency]
     trains: list[Train] = []
     suspects: list[tuple[float, float]] = []
+    before, searched = ({}, {}) if searched is None else (dict(searched), searched)
+    searched.clear()
     for center_hz in _centers(points):
         low, high = np.searchsorted(
             ordered, (center_hz - TRAINS.gather_hz, center_hz + TRAINS.gather_hz)
@@ -87,20 +102,22 @@ def find_trains(
         near = near[free[near]]
         if near.size < INTERVALS.fewest_pulses:
             continue
+        key = points.frequencies_hz[near].tobytes()
+        result = searched[key] = before.get(key) or _searched(points.times_s[near], span_s)
+        if not result.groups and not result.burst_share:
+            continue
         here = points.take(near)
         found = [
             (train, members)
-            for group in _of_one_sender(
-                find_beats(here.times_s, span_s, TRAINS.most_intervals), here
-            )
+            for group in result.groups
             for train, members in [_train(group, here)]
             if _scatter_hz(train.points) <= TRAINS.most_scatter_hz
         ]
         used = np.zeros(near.size, dtype=bool)
         for _, members in found:
             used[members] = True
-        if share := _burst_share(here.times_s, span_s):
-            suspects.append((share, float(np.median(here.frequencies_hz))))
+        if result.burst_share:
+            suspects.append((result.burst_share, float(np.median(here.frequencies_hz))))
         if not found:
             continue
         trains += _with_doubt([train for train, _ in found], here, used)
@@ -108,6 +125,11 @@ def find_trains(
     trains.sort(key=lambda train: -train.level_db)
     suspects.sort(reverse=True)
     return _with_images(trains, receiver), [frequency_hz for _, frequency_hz in suspects]
+
+
+def _searched(times_s: NDArray[np.float64], span_s: float) -> Searched:
+    beats = find_beats(times_s, span_s, TRAINS.most_intervals)
+    return Searched(_of_one_sender(beats, times_s), _burst_share(times_s, span_s))
 
 
 def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -137,10 +159,9 @@ def _centers(points: Points) -> list[float]:
     half = reach // 2
     weights = np.convolve(weight, np.ones(2 * half + 1), mode="same")
     counts = np.convolve(count, np.ones(2 * reach + 1), mode="same")
-    highest = sliding_window_view(np.pad(weights, reach), 2 * reach + 1).max(axis=1)
-    tops = np.flatnonzero(
-        (weights >= highest) & (weights > 0.0) & (counts >= INTERVALS.fewest_pulses)
-    )
+    tops = np.flatnonzero((weights > 0.0) & (counts >= INTERVALS.fewest_pulses))
+    around = np.pad(weights, reach)[tops[:, None] + np.arange(2 * reach + 1)]
+    tops = tops[weights[tops] >= around.max(axis=1)]
     # Equal neighbours are one maximum.
     tops = tops[np.diff(tops, prepend=-2) > 1]
     return [float(low_hz + TRAINS.step_hz * top) for top in tops[np.argsort(-weights[tops])]]
@@ -217,13 +238,15 @@ def _coincide(train: Train, other: Train) -> bool:
     return bool(np.mean(gap_s <= TRAINS.same_time_s) >= TRAINS.image_share)
 
 
-def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
+def _of_one_sender(
+    beats: Sequence[FoundBeat], all_s: NDArray[np.float64]
+) -> list[list[FoundBeat]]:
     """Group intervals by sender: those of one sender do not overlap in time."""
     groups: list[list[FoundBeat]] = []
     for beat in beats:
-        times_s = here.times_s[beat.members]
+        times_s = all_s[beat.members]
         for group in groups:
-            if not any(_overlap(times_s, here.times_s[one.members]) for one in group):
+            if not any(_overlap(times_s, all_s[one.members]) for one in group):
                 group.append(beat)
                 break
         else:

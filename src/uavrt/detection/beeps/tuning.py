@@ -154,8 +154,12 @@ class ListeningTuning:
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
     """Search of the tags' band of a recording: first time, time per period, period [s]."""
-    tags_band_live_s: tuple[float, float, float] = (60.0, 45.0, 90.0)
+    tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
     """Search of the tags' band of a live stream: first time, time per period, period [s]."""
+    wide_hz: float = 800e3
+    """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
+    wide_live_s: float = 30.0
+    """Maximum time per period in which a wide band of the tags is searched [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
     """Search of the radio's wider band: first time, time per period, period [s]."""
     whole_band_live_s: tuple[float, float, float] = (20.0, 20.0, 540.0)
