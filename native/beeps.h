@@ -3,7 +3,7 @@
 
 /* spectrogram(samples, hop, taper, twiddles, first, bins, work, out): power of as many windows
    as `out` has rows of `bins`. twiddles: exp(-2 pi i k / size), whose number is the size of
-   the transforms, without prime factors above 5. work: 16 floats for each of them. */
+   the transforms, without prime factors above 5. work: 16 floats for each of them, and 16. */
 static PyObject *spectrogram(PyObject *self, PyObject *const *args, Py_ssize_t given)
 {
     (void)self;
@@ -29,13 +29,14 @@ static PyObject *spectrogram(PyObject *self, PyObject *const *args, Py_ssize_t g
             rest /= prime;
     const Py_ssize_t windows = bins > 0 ? cells / bins : 0;
     if (rest != 1 || hop < 1 || first < 0 || first >= points || bins < 1 || bins > points ||
-        cells % bins || windows < 1 || !fits(windows, hop) || !fits(points, 16)) {
+        cells % bins || windows < 1 || !fits(windows, hop) || !fits(points, 32)) {
         PyErr_SetString(PyExc_ValueError, "spectrogram: no such windows or frequencies");
         goto end;
     }
-    float *work = hold(&held, args[6], 1, 4, 16 * points, NULL, "work");
+    float *work = hold(&held, args[6], 1, 4, 16 * points + 16, NULL, "work");
     if (work == NULL)
         goto end;
+    work += (16 - (uintptr_t)work / sizeof *work % 16) % 16; /* lines of the cache begin there */
     const float *samples =
         hold(&held, args[0], 0, 8, (windows - 1) * hop + length, NULL, "samples");
     if (samples == NULL)

@@ -42,7 +42,7 @@ class BandSpectrogram:
         The windows begin at the first of the `samples`, `hop` apart.
         """
         native = kernels() if self._kernel else None
-        work = 8 * self._size if native else self._size * POINTS.least_frames
+        work = 8 * (self._size + 1) if native else self._size * POINTS.least_frames
         if self._work.size != work:  # kept: new memory would take as long as the transforms
             self._work = np.empty(work, np.complex64)
         if native is not None:

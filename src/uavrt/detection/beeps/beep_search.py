@@ -38,7 +38,7 @@ class _Band:
         self.half_hz = 0.0
         self.points = NO_POINTS
         """Points at absolute frequencies, from the last search for trains."""
-        self._searched: dict[bytes, Searched] = {}
+        self._searched: list[Searched] = []
 
     def due(self, block: IQBlock) -> bool:
         """Count the time of a block; returns True if the block must be searched."""

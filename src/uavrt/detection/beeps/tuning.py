@@ -79,6 +79,12 @@ class TrainTuning:
     """Range of frequencies that may belong to one tag as it warms up [Hz]."""
     step_hz: float = 25.0
     """Width of the steps in which points are counted by frequency [Hz]."""
+    fewest_held: int = 30
+    """Minimum number of pulses at an interval that is kept while the pulses continue it."""
+    renewing_ratio: float = 3.0
+    """Minimum ratio of new to old points at one frequency for it to be searched again."""
+    renewing_share: float = 0.125
+    """Maximum share of new points at one frequency that are not of its known trains."""
     most_intervals: int = 8
     """Maximum number of intervals found among the points of one frequency."""
     strays: int = 2
