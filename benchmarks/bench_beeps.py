@@ -10,6 +10,7 @@ from uavrt.config.ghost_places import Receiver
 from uavrt.core.messages import IQBlock, Tag
 from uavrt.core.units import ns_from_s
 from uavrt.detection.beeps.beep_search import BeepSearch
+from uavrt.detection.beeps.tuning import LISTENING
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
 
 RADIO_HZ, BAND_HZ = 3e6, 375e3
@@ -43,10 +44,10 @@ def run() -> list[Table]:
 
 
 def case(name: str, period_s: float, *, whole: bool) -> Case:
-    """A search after its first minute, which listens all the time."""
+    """A search that holds all the points it keeps, since trains are searched among them."""
     search = BeepSearch(TAGS, 500.0, Receiver(CENTER_HZ, RADIO_HZ), live=True)
     blocks = endless(whole=whole)
-    feed(search, blocks, 60.0)
+    feed(search, blocks, LISTENING.recent_s)
     return Case(name=name, run=lambda: feed(search, blocks, period_s), signal_s=period_s)
 
 

@@ -8,6 +8,7 @@
 #include "anchors.h"
 #include "band.h"
 #include "bank.h"
+#include "beeps.h"
 #include "codes.h"
 #include "fir.h"
 #include "levels.h"
@@ -53,6 +54,8 @@ static PyMethodDef methods[] = {
      "Best sums of anchors: uavrt.detection.search.anchors."},
     {"seeds", (PyCFunction)(void (*)(void))seeds, METH_FASTCALL,
      "Sums of the cells of bursts: uavrt.detection.coded.sums."},
+    {"spectrogram", (PyCFunction)(void (*)(void))spectrogram, METH_FASTCALL,
+     "Power of a whole band in windows: uavrt.detection.beeps.beep_points."},
     {"train_peaks", (PyCFunction)(void (*)(void))train_peaks, METH_FASTCALL,
      "Highest sums of trains for each place: uavrt.localization.whole_flight.energies.folding."},
     {"train_sums", (PyCFunction)(void (*)(void))train_sums, METH_FASTCALL,
@@ -61,7 +64,7 @@ static PyMethodDef methods[] = {
 };
 
 /* The number that uavrt/core/runtime/native.py asks for: raised when arguments of a kernel change. */
-#define INTERFACE 6
+#define INTERFACE 7
 
 static int fill(PyObject *module)
 {

@@ -86,6 +86,10 @@ typedef struct {
                         Py_ssize_t columns, const float *cosines, const float *sines,
                         Py_ssize_t middle, Py_ssize_t stride, float *power, float *work,
                         Py_ssize_t room);
+    void (*window_powers)(const float *samples, Py_ssize_t hop, Py_ssize_t windows,
+                          const float *taper, Py_ssize_t length, Py_ssize_t size,
+                          const float *twiddles, Py_ssize_t first, Py_ssize_t bins, float *work,
+                          float *out);
     Py_ssize_t (*find_anchors)(const float *cells, Py_ssize_t rows, Py_ssize_t width,
                                Py_ssize_t length, Py_ssize_t at, Py_ssize_t fresh,
                                Py_ssize_t reach, const float *levels, float share,

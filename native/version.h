@@ -9,6 +9,7 @@ typedef float lanes_t __attribute__((vector_size(4 * LANES), aligned(4), may_ali
 
 #include "anchors_loops.h"
 #include "bank_loops.h"
+#include "beeps_loops.h"
 #include "codes_loops.h"
 #include "fir_loops.h"
 /* After the filters, whose sums it uses. */
@@ -22,6 +23,7 @@ static const loops_t NAMED(loops) = {
     .bank_outputs = NAMED(bank_outputs),
     .band_outputs = NAMED(band_outputs),
     .cell_powers = NAMED(cell_powers),
+    .window_powers = NAMED(window_powers),
     .find_anchors = NAMED(find_anchors),
     .best_sum = NAMED(best_sum),
     .profile = NAMED(profile),

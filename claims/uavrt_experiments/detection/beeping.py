@@ -375,10 +375,11 @@ def searched_blocks(
 def names_right(tries: int, what: str, *, seed: int = 1) -> float:
     """Share of tags of 20 dB whose `offset` (frequency) or `rate` (interval) is identified.
 
-    The offset is up to 1800 Hz and must be identified within 10 intervals. The interval is 0.3
-    to 2.5 s and must be identified within 20 pulses.
+    The offset is up to 1800 Hz, or up to 10 kHz in a `dongle`, and must be identified within 10
+    intervals. The interval is 0.3 to 2.5 s and must be identified within 20 pulses.
     """
     right = 0
+    reach_hz, rate_hz = (10e3, 48e3) if what == "dongle" else (1800.0, 24e3)
     for number in range(tries):
         rng = np.random.default_rng((seed, number))
         listed = replace(
@@ -387,8 +388,8 @@ def names_right(tries: int, what: str, *, seed: int = 1) -> float:
             pulse_intervals_s=(rng.uniform(0.8, 2.0),),
         )
         interval_s, offset_hz, pulses = listed.pulse_intervals_s[0], 0.0, 10
-        if what == "offset":
-            offset_hz = float(rng.uniform(-1800.0, 1800.0))
+        if what != "rate":
+            offset_hz = float(rng.uniform(-reach_hz, reach_hz))
             interval_s += rng.uniform(-0.05, 0.05)
         else:
             pulses = 20
@@ -403,13 +404,13 @@ def names_right(tries: int, what: str, *, seed: int = 1) -> float:
             starts_s=starts_s + rng.uniform(0.0, 0.01, starts_s.size),
         )
         scene = Scene(
-            duration_s=duration_s, sample_rate_hz=24e3, seed=seed + number, beepers=(beeper,)
+            duration_s=duration_s, sample_rate_hz=rate_hz, seed=seed + number, beepers=(beeper,)
         )
         found = named(scene, [listed], 500.0)
         if len(found) != 1:
             continue
         (one,) = found
-        if what == "offset":
+        if what != "rate":
             inside = abs(offset_hz) <= 530.0
             near = one.away_hz is not None and abs(one.away_hz - offset_hz) < 15.0
             right += near and one.kind is (BeepKind.LISTED if inside else BeepKind.OFF_LABEL)
@@ -457,7 +458,7 @@ def main(arguments: Sequence[str]) -> None:
         for seed in range(1, 1 + (int(values[2]) if values[2:] else 1)):
             sys.stdout.write(f"{five(duration_s, rate_hz, seed=seed)}\n")
     elif kind == "named":
-        for what in ("offset", "rate"):
+        for what in ("offset", "dongle", "rate"):
             sys.stdout.write(f"{what} {names_right(int(values[0]), what)}\n")
     elif kind == "live":
         for seed in range(1, 1 + int(values[0])):

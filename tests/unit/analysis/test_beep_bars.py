@@ -35,7 +35,7 @@ def test_five_unknown_tags_are_measured_among_carriers_voice_and_impulses() -> N
     assert result.cpu_share < 0.5
 
 
-@pytest.mark.parametrize("what", ["offset", "rate"])
+@pytest.mark.parametrize("what", ["offset", "dongle", "rate"])
 def test_a_wrong_label_and_a_rate_that_is_not_listed_are_named(what: str) -> None:
     assert names_right(16, what) >= 15 / 16
 

@@ -13,7 +13,7 @@ from uavrt.core.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.detection.beeps.beats import FoundBeat, find_beats
 from uavrt.detection.beeps.beep_points import Points, PointSearch
 from uavrt.detection.beeps.beep_search import BeepSearch
-from uavrt.detection.beeps.beep_trains import Train, find_trains
+from uavrt.detection.beeps.beep_trains import Searched, Train, find_trains
 from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.detection.beeps.naming import name_trains
 from uavrt_experiments.detection.beeping import (
@@ -280,13 +280,15 @@ def test_an_interval_that_changes_with_the_temperature_is_one_train_of_ten_minut
     assert one.beat.interval_s == pytest.approx(1.2012, abs=1e-3)
 
 
-def test_a_live_search_of_the_tags_band_pauses_for_45_s_at_most() -> None:
-    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, 1e3), live=True)
-    band = IQBlock(np.zeros(100, np.complex64), 0, 0, 100.0)
+@pytest.mark.parametrize(("rate_hz", "pause"), [(375e3, 0), (1e6, 60)])
+def test_a_live_search_of_the_tags_band_pauses_only_if_the_band_is_wide(
+    rate_hz: float, pause: int
+) -> None:
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, 3e6), live=True)
+    band = IQBlock(np.zeros(round(rate_hz), np.complex64), 0, 0, rate_hz)
     due = "".join("x" if search.due(band, band)[1] else " " for _ in range(600))
     assert due.startswith("x" * 60)
-    assert max(map(len, due.split("x"))) == 45
-    assert 0.5 <= due.count("x") / len(due) <= 0.6
+    assert max(map(len, due.split("x"))) == pause
 
 
 def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:
@@ -304,3 +306,37 @@ def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:
     assert said[1][0] < 75.0
     assert known[0].pulses >= 20
     assert search.finish() == []
+
+
+def test_a_live_stream_names_a_known_tag_anew_once_its_rate_changes() -> None:
+    slow = regular(60.0, 1.26, 0.3)
+    changing = Beeper(
+        offset_hz=300.0,
+        enr_db=20.0,
+        width_s=0.02,
+        starts_s=np.concatenate((slow, slow[-1] + 1.26 + regular(60.0, 0.63, 0.0))),
+    )
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, RATE_HZ), live=True)
+    said: list[tuple[float, Beep]] = []
+    for block in blocks_of(scene(changing, duration_s=90.0)):
+        search.add(block, block)
+        at_s = block.sample_index / RATE_HZ
+        said += [(at_s, one) for one in search.news(block.time_ns)]
+    assert said[0][0] < 13.0
+    fast = [at_s for at_s, one in said if one.kind is BeepKind.OTHER_RATE]
+    assert 60.0 < fast[0] < 75.0
+
+
+def test_pulses_that_continue_a_train_are_no_reason_to_search_again_others_are() -> None:
+    rng = np.random.default_rng(3)
+    times_s = np.arange(0.5, 300.0, 1.26)
+    times_s += rng.uniform(0.0, 0.01, times_s.size)
+    ones = np.ones(times_s.size)
+    points = Points(times_s, rng.normal(1000.0, 5.0, times_s.size), 0.02 * ones, 20.0 * ones)
+    searched: list[Searched] = []
+    assert len(find_trains(points.take(times_s < 60.0), 60.0, RADIO, searched)[0]) == 1
+    (known,) = searched
+    later_s = times_s[times_s > 30.0]
+    assert known.holds(later_s[later_s < 230.0])
+    assert not known.holds(later_s[later_s < 250.0])  # four times as many
+    assert not known.holds(np.sort(np.concatenate((later_s[:40], rng.uniform(65.0, 80.0, 12)))))

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-INTERFACE = 6
+INTERFACE = 7
 """Version of the kernels' interface; kernels of another version are not used."""
 
 

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from uavrt.detection.beeps.band_spectrogram import BandSpectrogram
 from uavrt.detection.beeps.tuning import POINTS
-from uavrt.dsp.fourier import transform_columns
-from uavrt.dsp.plan import fast_length
 from uavrt.dsp.sliding_medians import medians
 
 
@@ -53,6 +51,30 @@ class Points:
 NO_POINTS: Final = Points(*np.zeros((4, 0)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Levels:
+    """Power of the cells of a spectrogram, over that usual at their frequency.
+
+    Few cells are needed as levels, so the others are not scaled.
+    """
+
+    power: NDArray[np.float32]
+    """(frames, bins)"""
+    scale: NDArray[np.float32]
+    """(bins,) one over the usual power."""
+
+    def around(
+        self, row: NDArray[np.intp], column: NDArray[np.intp], rows: range, columns: range
+    ) -> NDArray[np.float32]:
+        """Levels around each cell, shape (cells, rows, columns); zero beyond the edges."""
+        frames, bins = self.power.shape
+        at = row[:, None, None] + np.array(rows)[:, None]
+        bins_at = column[:, None, None] + np.array(columns)
+        inside = (at >= 0) & (at < frames) & (bins_at >= 0) & (bins_at < bins)
+        at, bins_at = np.clip(at, 0, frames - 1), np.clip(bins_at, 0, bins - 1)
+        return np.where(inside, self.power[at, bins_at] * self.scale[bins_at], np.float32(0.0))
+
+
 class PointSearch:
     """Finds pulses in a stream of samples.
 
@@ -68,61 +90,57 @@ class PointSearch:
         most_cells: int = POINTS.most_cells,
     ) -> None:
         self._rate_hz = sample_rate_hz
-        length = max(16, round(POINTS.window_s * sample_rate_hz))
-        self._hop = max(4, round(POINTS.hop_s * sample_rate_hz))
-        self._size = fast_length(length)
-        self._window = np.hanning(length + 2)[1:-1].astype(np.float32)
-        self._step_hz = sample_rate_hz / self._size
-        half = self._size // 2
-        first = max(-half, int(np.ceil(low_hz / self._step_hz)))
-        last = min(self._size - half - 1, int(np.floor(high_hz / self._step_hz)))
-        self._first_bin, self._bins = first, max(last - first + 1, 1)
-        self._low_hz = first * self._step_hz
-        frames = min(POINTS.batch_s / POINTS.hop_s, most_cells / self._bins)
+        self._spectrogram = BandSpectrogram(
+            sample_rate_hz=sample_rate_hz, low_hz=low_hz, high_hz=high_hz
+        )
+        bins = self._spectrogram.bins
+        frames = min(POINTS.batch_s / POINTS.hop_s, most_cells / bins)
         self._held = 2 * POINTS.around_frames
         """Number of frames of the previous batch that are repeated at the start of a batch."""
-        self._power = np.zeros(
-            (max(4 * POINTS.around_frames, round(frames)), self._bins), np.float32
-        )
+        self._power = np.zeros((max(4 * POINTS.around_frames, round(frames)), bins), np.float32)
         self._filled = 0
         self._first_frame = 0
         self._from = 0
         """First frame of the batch that is not examined yet."""
-        cells_per_s = self._bins / POINTS.hop_s
+        cells_per_s = bins / POINTS.hop_s
         # The power of noise is exponential: P(x times its median) = 2^-x.
         false_per_s = POINTS.false_per_s * max(
-            1.0, self._bins * self._step_hz / POINTS.false_band_hz
+            1.0, bins * self._spectrogram.step_hz / POINTS.false_band_hz
         )
         self._factor = np.log2(max(cells_per_s / false_per_s, 16.0))
-        at_once = max(1, (1 << 18) // length)  # some 2 MiB of windows
-        self._windows = np.zeros((at_once, self._size), np.complex64)
-        self._spectrum = np.empty_like(self._windows)
-        self._tail = np.zeros(0, np.complex64)
+        self._samples = np.zeros(0, np.complex64)
+        """The next frames' samples, in a buffer that grows to the largest block."""
+        self._held_samples = 0
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0
         """Number of strong cells not examined because there were too many at once."""
 
     def process(self, samples: NDArray[np.complex64]) -> None:
         """Process the next samples of the stream; none may be missing in between."""
-        self._tail = np.concatenate((self._tail, samples))
+        held = self._held_samples
+        self._held_samples = held + samples.size
+        if self._held_samples > self._samples.size:
+            self._samples = np.resize(self._samples, self._held_samples)
+        self._samples[held : self._held_samples] = samples
         self._take_frames(POINTS.least_frames)
 
     def _take_frames(self, least: int) -> None:
-        data, length, hop = self._tail, self._window.size, self._hop
-        frames = (data.size - length) // hop + 1 if data.size >= length else 0
+        data, hop = self._samples[: self._held_samples], self._spectrogram.hop
+        frames = max(0, data.size - self._spectrogram.length + hop) // hop
         if frames < least:
             return
-        windows = sliding_window_view(data, length)[::hop]
         done = 0
         while done < frames:
-            count = min(len(self._windows), frames - done, len(self._power) - self._filled)
+            count = min(frames - done, len(self._power) - self._filled)
             target = self._power[self._filled : self._filled + count]
-            self._transform(windows[done : done + count], target)
+            self._spectrogram.powers(data[done * hop :], target)
             self._filled += count
             done += count
             if self._filled == len(self._power):
                 self._search(len(self._power) - POINTS.around_frames)
-        self._tail = data[frames * hop :].copy()
+        rest = data[frames * hop :].copy()
+        self._samples[: rest.size] = rest
+        self._held_samples = rest.size
 
     def finish(self) -> Points:
         """Examine the remaining samples, and return all points."""
@@ -138,61 +156,50 @@ class PointSearch:
         self._found = [rows]
         return _without_edges(Points(*rows[np.argsort(rows[:, 0], kind="stable")].T))
 
-    def _transform(self, windows: NDArray[np.complex64], power: NDArray[np.float32]) -> None:
-        framed, spectrum = self._windows[: len(windows)], self._spectrum[: len(windows)]
-        np.multiply(windows, self._window, out=framed[:, : self._window.size])
-        spectrum = transform_columns(framed.T, spectrum.T).T
-        negative = min(max(0, -self._first_bin), self._bins)
-        for target, source in (
-            (power[:, :negative], spectrum[:, self._first_bin + self._size :]),
-            (power[:, negative:], spectrum[:, max(0, self._first_bin) :]),
-        ):
-            part = source[:, : target.shape[1]]
-            np.multiply(part.real, part.real, out=target)
-            target += part.imag**2
-
     def _search(self, until: int) -> None:
         power = self._power[: self._filled]
-        held = power[-self._held :].copy()
         usual = medians(power[::2])
         # A frequency with a level near zero (a filter's stop band) never stands out.
         usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
-        power *= 1.0 / usual
-        row, column, over = self._candidates(power, self._from, until)
+        levels = _Levels(power, 1.0 / usual)
+        row, column, over = self._candidates(levels, self._from, until)
         if row.size:
-            self._found.append(self._points(power, row, column, over))
+            self._found.append(self._points(levels, row, column, over))
+        held = power[-self._held :].copy()
         self._first_frame += self._filled - len(held)
         self._from = until - (self._filled - len(held))
         self._power[: len(held)] = held
         self._filled = len(held)
 
     def _candidates(
-        self, power: NDArray[np.float32], first: int, until: int
+        self, levels: "_Levels", first: int, until: int
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
         """Cells above the threshold: frame, frequency, and power over that of the segment."""
-        segments = max(1, self._bins // POINTS.segment_bins)
+        bins = levels.power.shape[1]
+        segments = max(1, bins // POINTS.segment_bins)
         places = []
         for segment in range(0, segments, 256):  # 16384 bins at a time, which fit the cache
             count = min(256, segments - segment)
             low = segment * POINTS.segment_bins
-            high = (
-                self._bins if segment + count == segments else low + count * POINTS.segment_bins
-            )
-            part = power[first:until, low:high]
-            above = np.flatnonzero(part > np.float32(self._factor))
+            high = bins if segment + count == segments else low + count * POINTS.segment_bins
+            scale = levels.scale[low:high]
+            part = levels.power[first:until, low:high]
+            above = np.flatnonzero(part > np.float32(self._factor) / scale)
             row, column = np.divmod(above, high - low)
             # Few segments have such cells; the common rise of the others is not needed.
             own = row * count + np.minimum(column // POINTS.segment_bins, count - 1)
             asked, place = np.unique(own, return_inverse=True)
             if segments == 1:
-                rise = np.median(part[asked], axis=1)
+                rise = np.median(part[asked] * scale, axis=1)
             else:
-                whole = part[:, : count * POINTS.segment_bins].reshape(
-                    len(part), count, POINTS.segment_bins
-                )
-                middle = POINTS.segment_bins // 2
-                rise = np.partition(whole[np.divmod(asked, count)], middle)[:, middle]
-            over = part[row, column] / np.maximum(rise, np.float32(1.0))[place]
+                size, middle = POINTS.segment_bins, POINTS.segment_bins // 2
+                at, segment_at = np.divmod(asked, count)
+                whole = part[:, : count * size].reshape(len(part), count, size)
+                scales = scale[: count * size].reshape(count, size)
+                rise = np.partition(whole[at, segment_at] * scales[segment_at], middle)
+                rise = rise[:, middle]
+            over = part[row, column] * scale[column]
+            over /= np.maximum(rise, np.float32(1.0))[place]
             up = over > self._factor
             places.append((row[up] + first, column[up] + low, over[up]))
         row, column, over = (np.concatenate(one) for one in zip(*places, strict=True))
@@ -204,22 +211,15 @@ class PointSearch:
 
     def _points(
         self,
-        power: NDArray[np.float32],
+        levels: "_Levels",
         row: NDArray[np.intp],
         column: NDArray[np.intp],
         over: NDArray[np.float32],
     ) -> NDArray[np.float64]:
-        frames, bins = power.shape
-
         def around(rows: range, columns: range) -> NDArray[np.float32]:
-            """Levels around each cell, shape (cells, rows, columns); zero beyond `power`."""
-            at = row[:, None, None] + np.array(rows)[:, None]
-            bins_at = column[:, None, None] + np.array(columns)
-            inside = (at >= 0) & (at < frames) & (bins_at >= 0) & (bins_at < bins)
-            values = power[np.clip(at, 0, frames - 1), np.clip(bins_at, 0, bins - 1)]
-            return np.where(inside, values, np.float32(0.0))
+            return levels.around(row, column, rows, columns)
 
-        own = power[row, column]
+        own = levels.power[row, column] * levels.scale[column]
         keep = own >= around(range(-2, 3), range(-4, 5)).max(axis=(1, 2))
         row, column, over, own = row[keep], column[keep], over[keep], own[keep]
         low, high = POINTS.flank_bins
@@ -230,17 +230,16 @@ class PointSearch:
         flanks = sides.sum(axis=1) / np.maximum((sides > 0.0).sum(axis=1), 1)
         keep = own >= POINTS.flank_ratio * flanks
         row, column, over, own = row[keep], column[keep], over[keep], own[keep]
-        levels = around(
-            range(-POINTS.around_frames, POINTS.around_frames + 1), range(-1, 2)
-        ).max(axis=2)
-        up = levels > 0.25 * own[:, None]
+        offsets = range(-POINTS.around_frames, POINTS.around_frames + 1)
+        near = around(offsets, range(-1, 2)).max(axis=2)
+        up = near > 0.25 * own[:, None]
         before, after = (
             np.where(side.all(axis=1), POINTS.around_frames + 1, np.argmin(side, axis=1))
             for side in (up[:, POINTS.around_frames :: -1], up[:, POINTS.around_frames :])
         )
-        offset = np.arange(-POINTS.around_frames, POINTS.around_frames + 1)
+        offset = np.array(offsets)
         during = (offset > -before[:, None]) & (offset < after[:, None])
-        weight = np.where(during, levels, np.float32(0.0))
+        weight = np.where(during, near, np.float32(0.0))
         # One point for each pulse, where it is strongest.
         keep = ((before + after) * POINTS.hop_s <= POINTS.longest_s) & (
             weight.max(axis=1) <= own
@@ -250,11 +249,12 @@ class PointSearch:
         total = weight.sum(axis=1, dtype=np.float64)
         middle = (weight * offset).sum(axis=1) / total
         width_s = total / own * POINTS.hop_s - 0.375 * POINTS.window_s
-        frame = self._first_frame + row + middle
+        frame, place = self._first_frame + row + middle, column + _peak(levels, row, column)
+        spectrogram = self._spectrogram
         return np.stack(
             (
-                (frame * self._hop + 0.5 * self._window.size) / self._rate_hz,
-                self._low_hz + self._step_hz * (column + _peak(power, row, column)),
+                (frame * spectrogram.hop + 0.5 * spectrogram.length) / self._rate_hz,
+                spectrogram.low_hz + spectrogram.step_hz * place,
                 np.maximum(width_s, 0.0),
                 10.0 * np.log10(over * np.log(2.0)),
             ),
@@ -282,13 +282,12 @@ def _without_edges(points: Points) -> Points:
 
 
 def _peak(
-    power: NDArray[np.float32], at: NDArray[np.intp], column: NDArray[np.intp]
+    levels: _Levels, at: NDArray[np.intp], column: NDArray[np.intp]
 ) -> NDArray[np.float64]:
     """Position of a spectral line between bins [bins], by a parabola through the logarithms."""
-    inner = np.clip(column, 1, power.shape[1] - 2)
-    below, here, above = (
-        np.log(np.maximum(power[at, inner + d].astype(np.float64), 1e-37)) for d in (-1, 0, 1)
-    )
+    inner = np.clip(column, 1, levels.power.shape[1] - 2)
+    near = levels.around(at, inner, range(1), range(-1, 2))[:, 0].astype(np.float64)
+    below, here, above = np.log(np.maximum(near, 1e-37)).T
     bend = below - 2.0 * here + above
     shift = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, 1.0), 0.0)
     return np.asarray(np.clip(shift, -0.5, 0.5) * (inner == column), dtype=np.float64)

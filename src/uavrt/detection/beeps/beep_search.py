@@ -12,7 +12,7 @@ from uavrt.config.ghost_places import Receiver
 from uavrt.core.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.core.units import ns_from_s
 from uavrt.detection.beeps.beep_points import NO_POINTS, PointSearch
-from uavrt.detection.beeps.beep_trains import Train, find_trains
+from uavrt.detection.beeps.beep_trains import Searched, Train, find_trains
 from uavrt.detection.beeps.gaps import gapped_tags
 from uavrt.detection.beeps.naming import name_trains
 from uavrt.detection.beeps.tuning import LISTENING
@@ -38,13 +38,15 @@ class _Band:
         self.half_hz = 0.0
         self.points = NO_POINTS
         """Points at absolute frequencies, from the last search for trains."""
+        self._searched: list[Searched] = []
 
     def due(self, block: IQBlock) -> bool:
         """Count the time of a block; returns True if the block must be searched."""
         at_s = self._taken_s
         self._taken_s += len(block.samples) / block.sample_rate_hz
-        turn_s = at_s % self._period_s
-        return at_s < self._first_s or turn_s >= self._period_s - self._listen_s
+        wide = block.sample_rate_hz > LISTENING.wide_hz
+        listen_s = min(self._listen_s, LISTENING.wide_live_s) if wide else self._listen_s
+        return at_s < self._first_s or at_s % self._period_s >= self._period_s - listen_s
 
     def take(self, block: IQBlock, center_hz: float, share: float) -> None:
         rate_hz = block.sample_rate_hz
@@ -84,7 +86,10 @@ class _Band:
         self.points = points = points.moved(times_s, self.center_hz)
         span_s = self.received / self._rate_hz
         return find_trains(
-            points, span_s if ended else min(span_s, LISTENING.recent_s), receiver
+            points,
+            span_s if ended else min(span_s, LISTENING.recent_s),
+            receiver,
+            None if ended else self._searched,
         )[0]
 
 

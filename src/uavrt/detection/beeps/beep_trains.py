@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver
 from uavrt.detection.beeps.beats import FoundBeat, find_beats
 from uavrt.detection.beeps.beep_points import Points
-from uavrt.detection.beeps.tuning import INTERVALS, TRAINS
+from uavrt.detection.beeps.chains import tolerance_s
+from uavrt.detection.beeps.tuning import INTERVALS, LISTENING, TRAINS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,49 +65,111 @@ class Train:
         return max(self.beats, key=lambda one: one.members.size)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Searched:
+    """Trains among the points of one frequency, kept until enough of its points are new."""
+
+    frequency_hz: float
+    until_s: float
+    """Time of the last point [s]."""
+    points: int
+    """Number of points."""
+    trains: list[Train]
+    burst: tuple[float, float] | None
+    """Share of the points in bursts, and their frequency [Hz]; None without bursts."""
+
+    def holds(self, times_s: NDArray[np.float64]) -> bool:
+        """True if the points at this frequency now, `times_s`, need no new search.
+
+        New points that continue the trains are no reason for one until they are several times
+        as many as the old points; a few others are.
+        """
+        new_s = times_s[times_s > self.until_s].tolist()
+        ends_s = [
+            [float(train.points.times_s[-1]), one.beat.interval_s]
+            for train in self.trains
+            for one in train.beats
+            if one.members.size >= TRAINS.fewest_held
+        ]
+        others = 0
+        for time_s in new_s:
+            for end_s in ends_s:
+                away_s = time_s - end_s[0]
+                off_s = away_s - round(away_s / end_s[1]) * end_s[1]
+                if abs(off_s) <= tolerance_s(end_s[1]):
+                    end_s[0] = time_s
+                    break
+            else:
+                others += 1
+        most = TRAINS.renewing_ratio * self.points if self.points >= TRAINS.fewest_held else 1
+        return others <= TRAINS.renewing_share * self.points and len(new_s) < most
+
+
 def find_trains(
-    points: Points, span_s: float, receiver: Receiver
+    points: Points, span_s: float, receiver: Receiver, searched: list[Searched] | None = None
 ) -> tuple[list[Train], list[float]]:
     """Find all trains among points.
 
     `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
+    `searched`: results of the last call for the same live stream, replaced by those of this
+    call; None for a whole recording.
     Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
     frequencies with bursts of pulses, as from a coded tag, the purest first.
     """
     free = np.ones(len(points), dtype=bool)
     by_frequency = np.argsort(points.frequencies_hz, kind="stable")
     ordered = points.frequencies_hz[by_frequency]
-    trains: list[Train] = []
-    suspects: list[tuple[float, float]] = []
-    for center_hz in _centers(points):
+    results: list[Searched] = []
+    fewest = INTERVALS.fewest_pulses if searched is None else LISTENING.live_pulses
+    for center_hz in _centers(points, fewest):
         low, high = np.searchsorted(
             ordered, (center_hz - TRAINS.gather_hz, center_hz + TRAINS.gather_hz)
         )
         near = np.sort(by_frequency[low:high])
         near = near[free[near]]
-        if near.size < INTERVALS.fewest_pulses:
+        if near.size < fewest:
             continue
-        here = points.take(near)
-        found = [
-            (train, members)
-            for group in _of_one_sender(
-                find_beats(here.times_s, span_s, TRAINS.most_intervals), here
-            )
-            for train, members in [_train(group, here)]
-            if _scatter_hz(train.points) <= TRAINS.most_scatter_hz
-        ]
-        used = np.zeros(near.size, dtype=bool)
-        for _, members in found:
-            used[members] = True
-        if share := _burst_share(here.times_s, span_s):
-            suspects.append((share, float(np.median(here.frequencies_hz))))
-        if not found:
-            continue
-        trains += _with_doubt([train for train, _ in found], here, used)
+        times_s = points.times_s[near]
+        for result in searched or ():
+            same = abs(result.frequency_hz - center_hz) <= 2.0 * TRAINS.step_hz
+            if same and result.holds(times_s):
+                used = np.full(near.size, fill_value=bool(result.trains))
+                break
+        else:
+            result, used = _searched(points.take(near), span_s, center_hz)
+        results.append(result)
         free[near[used]] = False
-    trains.sort(key=lambda train: -train.level_db)
-    suspects.sort(reverse=True)
+    if searched is not None:
+        searched[:] = results
+    trains = sorted(
+        (train for one in results for train in one.trains), key=lambda one: -one.level_db
+    )
+    suspects = sorted((one.burst for one in results if one.burst), reverse=True)
     return _with_images(trains, receiver), [frequency_hz for _, frequency_hz in suspects]
+
+
+def _searched(
+    here: Points, span_s: float, center_hz: float
+) -> tuple[Searched, NDArray[np.bool_]]:
+    beats = find_beats(here.times_s, span_s, TRAINS.most_intervals)
+    found = [
+        (train, members)
+        for group in _of_one_sender(beats, here)
+        for train, members in [_train(group, here)]
+        if _scatter_hz(train.points) <= TRAINS.most_scatter_hz
+    ]
+    used = np.zeros(len(here), dtype=bool)
+    for _, members in found:
+        used[members] = True
+    share = _burst_share(here.times_s, span_s)
+    result = Searched(
+        frequency_hz=center_hz,
+        until_s=float(here.times_s[-1]),
+        points=len(here),
+        trains=_with_doubt([train for train, _ in found], here, used) if found else [],
+        burst=(share, float(np.median(here.frequencies_hz))) if share else None,
+    )
+    return result, used
 
 
 def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -124,9 +186,9 @@ def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
     return share if rare and share >= TRAINS.burst_share else 0.0
 
 
-def _centers(points: Points) -> list[float]:
+def _centers(points: Points, fewest: int) -> list[float]:
     """Frequencies around which most points lie, those with the strongest points first."""
-    if len(points) < INTERVALS.fewest_pulses:
+    if len(points) < fewest:
         return []
     low_hz = float(points.frequencies_hz.min()) - 2.0 * TRAINS.gather_hz
     place = np.round((points.frequencies_hz - low_hz) / TRAINS.step_hz).astype(np.intp)
@@ -137,10 +199,9 @@ def _centers(points: Points) -> list[float]:
     half = reach // 2
     weights = np.convolve(weight, np.ones(2 * half + 1), mode="same")
     counts = np.convolve(count, np.ones(2 * reach + 1), mode="same")
-    highest = sliding_window_view(np.pad(weights, reach), 2 * reach + 1).max(axis=1)
-    tops = np.flatnonzero(
-        (weights >= highest) & (weights > 0.0) & (counts >= INTERVALS.fewest_pulses)
-    )
+    tops = np.flatnonzero((weights > 0.0) & (counts >= fewest))
+    around = np.pad(weights, reach)[tops[:, None] + np.arange(2 * reach + 1)]
+    tops = tops[weights[tops] >= around.max(axis=1)]
     # Equal neighbours are one maximum.
     tops = tops[np.diff(tops, prepend=-2) > 1]
     return [float(low_hz + TRAINS.step_hz * top) for top in tops[np.argsort(-weights[tops])]]

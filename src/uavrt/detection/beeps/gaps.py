@@ -18,9 +18,10 @@ def gapped_tags(
     `points`: at absolute frequencies, in order of time. `tags`: those without a train.
     """
     found = []
+    strong = points.take(points.levels_db >= NAMING.gap_level_db)
     for tag in tags:
-        near = np.abs(points.frequencies_hz - tag.frequency_hz) <= frequency_window_hz
-        here = points.take(near & (points.levels_db >= NAMING.gap_level_db))
+        near = np.abs(strong.frequencies_hz - tag.frequency_hz) <= frequency_window_hz
+        here = strong.take(near)
         if len(here) < NAMING.gap_pulses:
             continue
         steps_s = np.diff(here.times_s)

@@ -79,6 +79,12 @@ class TrainTuning:
     """Range of frequencies that may belong to one tag as it warms up [Hz]."""
     step_hz: float = 25.0
     """Width of the steps in which points are counted by frequency [Hz]."""
+    fewest_held: int = 30
+    """Minimum number of pulses at an interval that is kept while the pulses continue it."""
+    renewing_ratio: float = 3.0
+    """Minimum ratio of new to old points at one frequency for it to be searched again."""
+    renewing_share: float = 0.125
+    """Maximum share of new points at one frequency that are not of its known trains."""
     most_intervals: int = 8
     """Maximum number of intervals found among the points of one frequency."""
     strays: int = 2
@@ -154,8 +160,12 @@ class ListeningTuning:
 
     tags_band_s: tuple[float, float, float] = (60.0, 20.0, 90.0)
     """Search of the tags' band of a recording: first time, time per period, period [s]."""
-    tags_band_live_s: tuple[float, float, float] = (60.0, 45.0, 90.0)
+    tags_band_live_s: tuple[float, float, float] = (60.0, 90.0, 90.0)
     """Search of the tags' band of a live stream: first time, time per period, period [s]."""
+    wide_hz: float = 800e3
+    """Sample rate above which the tags' band is too expensive to be searched always [Hz]."""
+    wide_live_s: float = 30.0
+    """Maximum time per period in which a wide band of the tags is searched [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
     """Search of the radio's wider band: first time, time per period, period [s]."""
     whole_band_live_s: tuple[float, float, float] = (20.0, 20.0, 540.0)
