@@ -21,7 +21,10 @@ PACKAGE = Path(__file__).parents[3] / "ros" / "uavrt_interfaces"
 DISTRIBUTIONS = (Stores.ROS2_HUMBLE, Stores.ROS2_IRON, Stores.ROS2_JAZZY, Stores.ROS2_KILTED)
 
 
-USED = [*dict.fromkeys(topic.message for topic in graph.TOPICS.values()), graph.LOG_MESSAGE]
+USED: list[type[RosMessage]] = [
+    *dict.fromkeys(topic.message for topic in graph.TOPICS.values()),
+    graph.LOG_MESSAGE,
+]
 OURS = [
     message
     for message in dict.fromkeys(each for one in USED for each in (*nested_messages(one), one))
