@@ -2,11 +2,15 @@
 
 import struct
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from uavrt.core.commands import COMMAND_OF_NUMBER, COMMANDS, CommandField, CommandId, Generation
+from uavrt.core.errors import FormatError
 from uavrt.core.messages import Command
+from uavrt.ground.link.button_states import COMMAND_OF_ACTION, Situation, action_states
+from uavrt.ground.link.command_sender import Commands
 from uavrt.ground.link.requests.command_payloads import CommandEncoder
 from uavrt.link.tunnel.drone_exchange import Answer, Exchange
 from uavrt.link.tunnel.generations import codec
@@ -28,6 +32,7 @@ VALUES = {"count": 3.0, "limit_mb": 12.25}
 def saved_with_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let "save logs" carry two numbers, a u32 and an f64."""
     monkeypatch.setitem(COMMANDS, "save_logs", ROW)
+    monkeypatch.setitem(COMMAND_OF_ACTION, "save_logs", ROW)
     monkeypatch.setitem(COMMAND_OF_NUMBER, CommandId.SAVE_LOGS, ROW)
     for kind, decoder in (FieldsG1.decoders() | FieldsG2.decoders()).items():
         monkeypatch.setitem(codec.DECODERS, kind, decoder)
@@ -51,3 +56,38 @@ def test_a_number_outside_its_range_is_refused_with_the_range() -> None:
     ack = codec.decode(answer.payload)
     assert isinstance(ack, AckG1)
     assert ack.message == "limit_mb 200 is not supported: choose 0.5 to 100 MB"
+
+
+def test_the_page_asks_for_the_numbers_of_a_command_that_has_some() -> None:
+    states = action_states(
+        Situation(
+            link_open=True,
+            drone_present=True,
+            state=None,
+            tags=0,
+            tags_sent=False,
+            busy=None,
+            flight_open=False,
+        )
+    )
+    assert states["save_logs"]["fields"] == [
+        {"name": "count", "unit": ""},
+        {"name": "limit_mb", "unit": "MB"},
+    ]
+    assert [action for action, state in states.items() if "fields" in state] == ["save_logs"]
+
+
+@pytest.mark.parametrize(
+    ("body", "fault"),
+    [
+        ({"count": 3}, "limit_mb must be a number"),
+        ({"count": 3, "limit_mb": "12"}, "limit_mb must be a number"),
+        ({"count": 30, "limit_mb": 12.0}, "count 30 is not supported: choose 1 to 9"),
+    ],
+)
+async def test_a_request_with_a_wrong_number_is_refused_before_it_is_sent(
+    body: dict[str, object], fault: str
+) -> None:
+    vehicle: Any = None
+    with pytest.raises(FormatError, match=fault):
+        await Commands(vehicle).by_name(body)["save_logs"]()
