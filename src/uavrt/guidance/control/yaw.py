@@ -49,6 +49,9 @@ class YawWatch:
     _ended: bool = False
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
+    _seen_s: float = 0.0
+    _stood_s: float = 0.0
+    """Time without a course since the first one [s], at most `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -112,15 +115,23 @@ class YawWatch:
         )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """True if the heading turns from its old direction towards the recent course."""
-        while self._courses and self._courses[0][0] < time_s - SAFETY.course_follow_s:
+        """True if the heading turns from its old direction towards the recent course.
+
+        A drone that reverses its course stands for a moment; this time does not count.
+        """
+        if self._courses and course_deg is None:
+            stood_s = self._stood_s + time_s - self._seen_s
+            self._stood_s = min(stood_s, SAFETY.course_follow_s)
+        self._seen_s = time_s
+        moved_s = time_s - self._stood_s
+        while self._courses and self._courses[0][0] < moved_s - SAFETY.course_follow_s:
             self._courses.popleft()
         follows = any(
             _turns_to(course, yaw_deg, before_deg, self._tolerance_deg)
             for _, before_deg, course in self._courses
         )
         if course_deg is not None:
-            self._courses.append((time_s, yaw_deg, course_deg))
+            self._courses.append((moved_s, yaw_deg, course_deg))
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
@@ -207,7 +218,7 @@ def _turns_on_deg(turning_deg_s: float) -> float:
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
     """Largest angle in which PX4's heading setpoint ends a turn [°].
 
-    It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
+    It brakes by 20°/s² (PX4 1.17, MPC_YAWRAUTO_ACC); 3° are the margin.
     """
     return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
