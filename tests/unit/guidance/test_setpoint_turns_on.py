@@ -135,6 +135,37 @@ def test_a_fast_turn_goes_on_as_far_as_its_reported_rate_lets_expect() -> None:
         assert any(faults) is expected
 
 
+MET = [
+    *((13.4, 52.9), (16.6, 52.6), (20.1, 52.3), (22.4, 51.9), (26.1, 51.5), (29.5, 51.1)),
+    *((32.7, 50.7), (35.6, 50.3), (37.3, 49.9), (39.9, 49.4), (42.2, 49.0), (44.4, 48.6)),
+    *((46.2, 48.2), (47.3, 47.8), (48.8, 47.4), (50.0, 47.0), (51.1, 46.6), (51.9, 46.2)),
+    *((52.4, 45.8), (52.7, 45.5), (52.8, 45.2), (52.7, 44.9), (52.4, 44.6), (51.9, 44.3)),
+]
+"""Heading setpoint and bearing of its target every 0.1 s [°]: as the drone still drifted, the
+bearing came to meet the setpoint, which passed it at 15°/s and braked."""
+
+
+def test_a_setpoint_that_meets_its_moving_aim_may_brake_beyond_it() -> None:
+    watch = watch_of(29.0, MET[0][0])
+    faults = [
+        watch.fault(0.1 * n, yaw, bearing, AWAY_M) for n, (yaw, bearing) in enumerate(MET)
+    ]
+    assert not any(faults)
+
+
+def test_a_setpoint_that_turns_on_beyond_its_aim_without_braking_is_not_ours() -> None:
+    passed = next(number for number, (yaw, bearing) in enumerate(MET) if yaw > bearing)
+    turned = [
+        (yaw + 1.2 * max(0, number - passed), bearing)
+        for number, (yaw, bearing) in enumerate(MET)
+    ]
+    watch = watch_of(29.0, MET[0][0])
+    faults = [
+        watch.fault(0.1 * n, yaw, bearing, AWAY_M) for n, (yaw, bearing) in enumerate(turned)
+    ]
+    assert OTHERS_TURN in faults[passed : passed + 10]
+
+
 def targets_after(sent_s: float, setpoints_deg: Iterable[float]) -> Iterator[TargetSeen]:
     """Reports of the target of `STOP`, from 0.1 s after its command on."""
     for number, yaw_deg in enumerate(setpoints_deg, 1):

@@ -47,13 +47,21 @@ class YawWatch:
     _on_deg: float = 0.0
     """Angle by which the setpoint has continued its earlier turn since the command [°]."""
     _ended: bool = False
+    _side_deg: float = 0.0
+    """Angle from the heading to the aim at the last report [°], signed."""
+    _step_deg: float = 0.0
+    """Change of the heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
-    _seen_s: float = 0.0
+    _turn_s: float = field(init=False)
+    """Time of the command, or at which the setpoint turned past its aim [s]."""
+    _seen_s: float = field(init=False)
+    """Time of the last report [s]."""
     _stood_s: float = 0.0
     """Time without a course since the first one [s], at most `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
+        self._turn_s = self._seen_s = self.start_s
         if self.wanted_deg is not None:
             self._first_deg = self._best_deg = abs(
                 wrap_degrees_180(self.wanted_deg - self.yaw_deg)
@@ -91,6 +99,7 @@ class YawWatch:
         if self._aim_deg is None and self.wanted_deg is None:
             self._first_deg = self._best_deg = off
         self._aim_deg = aim
+        self._pass_aim(time_s, wrap_degrees_180(aim - yaw_deg), step)
         # Also where the aim moves away from the heading that is not another's turn.
         self._align(time_s, off)
         most = self._best_deg + moved + slack + self._tolerance_deg
@@ -100,7 +109,7 @@ class YawWatch:
         frozen = self.wanted_deg is None and away_m < SAFETY.frozen_m
         there = off <= slack + self._tolerance_deg or frozen
         self._turns |= not there and off < self._first_deg - SAFETY.turn_begun_deg
-        if time_s - self.start_s < SAFETY.turn_made_up_s:
+        if time_s - self._turn_s < SAFETY.turn_made_up_s:
             most += self._turned_on_deg(time_s, step, off)
         follows = self._follows_course(time_s, yaw_deg, course_deg)
         stands = time_s - self._moved_s > SAFETY.stopped_s
@@ -145,6 +154,26 @@ class YawWatch:
         else:
             self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
 
+    def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
+        """Let a setpoint brake that turns past its aim, because the aim came to meet it.
+
+        `side_deg`: angle from the heading to the aim, signed. A heading that begins to turn at
+        its aim does not pass it.
+        """
+        before_deg, self._side_deg = self._side_deg, side_deg
+        turned_deg, self._step_deg = self._step_deg, step_deg
+        gap_s = time_s - self._seen_s
+        passes = before_deg * side_deg < 0.0 < before_deg * step_deg
+        if (
+            self.exact
+            and passes
+            and gap_s > 0.0
+            and abs(turned_deg) > SAFETY.settled_deg
+            and turned_deg * step_deg > 0.0
+        ):
+            self.turning_deg_s = max(turned_deg, step_deg, key=abs) / gap_s
+            self._turn_s, self._on_deg, self._ended = time_s, 0.0, False
+
     @property
     def _turns_on(self) -> bool:
         """True while the setpoint completes a turn that began before the command."""
@@ -163,7 +192,7 @@ class YawWatch:
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         self._on_deg += abs(step_deg)
         on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
-        stands = on_deg < SAFETY.settled_deg and time_s - self.start_s > SAFETY.report_delay_s
+        stands = on_deg < SAFETY.settled_deg and time_s - self._turn_s > SAFETY.report_delay_s
         self._ended = on_deg < 0.0 or stands or self._on_deg > longest
         if self._ended:
             self._turns, self._moved_s = True, time_s
