@@ -4,7 +4,7 @@
 #
 #   sudo deploy/install.sh [options]
 #
-#   --radio NAME     airspy (default), airspyhf, rtlsdr, hackrf or none
+#   --radio NAME     airspy (default), another kind of docs/reference/radios.md, or none
 #   --user NAME      user of the service (default uavrt, created if missing)
 #   --directory DIR  settings and flights (default /var/lib/uavrt)
 #   --prefix DIR     the program (default /opt/uavrt)
@@ -47,13 +47,14 @@ as_user() { # COMMAND...: on files that this user may have turned into links to 
     if [ -z "$root" ]; then runuser -u "$user" -- "$@"; else "$@"; fi
 }
 
+# The package of the radio's row in the table of radios.
+radios=$source/src/uavrt/config/radios.py package=
 case $radio in
-    airspy) package=airspy ;;
-    airspyhf) package=airspyhf ;;
-    rtlsdr) package=rtl-sdr ;;
-    hackrf) package=hackrf ;;
-    none) package= ;;
-    *) fail "unknown radio $radio: airspy, airspyhf, rtlsdr, hackrf or none" ;;
+    none) ;;
+    *[!a-z0-9]*) fail "unknown radio $radio (--help)" ;;
+    *) package=$(sed -n "/^ *kind=\"$radio\"/,/^ *),\$/s/^ *package=\"\(.*\)\",.*/\1/p" "$radios")
+       [ -n "$package" ] ||
+           fail "unknown radio $radio: $(sed -n 's/^ *kind="\(.*\)",/\1,/p' "$radios" | tr '\n' ' ')or none" ;;
 esac
 
 # 1. Packages of the system: Python's venv, the radio's program, setpriv, openssl for updates.

@@ -15,17 +15,9 @@ from uavrt.link.ros2.graph import (
     SERVICE_PER_S,
     TOPICS,
 )
-from uavrt.link.ros2.types.interface import definition
-from uavrt.link.ros2.types.ros_messages import (
-    RosBurst,
-    RosCodedTag,
-    RosPulse,
-    RosPulsePose,
-    RosTag,
-)
+from uavrt.link.ros2.types.interface import definition, nested_messages
 
 Rows = list[tuple[str, ...]]
-OWN = (RosPulse, RosPulsePose, RosTag, RosBurst, RosCodedTag)
 
 
 class RosGraph(SphinxDirective):
@@ -62,7 +54,13 @@ class RosGraph(SphinxDirective):
                 ("requests to each service", f"{SERVICE_BURST}", f"{SERVICE_PER_S:g}")
             )
             return [_table(("topic", "read at once", "then each second"), limits)]
-        text = "\n".join(f"# {kind.ros_name}\n{definition(kind)}" for kind in OWN)
+        kinds = dict.fromkeys(
+            kind
+            for topic in TOPICS.values()
+            for kind in (*nested_messages(topic.message), topic.message)
+        )
+        own = [kind for kind in kinds if kind.ros_name.startswith("uavrt_interfaces/")]
+        text = "\n".join(f"# {kind.ros_name}\n{definition(kind)}" for kind in own)
         return [nodes.literal_block(text, text, language="text")]
 
 

@@ -49,6 +49,8 @@ export interface ActionState {
   label: string;
   enabled: boolean;
   reason: string | null;
+  /** Numbers that the command carries, if the page asks for them. */
+  fields?: { name: string; unit: string }[];
 }
 
 export interface State {

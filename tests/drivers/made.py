@@ -32,12 +32,20 @@ from uavrt.core.messages import (
     SearchReport,
     SystemStatus,
     Tag,
+    VehicleFence,
 )
 from uavrt.detection.detector import PulseDetector
 from uavrt.drone.supervisor.mission.operator_commands import Mission
 from uavrt.drone.supervisor.mission.saved_state import StateStore
 from uavrt.flight.flight_recorder import FlightRecorder
-from uavrt.guidance.files.mission import MissionItem
+from uavrt.guidance.files.mission import (
+    ABSOLUTE_FRAME,
+    CIRCLE_OUTSIDE,
+    CIRCLE_WITHIN,
+    CORNER_OUTSIDE,
+    CORNER_WITHIN,
+    MissionItem,
+)
 from uavrt.link.mavlink import dialect
 from uavrt.link.tunnel.generations.g1 import TagG1
 from uavrt.simulation.scene.antenna import Antenna
@@ -390,3 +398,20 @@ def command_long(command: int, *params: float, **fields: Any) -> dialect.Command
     usual |= {f"param{n}": 0.0 for n in range(1, 8)}
     usual |= {f"param{n}": param for n, param in enumerate(params, 1)}
     return dialect.CommandLong(command=command, **(usual | fields))
+
+
+def fence_items(fence: VehicleFence) -> tuple[MissionItem, ...]:
+    """Make the mission items of a fence, as a ground station uploads them."""
+    found: list[MissionItem] = []
+    for areas, corner, circle in (
+        (fence.within, CORNER_WITHIN, CIRCLE_WITHIN),
+        (fence.keep_out, CORNER_OUTSIDE, CIRCLE_OUTSIDE),
+    ):
+        for one in areas:
+            command = corner if one.radius_m is None else circle
+            first = float(len(one.places)) if one.radius_m is None else one.radius_m
+            found += [
+                MissionItem.at(command, ABSOLUTE_FRAME, place, first=first)
+                for place in one.places
+            ]
+    return tuple(found)

@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 import pytest
 
 from uavrt.core import clock
+from uavrt.core.runtime.disk_thread import DiskThread
 from uavrt.core.units import NANOSECONDS_PER_SECOND
-from uavrt.flight.database.disk_thread import DiskThread
 from uavrt.simulation.vehicle.datagrams import DatagramPort
 
 T = TypeVar("T")

@@ -102,7 +102,9 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
 
     async def main() -> None:
         async with operator.connected(drone.ground_port) as link:
-            told = (await link.command(link.writing.capture(148_705_000.0, 9))).message
+            told = (
+                await link.command(link.writing.start(148_705_000.0, 9, "raw_capture"))
+            ).message
             with pytest.raises(CommandRefused, match="capturing: wait"):
                 await link.ask("clean_logs")
             await until(

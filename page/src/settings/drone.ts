@@ -33,11 +33,29 @@ export function droneSection(): HTMLElement {
   );
 }
 
+const inputs = new Map<string, HTMLInputElement[]>();
+
+/** Inputs for the numbers of a command, once its row is known. */
+function drawFields(name: string, fields: { name: string; unit: string }[]): void {
+  if (inputs.has(name)) return;
+  const made = fields.map((field) => h("input", { inputmode: "decimal", "data-field": field.name }));
+  inputs.set(name, made);
+  const row = (input: HTMLElement, at: number) =>
+    h("label", { class: "parameter" }, h("span", {}, verbatim(fields[at]!.name)), input, h("span", {}, verbatim(fields[at]!.unit)));
+  by(`act-${name}`).after(...made.map(row));
+}
+
+function numbers(name: string): Record<string, number> {
+  const given = inputs.get(name) ?? [];
+  return Object.fromEntries(given.map((input) => [input.dataset.field!, parseFloat(input.value.replace(",", "."))]));
+}
+
 function drawButtons(): void {
   const actions = store.state?.actions ?? {};
   for (const name of UPKEEP) {
     const button = by(`act-${name}`);
     const action = actions[name];
+    if (action?.fields) drawFields(name, action.fields);
     button.setAttribute("aria-disabled", String(!action?.enabled));
     describe(button, "title", fromServer(action?.reason ?? ""));
     if (!button.dataset.asking) say(button, fromServer(action?.label ?? name));
@@ -62,7 +80,7 @@ async function press(name: string): Promise<void> {
   }
   if (button.dataset.asking === "wait") return;
   delete button.dataset.asking;
-  const step = FIRST_STEP.exec(await ask(name, {}));
+  const step = FIRST_STEP.exec(await ask(name, numbers(name)));
   if (step) secondStep(button, Number(step[1]), Number(step[2]), step[3]!);
   drawButtons();
 }

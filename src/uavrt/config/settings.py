@@ -50,8 +50,8 @@ class RadioSettings(_Table):
     """``[radio]``: the receiver and its settings."""
 
     kind: str = "airspy"
-    """``airspy`` (Mini, R2), ``airspyhf``, ``rtlsdr``, ``hackrf``, ``soapy`` for others, or one
-    that an installed package adds."""
+    """A radio of the manual's list, such as ``airspy`` (Mini, R2) or ``rtlsdr``; ``soapy`` for
+    others; or one that an installed package adds."""
     program: tuple[str, ...] = ()
     """Program and first arguments, instead of the usual one (``airspy_rx`` …); empty: usual."""
     sample_rate_hz: Annotated[float, Interval(ge=3_000.0, le=100e6)] = 3_000_000.0

@@ -1,18 +1,19 @@
 """The table of commands: effect, conditions, allowed senders, texts.
 
-The supervisor's rules, the numbers and lengths in the radio protocol, the ground station's
-buttons and the page's answers derive from it. A new command is a row here with name and number,
-and an action in `uavrt.drone.supervisor.mission.operator_commands`. A command with parameters
-also needs a layout in the protocol versions (`uavrt.link.tunnel.generations.g1`, `g2`).
+The supervisor's rules, the numbers, fields and lengths in the radio protocol, the ground
+station's requests and buttons and the page's answers derive from it. A new command is a row
+here with name, number and fields, and an action in
+`uavrt.drone.supervisor.mission.operator_commands`.
 
 A command that a state does not allow is refused with a reason that the operator can act on. A
 repeated command is accepted without effect, so a ground station may retry over a lossy link.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import Literal
+from math import inf
+from typing import Any, Literal
 
 
 class SystemState(StrEnum):
@@ -146,6 +147,24 @@ class Button:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CommandField:
+    """A number that a command carries."""
+
+    name: str
+    kind: Literal["u32", "f64"] = "u32"
+    """Type of the number on the link."""
+    unit: str = ""
+    low: float = -inf
+    high: float = inf
+    """Smallest and largest value that the ground sends and the drone accepts, in `values`."""
+    member: str | None = "values"
+    """Member of `uavrt.core.messages.Command` with the number: `values`, or one of its own, in
+    which 0 becomes None. None: the drone ignores the number."""
+    from_g2: bool = False
+    """True if the field is missing in the protocol versions before G2."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CommandRow:
     """One row of the table of commands."""
 
@@ -160,11 +179,31 @@ class CommandRow:
     """Number in the radio protocol; None: the command is sent in another form."""
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
     """Lengths of the command's payloads in each protocol version, the newest last [bytes]."""
+    fields: tuple[CommandField, ...] = ()
+    """Numbers that the command carries, in the order of the payload."""
     button: Button | None = None
+
+    def fault(self, numbers: Sequence[float]) -> str | None:
+        """Text about the first number outside its range; None without any."""
+        for one, number in zip(self.fields, numbers, strict=False):
+            if one.member == "values" and not one.low <= number <= one.high:
+                bounds = f"{one.low:g} to {one.high:g} {one.unit}".rstrip()
+                return f"{one.name} {number:g} is not supported: choose {bounds}"
+        return None
+
+    def members(self, numbers: Sequence[float]) -> dict[str, Any]:
+        """Members of the supervisor's `Command` that hold the numbers of a message."""
+        given = [*zip(self.fields, numbers, strict=False)]
+        own = {one.member: number or None for one, number in given if one.member}
+        values = {one.name: number for one, number in given if one.member == "values"}
+        return own | {"values": values}
 
 
 BARE, BARE_G2 = (4,), (8,)
 """Lengths of a payload without parameters [bytes]; from G2 on, a request id is included."""
+
+_FREQUENCY = CommandField(name="center_frequency_hz", unit="Hz", member="center_frequency_hz")
+_GAIN = CommandField(name="gain", member="gain")
 
 _ROWS = (
     CommandRow(
@@ -215,6 +254,15 @@ _ROWS = (
         meaning="begin a flight: search for the tags",
         number=CommandId.START_DETECTION,
         lengths={"G0": BARE, "G1": (12, 16, 32, 40), "G2": (48,)},
+        fields=(
+            _FREQUENCY,
+            _GAIN,
+            CommandField(name="detection_mode", member=None),
+            CommandField(name="detection_margin", kind="f64", member=None),
+            CommandField(name="confidence_ratio", kind="f64", member=None),
+            CommandField(name="debug_detector", member=None),
+            CommandField(name="dump_spectrogram", member=None, from_g2=True),
+        ),
         who=Who.COMMANDER,
         while_ending=False,
         states={
@@ -246,6 +294,7 @@ _ROWS = (
         meaning="record some seconds of the band",
         number=CommandId.RAW_CAPTURE,
         lengths={"G1": (8, 12), "G2": (16,)},
+        fields=(_GAIN, _FREQUENCY),
         who=Who.COMMANDER,
         while_ending=False,
         states={

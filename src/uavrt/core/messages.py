@@ -501,6 +501,8 @@ class Command:
     tag_count: int | None = None
     """Number of tags sent, at the end of an upload or at a start; None: unknown. A start with
     fewer tags is refused."""
+    values: dict[str, float] = field(default_factory=dict)
+    """Numbers of the command's fields that have no member of their own, by the field's name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

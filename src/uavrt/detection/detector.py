@@ -245,11 +245,6 @@ class PulseDetector:
         self._start()
         return pulses
 
-    @property
-    def searched_samples(self) -> int:
-        """Index after the last searched sample of this stream."""
-        return self._clean
-
     def search_reports(self) -> list[SearchReport]:
         """Return the search reports since the last call, one a second."""
         return self._reporter.drain_reports()

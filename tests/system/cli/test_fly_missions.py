@@ -14,7 +14,6 @@ from uavrt.cli.system.fly import fly
 from uavrt.core.clock import Clock
 from uavrt.core.errors import ConfigError, PlanError
 from uavrt.core.messages import KeepOut, Pose, VehicleFence
-from uavrt.guidance.files.mission import fence_items
 from uavrt.simulation.demo.demo_programs import free_udp_port
 from uavrt.simulation.vehicle.fake_autopilot import AutopilotSettings, FakeAutopilot
 
@@ -46,7 +45,7 @@ class Vehicle:
         self._thread.join()
 
     def holds_fence(self, fence: VehicleFence) -> None:
-        self.autopilot.missions.held[1] = made.mission_items(fence_items(fence), 1)
+        self.autopilot.missions.held[1] = made.mission_items(made.fence_items(fence), 1)
 
     def _end(self) -> None:
         some(self._task).cancel()

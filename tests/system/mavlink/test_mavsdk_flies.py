@@ -3,6 +3,7 @@
 import asyncio
 from typing import Any
 
+import made
 import pytest
 from mavsdk.asyncio.mavsdk import Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
@@ -13,7 +14,7 @@ from until import until_async as until
 
 from uavrt.core.clock import Clock
 from uavrt.core.messages import KeepOut, VehicleFence
-from uavrt.guidance.files.mission import MissionItem, difference, fence_items, survey_items
+from uavrt.guidance.files.mission import MissionItem, difference, survey_items
 from uavrt.guidance.files.plan_file import survey_file
 from uavrt.guidance.operator_orders import Order
 from uavrt.guidance.plans import survey_places
@@ -52,10 +53,10 @@ async def reads_our_survey(system: Any, autopilot: FakeAutopilot, flavour: Flavo
     ]
     wire = MissionWire(flavour)
     wire.store = autopilot.missions
-    wire.run(MissionUpload(fence_items(FENCE), "fence", VEHICLE, OWN))
+    wire.run(MissionUpload(made.fence_items(FENCE), "fence", VEHICLE, OWN))
     corners = await raw.download_geofence()
     assert [(one.command, one.x, one.y) for one in corners] == [
-        (one.command, one.x, one.y) for one in fence_items(FENCE)
+        (one.command, one.x, one.y) for one in made.fence_items(FENCE)
     ]
     raw.destroy()
 

@@ -11,9 +11,9 @@ from until import until_async as until
 
 from uavrt.core.commands import SystemState
 from uavrt.core.messages import PulsePose
+from uavrt.core.runtime.disk_thread import MOST_JOBS, DiskThread
 from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
 from uavrt.drone.processes.connection_parts.pulse_outlet import PulseOutlet
-from uavrt.flight.database.disk_thread import MOST_JOBS, DiskThread
 from uavrt.flight.database.spool import undelivered
 from uavrt.ground.fetch.ftp_client import FileClient
 from uavrt.link.mavlink import dialect

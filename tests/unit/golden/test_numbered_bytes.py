@@ -9,18 +9,17 @@ import pytest
 from uavrt.core.commands import CommandId, Generation
 from uavrt.link.tunnel.generations.codec import TunnelMessage, decode
 from uavrt.link.tunnel.generations.g0 import PulseG0
-from uavrt.link.tunnel.generations.g1 import PulseG1, StartDetection
+from uavrt.link.tunnel.generations.g1 import PulseG1
 from uavrt.link.tunnel.generations.g2 import (
     AckG2,
     BareG2,
     DetectorHeartbeat,
+    FieldsG2,
     HeartbeatG2,
     HeartbeatG2v1,
     OperationProgress,
     PulseG2,
     PulseG2v1,
-    RawCaptureG2,
-    StartDetectionG2,
     TagG2,
     UploadG2,
 )
@@ -100,22 +99,15 @@ INFERRED: dict[str, tuple[TunnelMessage, bytes]] = {
         ),
     ),
     "start": (
-        StartDetectionG2(
+        FieldsG2(
+            command=CommandId.START_DETECTION,
             request_id=9,
-            start=StartDetection(
-                radio_center_frequency_hz=148_700_000,
-                gain=21,
-                detection_mode=1,
-                detection_margin=0.9,
-                confidence_ratio=1.3,
-                debug_detector=1,
-            ),
-            dump_spectrogram=1,
+            numbers=(148_700_000, 21, 1, 0.9, 1.3, 1, 1),
         ),
         struct.pack("<5I4xddII", 5, 9, 148_700_000, 21, 1, 0.9, 1.3, 1, 1),
     ),
     "raw capture": (
-        RawCaptureG2(request_id=9, gain=21, frequency_hz=148_700_000),
+        FieldsG2(command=CommandId.RAW_CAPTURE, request_id=9, numbers=(21, 148_700_000)),
         struct.pack("<4I", 8, 9, 21, 148_700_000),
     ),
     "pulse": (

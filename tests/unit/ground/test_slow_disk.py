@@ -13,7 +13,7 @@ from sql import sql
 
 from uavrt.core.clock import Clock
 from uavrt.core.messages import Delivered, PulsePose
-from uavrt.flight.database.disk_thread import DiskThread
+from uavrt.core.runtime.disk_thread import DiskThread
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.ground.link.received.current_flight import ENDS_WITHIN_S
 from uavrt.ground.session import GroundSession

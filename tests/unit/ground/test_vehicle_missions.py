@@ -13,7 +13,7 @@ from uavrt.core.clock import Clock
 from uavrt.core.errors import CommandRefused, FormatError, LinkError
 from uavrt.core.messages import KeepOut, Pose, VehicleFence
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.guidance.files.mission import MissionItem, difference, fence_items, survey_items
+from uavrt.guidance.files.mission import MissionItem, difference, survey_items
 from uavrt.guidance.operator_orders import Order
 from uavrt.link.mavlink import dialect
 from uavrt.simulation.demo.demo_programs import free_udp_port
@@ -104,7 +104,7 @@ async def test_a_survey_becomes_the_vehicles_mission_and_moves_nothing(
 @BOTH
 async def test_the_vehicles_fence_is_read(flavour: Flavour) -> None:
     async with vehicle_on(flavour, loss=0.2) as (link, autopilot):
-        holds(autopilot, fence_items(FENCE), 1)
+        holds(autopilot, made.fence_items(FENCE), 1)
         assert await link.missions.fence() == FENCE
 
 
@@ -141,7 +141,7 @@ async def test_a_vehicle_that_falls_silent_is_reported() -> None:
 
 async def test_what_is_no_fence_is_refused() -> None:
     async with vehicle_on("px4") as (link, autopilot):
-        holds(autopilot, fence_items(FENCE)[:2], 1)
+        holds(autopilot, made.fence_items(FENCE)[:2], 1)
         with pytest.raises(FormatError, match="corner of the vehicle's fence is missing"):
             await link.missions.fence()
 

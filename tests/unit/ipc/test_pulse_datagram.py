@@ -95,7 +95,7 @@ def test_pulses_and_a_heartbeat_a_second_reach_who_listens() -> None:
         sender.send_pulses([PULSE])
         received = [PulseRecord.decode(listener.recv(200)) for _ in range(5)]
         sender.close()
-    assert [record.is_heartbeat for record in received] == [True] * 4 + [False]
+    assert [record.frequency_hz == 0.0 for record in received] == [True] * 4 + [False]
     assert [record.tag_id for record in received[:4]] == [2, 4, 2, 4]
     assert received[0] == PulseRecord(tag_id=2)
     assert received[4].encode() == GOLDEN

@@ -4,11 +4,12 @@ from dataclasses import replace
 from math import nan
 from typing import Any
 
+import made
 import pytest
 from mission_wire import OWN, VEHICLE, MissionWire
 
 from uavrt.core.messages import KeepOut, VehicleFence
-from uavrt.guidance.files.mission import MissionItem, difference, fence_items, fence_of
+from uavrt.guidance.files.mission import MissionItem, difference, fence_of
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.mission_transfer import (
     MissionDownload,
@@ -70,7 +71,7 @@ def test_what_was_lost_is_counted_as_sent_again(flavour: Flavour) -> None:
 @pytest.mark.parametrize("flavour", BOTH)
 def test_a_fence_comes_as_it_was_drawn(flavour: Flavour) -> None:
     wire = MissionWire(flavour, loss=0.2)
-    wire.run(upload(items=fence_items(FENCE), kind="fence"))
+    wire.run(upload(items=made.fence_items(FENCE), kind="fence"))
     assert fence_of(held_by(wire, "fence")) == FENCE
 
 

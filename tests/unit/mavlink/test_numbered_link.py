@@ -36,7 +36,7 @@ async def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio
         assert await insist(lambda: ground.ask("radio_status")) == "receiving"
         await insist(ground.stop_detection)
         await until(lambda: not world.mission.flights.ending)
-        await insist(lambda: ground.command(ground.writing.capture(148.7e6, 9)))
+        await insist(lambda: ground.command(ground.writing.start(148.7e6, 9, "raw_capture")))
         await insist(ground.stop_detection)
         await until(lambda: world.mission.state is SystemState.HAS_TAGS)
         await until(lambda: not world.mission.flights.ending)

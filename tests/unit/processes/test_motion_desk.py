@@ -31,7 +31,6 @@ from uavrt.core.messages import (
 from uavrt.drone.processes.motions.motion_control import Outlets
 from uavrt.drone.processes.motions.motion_desk import MotionDesk
 from uavrt.drone.processes.motions.reported_autopilot import SIMULATOR_NUMBER
-from uavrt.guidance.files.mission import fence_items
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.links.address import parse_address
 from uavrt.link.tunnel.own_messages.motion_messages import (
@@ -702,7 +701,7 @@ MEADOW = VehicleFence(
 
 def test_a_fence_that_cannot_be_read_is_told_with_the_reason() -> None:
     link = Link()
-    link.missions.held[1] = made.mission_items(fence_items(MEADOW), 1)[:2]
+    link.missions.held[1] = made.mission_items(made.fence_items(MEADOW), 1)[:2]
     link.run(3.0)
     (fence,) = fences(link)
     assert "a corner of the vehicle's fence is missing" in some(fence.fault)
@@ -710,7 +709,7 @@ def test_a_fence_that_cannot_be_read_is_told_with_the_reason() -> None:
 
 def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
     link = Link()
-    link.missions.held[1] = made.mission_items(fence_items(MEADOW), 1)
+    link.missions.held[1] = made.mission_items(made.fence_items(MEADOW), 1)
     link.run(3.0)
     link.desk.wish(VehicleWish(order_id=None, ends=True))
     assert fences(link) == [MEADOW, MEADOW]

@@ -74,10 +74,10 @@ def test_the_tags_of_a_flight_are_all_searched_at_the_same_block() -> None:
     searched = []
     for number in range(20):
         time_ns = START_NS + round(number * len(block) / RATE_HZ * 1e9)
-        before = [detector.searched_samples for detector in detectors]
+        before = [detector._clean for detector in detectors]
         for detector in detectors:
             detector.process(block, time_ns)
-        after = [detector.searched_samples for detector in detectors]
+        after = [detector._clean for detector in detectors]
         searched.append(sum(a > b for a, b in zip(after, before, strict=True)))
     # One block in five: what the tags share is done once for all.
     assert set(searched) == {0, 20}

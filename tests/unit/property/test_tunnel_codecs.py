@@ -8,7 +8,7 @@ import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.core.commands import Generation
+from uavrt.core.commands import CommandId, Generation
 from uavrt.core.earth.attitude import euler_deg, from_euler_deg
 from uavrt.core.errors import TunnelError
 from uavrt.core.messages import PulsePose, Tag
@@ -16,10 +16,9 @@ from uavrt.link.tunnel.generations.codec import DECODERS, TunnelMessage, decode,
 from uavrt.link.tunnel.generations.g0 import AckG0, PulseG0, TagG0
 from uavrt.link.tunnel.generations.g1 import (
     AckG1,
+    FieldsG1,
     Heartbeat,
     PulseG1,
-    RawCapture,
-    StartDetection,
     TagG1,
 )
 from uavrt.link.tunnel.tunnel_records import (
@@ -56,15 +55,18 @@ MESSAGES = st.one_of(
         interval2_deviation=F64,
     ),
     st.builds(
-        StartDetection,
-        radio_center_frequency_hz=U32,
-        gain=U32,
-        detection_mode=U32,
-        detection_margin=F64,
-        confidence_ratio=F64,
-        debug_detector=st.none() | U32,
+        FieldsG1,
+        command=st.just(CommandId.START_DETECTION),
+        numbers=st.tuples(U32, U32)
+        | st.tuples(U32, U32, U32)
+        | st.tuples(U32, U32, U32, F64, F64)
+        | st.tuples(U32, U32, U32, F64, F64, U32),
     ),
-    st.builds(RawCapture, gain=U32, frequency_hz=st.none() | U32),
+    st.builds(
+        FieldsG1,
+        command=st.just(CommandId.RAW_CAPTURE),
+        numbers=st.tuples(U32) | st.tuples(U32, U32),
+    ),
     st.builds(Heartbeat, system_id=U16, status=U16, cpu_temperature_c=F32),
 )  # fmt: skip
 

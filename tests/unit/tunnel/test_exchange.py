@@ -11,7 +11,7 @@ from uavrt.core.messages import Command, CommandReply, PulsePose
 from uavrt.link.tunnel.drone_exchange import Answer, Exchange
 from uavrt.link.tunnel.generations.codec import decode
 from uavrt.link.tunnel.generations.g0 import AckG0, HeaderMessage, PulseG0
-from uavrt.link.tunnel.generations.g1 import AckG1, PulseG1, StartDetection
+from uavrt.link.tunnel.generations.g1 import AckG1, FieldsG1, PulseG1
 from uavrt.link.tunnel.tunnel_records import tag_to_wire
 
 QGC = (255, 190)
@@ -65,7 +65,8 @@ def test_the_ground_is_answered_in_its_own_generation(
 
 
 def test_start_carries_the_frequency_and_gain_chosen_on_the_ground_or_leaves_them() -> None:
-    start = StartDetection(radio_center_frequency_hz=148_700_000, gain=17).encode()
+    numbers = {"center_frequency_hz": 148_700_000.0, "gain": 17.0}
+    start = FieldsG1.of(CommandId.START_DETECTION, numbers).encode()
     for payload, chosen in (
         (start, (148_700_000, 17)),
         (header(CommandId.START_DETECTION), (None, None)),

@@ -10,7 +10,7 @@ from uavrt.core.messages import PulsePose
 from uavrt.core.units import ns_from_s
 from uavrt.link.tunnel.generations.codec import acked_command_of, decode, generation_of
 from uavrt.link.tunnel.generations.g0 import PulseG0
-from uavrt.link.tunnel.generations.g1 import AckG1, Heartbeat, PulseG1, StartDetection, TagG1
+from uavrt.link.tunnel.generations.g1 import AckG1, FieldsG1, Heartbeat, PulseG1, TagG1
 from uavrt.link.tunnel.generations.g2 import BareG2, UploadG2
 from uavrt.link.tunnel.generations.wire import command_name
 from uavrt.link.tunnel.tunnel_records import (
@@ -96,11 +96,9 @@ def test_a_value_too_large_for_its_field_is_a_tunnel_error() -> None:
         changed(frequency_hz=2**32).encode()
 
 
-def test_a_start_with_a_hole_in_its_fields_is_refused() -> None:
-    start = StartDetection(
-        radio_center_frequency_hz=0, gain=0, detection_mode=None, detection_margin=0.9
-    )
-    with pytest.raises(TunnelError, match="lacks a field"):
+def test_a_start_with_a_margin_but_no_ratio_is_refused() -> None:
+    start = FieldsG1(command=CommandId.START_DETECTION, numbers=(0, 0, 0, 0.9))
+    with pytest.raises(TunnelError, match="never has 4 fields"):
         start.encode()
 
 

@@ -62,11 +62,6 @@ class PulseRecord:
     confirmed: float = 0.0
     noise_psd: float = 0.0
 
-    @property
-    def is_heartbeat(self) -> bool:
-        """True for a heartbeat, which has frequency 0."""
-        return self.frequency_hz == 0.0
-
     def encode(self) -> bytes:
         """Encode the record as 96 bytes."""
         return RECORD.pack(*(getattr(self, name) for name in self.__slots__))

@@ -17,6 +17,7 @@ from uavrt.core.commands import SystemState
 from uavrt.core.errors import ConfigError, LinkError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import STATION_COUNTER, Command, StatusText
+from uavrt.core.runtime.disk_thread import DiskThread
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.ipc.record_link import SupervisorGone
@@ -29,7 +30,6 @@ from uavrt.drone.processes.connection_parts.pulse_path import PulsePath
 from uavrt.drone.processes.connection_parts.signing_memory import SigningMemory
 from uavrt.drone.processes.motions.motion_control import Outlets
 from uavrt.drone.processes.motions.motion_desk import MotionDesk
-from uavrt.flight.database.disk_thread import DiskThread
 from uavrt.link.mavlink.autopilot.vehicle_messages import WATCHED_HZ
 from uavrt.link.mavlink.component import Handlers
 from uavrt.link.mavlink.dialect import RadioStatus

@@ -293,7 +293,7 @@ def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> R
         command.request_id,
         command.name,
         command.source,
-        json.dumps(given),
+        json.dumps(given | command.values),
         None if reply is None else int(reply.accepted),
         None if reply is None else reply.message,
     )

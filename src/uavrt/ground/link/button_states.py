@@ -50,12 +50,21 @@ class Situation:
 
 
 def action_states(now: Situation) -> dict[str, dict[str, Any]]:
-    """For each action: its label, whether it is enabled, and the reason if not."""
+    """For each action: its label, whether it is enabled, the reason if not, and its fields."""
     reasons = {action: _reason(action, now) for action in ACTIONS}
     return {
         action: {"label": ACTIONS[action], "enabled": reason is None, "reason": reason}
+        | _asked_for(action)
         for action, reason in reasons.items()
     }
+
+
+def _asked_for(action: str) -> dict[str, Any]:
+    """Fields that the page asks for; those of a start or capture are settings."""
+    row = COMMAND_OF_ACTION.get(action)
+    if row is None or not row.fields or not (row.button and row.button.asking):
+        return {}
+    return {"fields": [{"name": one.name, "unit": one.unit} for one in row.fields]}
 
 
 def unreachable(now: Situation) -> str | None:

@@ -37,13 +37,19 @@ would have returned by its failsafe before."""
 
 def _parameter(wish: Any) -> tuple[str, float]:
     """Read a parameter's name and value; raises `FormatError`."""
-    name, value = (wish.get("name"), wish.get("value")) if isinstance(wish, dict) else ("", 0)
+    name = wish.get("name") if isinstance(wish, dict) else ""
     if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
         raise FormatError("name must be the name of a parameter")
+    return name, _number(wish, "value")
+
+
+def _number(body: Any, name: str) -> float:
+    """Read a finite number of a request; raises `FormatError`."""
+    value = body.get(name) if isinstance(body, dict) else None
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
-        raise FormatError("value must be a number")
-    return name, float(number)
+        raise FormatError(f"{name} must be a number")
+    return float(number)
 
 
 def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
@@ -102,7 +108,7 @@ class Commands:
             "stop": self.stop,
             "capture": self.capture,
             "mark": lambda: self.mark(text, _place(body)),
-            **{button.action: partial(self.ask, button) for button in BUTTONS if button.asking},
+            **{one.action: partial(self.ask, one, body) for one in BUTTONS if one.asking},
             "set_parameter": lambda: self.set_parameter(body),
             "correct_tag": lambda: self.correct_tag(body),
         }
@@ -153,16 +159,22 @@ class Commands:
         settings = self._vehicle.store.settings
         async with self._working("capture", "asking for a raw capture"):
             frequency = settings.center_frequency_mhz
-            payload = link.writing.capture(
-                None if frequency is None else frequency * 1e6, settings.gain or 0
+            directory = await link.start_detection(
+                center_frequency_hz=None if frequency is None else frequency * 1e6,
+                gain=settings.gain or 0,
+                name="raw_capture",
             )
-            return (await link.command(payload)).message or "capturing"
+            return directory or "capturing"
 
-    async def ask(self, button: Button) -> str:
-        """Send a maintenance command, which has no values."""
+    async def ask(self, button: Button, body: Any) -> str:
+        """Send a maintenance command; `body` holds a number for each of its fields."""
+        row = COMMAND_OF_ACTION[button.action]
+        values = {one.name: _number(body, one.name) for one in row.fields}
+        if fault := row.fault([*values.values()]):
+            raise FormatError(fault)
         link = self._allowed(button.action)
         async with self._working(button.action, button.asking):
-            return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
+            return await link.ask(row.name, values) or button.done
 
     async def correct_tag(self, request: Any) -> str:
         """Correct a listed tag by a measurement, on the drone and then in the list.

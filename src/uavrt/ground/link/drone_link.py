@@ -6,7 +6,8 @@ MAVLink.
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 from uavrt.core.commands import NO_UPLOAD, CommandName, Generation
 from uavrt.core.errors import CommandRefused, LinkError, RecordingError, UavrtError
@@ -212,19 +213,28 @@ class GroundLink:
         return answer.message
 
     async def start_detection(
-        self, *, center_frequency_hz: float | None = None, gain: int = 0
+        self,
+        *,
+        center_frequency_hz: float | None = None,
+        gain: int = 0,
+        name: CommandName = "start_detection",
     ) -> str:
-        """Start detection; return the flight directory. Frequency None: automatic."""
-        payload = self.writing.start(center_frequency_hz, gain)
+        """Start detection, or a raw capture by its `name`; return the flight directory.
+
+        A frequency of None: automatic.
+        """
+        payload = self.writing.start(center_frequency_hz, gain, name)
         return (await self.command(payload)).message
 
     async def stop_detection(self) -> None:
         """Stop detection, and wait for the drone's acknowledgement."""
         await self.ask("stop_detection")
 
-    async def ask(self, name: CommandName) -> str:
-        """Send a command without fields, e.g. ``"save_logs"``; return the drone's message."""
-        return (await self.command(self.writing.bare(name))).message
+    async def ask(
+        self, name: CommandName, values: Mapping[str, float | None] = MappingProxyType({})
+    ) -> str:
+        """Send a command with values in its fields; return the drone's message."""
+        return (await self.command(self.writing.command(name, values))).message
 
     async def command(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> Acknowledged:
         """Send a command until it is acknowledged; see `Exchange.command`."""

@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from uavrt.core.errors import RecordingError
-from uavrt.flight.database.disk_thread import Disk, DiskBatches, at_once
+from uavrt.core.runtime.disk_thread import Disk, DiskBatches, at_once
 from uavrt.ground.link.delivery_receipts import Receipts
 
 RECEIVED_NAME = "received.bin"

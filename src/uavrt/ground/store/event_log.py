@@ -10,7 +10,7 @@ import msgspec
 
 from uavrt.core.errors import FormatError
 from uavrt.core.foreign import decode_record, size_of
-from uavrt.flight.database.disk_thread import Disk, DiskBatches, at_once
+from uavrt.core.runtime.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
 """Most lines kept in memory and sent to a page; the file keeps all."""

@@ -19,7 +19,7 @@ from uavrt.core.messages import (
     StatusText,
     Tag,
 )
-from uavrt.flight.database.disk_thread import Disk, at_once
+from uavrt.core.runtime.disk_thread import Disk, at_once
 from uavrt.flight.database.plain_database import open_plain
 from uavrt.flight.flight_layout import FlightLayout, new_flight_directory
 from uavrt.flight.flight_order import new_copy_directory

@@ -7,7 +7,7 @@ from pathlib import Path
 from uavrt.core.clock import monotonic_s
 from uavrt.core.errors import RecordingError
 from uavrt.core.log import get_logger
-from uavrt.flight.database.disk_thread import Disk, DiskBatches
+from uavrt.core.runtime.disk_thread import Disk, DiskBatches
 from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
 

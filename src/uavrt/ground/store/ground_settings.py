@@ -25,8 +25,8 @@ from uavrt.core.errors import (
 )
 from uavrt.core.foreign import OWN, decode_record, read_file, read_record
 from uavrt.core.messages import Tag
+from uavrt.core.runtime.disk_thread import DiskBatches, DiskThread
 from uavrt.core.units import number_in
-from uavrt.flight.database.disk_thread import DiskBatches, DiskThread
 from uavrt.formats.nmea import BAUD
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.store.tag_table import read_table

@@ -213,20 +213,3 @@ def _checked(item: MissionItem) -> Place:
             f"the vehicle's fence has a corner at {latitude:g}, {longitude:g}", remedy=_REMEDY
         )
     return latitude, longitude
-
-
-def fence_items(fence: VehicleFence) -> tuple[MissionItem, ...]:
-    """Convert a fence to mission items."""
-    found: list[MissionItem] = []
-    for areas, corner, circle in (
-        (fence.within, CORNER_WITHIN, CIRCLE_WITHIN),
-        (fence.keep_out, CORNER_OUTSIDE, CIRCLE_OUTSIDE),
-    ):
-        for one in areas:
-            command = corner if one.radius_m is None else circle
-            first = float(len(one.places)) if one.radius_m is None else one.radius_m
-            found += [
-                MissionItem.at(command, ABSOLUTE_FRAME, place, first=first)
-                for place in one.places
-            ]
-    return tuple(found)

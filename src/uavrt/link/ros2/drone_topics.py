@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 
 from uavrt.core.commands import SystemState
 from uavrt.core.errors import LinkError
-from uavrt.core.messages import Command, FlightInfo, Pose, Pulse, PulsePose
+from uavrt.core.messages import Command, FlightInfo, Pose, Pulse
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.link.ros2 import ros_records as convert
 from uavrt.link.ros2.drone_state import DroneState, RosLog
-from uavrt.link.ros2.graph import COMPONENTS, detector_node
+from uavrt.link.ros2.graph import COMPONENTS, TOPICS, detector_node
 from uavrt.link.ros2.network.bus import Bus
 from uavrt.link.ros2.status import STALE_AFTER_S, component_status, detector_of_tag
 from uavrt.link.ros2.types.ros_messages import (
@@ -53,10 +53,13 @@ class DroneTopics:
         if pulse.burst_starts_ns:
             self._bus.publish("burst", convert.burst_to_ros(pulse, directory))
 
-    def pulse_pose(self, record: PulsePose) -> None:
-        """Publish a pulse with its pose."""
-        directory = self._drone.tag_directory(record.pulse.tag_id)
-        self._bus.publish("pulse_pose", convert.pulse_pose_to_ros(record, directory))
+    def record(self, record: object) -> None:
+        """Publish a record on the topics that are made of its type."""
+        for topic in TOPICS.values():
+            if topic.made_of is not None and isinstance(record, topic.made_of[0]):
+                self._bus.publish(
+                    topic.name, topic.made_of[1](record, self._drone.tag_directory)
+                )
 
     def pose(self, pose: Pose) -> None:
         """Store the pose that `tick` publishes next."""

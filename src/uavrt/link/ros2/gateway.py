@@ -15,7 +15,6 @@ from uavrt.core.messages import (
     FlightInfo,
     Poses,
     Pulse,
-    PulsePose,
     StatusText,
     SystemStatus,
 )
@@ -77,8 +76,6 @@ class Gateway:
             case Pulse():
                 if (record.tag_id, record.start_time_ns) not in self._foreign:
                     self._topics.pulse(record)
-            case PulsePose():
-                self._topics.pulse_pose(record)
             case Poses(poses=poses) if poses:
                 self._topics.pose(poses[-1])
             case SystemStatus():
@@ -93,6 +90,8 @@ class Gateway:
                 self._drone.settings = record
             case StatusText():
                 self._log.write(record.severity, record.text)
+            case _:
+                self._topics.record(record)
 
     def take_flight(self, flight: FlightInfo | None) -> None:
         """Publish that a flight has started, or ended (None); the flight's clock may change."""

@@ -4,8 +4,12 @@ The graph is that of the original system (thesis Fig. 2.1), so that its tools ca
 Endpoints, type hashes and documentation derive from it. `OWN_TOPICS` are additional.
 """
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
+from typing import Any
 
+from uavrt.core.messages import PulsePose
+from uavrt.link.ros2.ros_records import pulse_pose_to_ros
 from uavrt.link.ros2.types.ros_messages import (
     DiagnosticArray,
     Flag,
@@ -45,6 +49,10 @@ def detector_node(tag_id: int) -> str:
     return f"Detector_tag_{tag_id}"
 
 
+Conversion = Callable[[Any, Callable[[int], str]], RosMessage]
+"""Makes a message from a record and the directories of tags in the flight, by tag id."""
+
+
 @dataclass(frozen=True, slots=True)
 class RosTopic:
     """A topic of the ROS 2 graph: message, publisher, subscribers and limits."""
@@ -63,6 +71,8 @@ class RosTopic:
     """Rate of messages accepted after a burst [1/s]."""
     commands: bool = True
     """True if the topic's messages are handled before those of topics with data only."""
+    made_of: tuple[type, Conversion] | None = None
+    """Type of the records that are published as they arrive; None: `DroneTopics` decides."""
 
 
 UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
@@ -110,6 +120,10 @@ TOPICS: dict[str, RosTopic] = {
             burst=0,
             per_s=0.0,
             commands=False,
+            made_of=(
+                PulsePose,
+                lambda one, folder: pulse_pose_to_ros(one, folder(one.pulse.tag_id)),
+            ),
         ),
         RosTopic(
             "control_start_subprocess",

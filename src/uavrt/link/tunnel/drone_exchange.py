@@ -303,7 +303,7 @@ class Exchange:
                 question = self._plain(CommandId.TAG, asker, generation_of(message))
                 return replace(self._ask(question, "add_tag"), tag=tag)
             case CommandMessage():
-                question = self._plain(message.COMMAND, asker, generation_of(message))
+                question = self._plain(message.command, asker, generation_of(message))
                 return self._ask_with(question, message)
             case HeaderMessage(command=command):
                 question = self._plain(command, asker, generation_of(message))
@@ -320,8 +320,10 @@ class Exchange:
         return _PendingCommand(asker=asker, number=number, generation=generation, spoken=spoken)
 
     def _ask_with(self, question: _PendingCommand, message: CommandMessage) -> Command:
-        name = COMMAND_OF_NUMBER[message.COMMAND].name
-        return message.fill(self._ask(question, name))
+        row = COMMAND_OF_NUMBER[message.command]
+        if fault := row.fault(message.numbers):
+            raise TunnelError(fault, message.encode())
+        return replace(self._ask(question, row.name), **row.members(message.numbers))
 
     def _ask(self, question: _PendingCommand, name: CommandName) -> Command:
         number = self.next_request_id()

@@ -21,13 +21,13 @@ from uavrt.core.messages import (
     drop_beeps,
     keep_beep,
 )
+from uavrt.core.runtime.disk_thread import Disk, at_once
 from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink.dialect import MavSeverity, OnboardComputerStatus
 from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.sending.pacing import Priority
 from uavrt.link.mavlink.sending.sender import TunnelSender
 from uavrt.link.mavlink.sending.statustext import TextLimiter
-from uavrt.link.mavlink.services.ftp_server import Disk, at_once
 from uavrt.link.tunnel.drone_exchange import Exchange
 from uavrt.link.tunnel.own_messages.beep import BEEP_TYPE, encode_beep
 

@@ -13,9 +13,9 @@ from pathlib import Path
 from uavrt.core.errors import RecordingError, TunnelError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Delivered, PulsePose
+from uavrt.core.runtime.disk_thread import Disk, at_once
 from uavrt.core.units import ns_from_s
 from uavrt.flight.database.spool import undelivered
-from uavrt.link.mavlink.services.ftp_server import Disk, at_once
 from uavrt.link.tunnel.own_messages.burst import BURST_TYPE, encode_burst
 from uavrt.link.tunnel.own_messages.private import Receipt
 from uavrt.link.tunnel.pulses.receiving_stations import PLAIN

@@ -7,13 +7,13 @@ from functools import partial
 from uavrt.core.errors import RecordingError
 from uavrt.core.log import get_logger
 from uavrt.core.messages import Delivered, FlightInfo, Pulse, PulsePose, Recorded, SearchReport
+from uavrt.core.runtime.disk_thread import DiskThread
 from uavrt.drone.ipc.process import ProcessFrame
 from uavrt.drone.processes.connection_parts.ground_status import GroundStatus
 from uavrt.drone.processes.connection_parts.named_values import NamedValues
 from uavrt.drone.processes.connection_parts.pose_desk import PoseDesk
 from uavrt.drone.processes.connection_parts.pulse_outlet import PulseOutlet
 from uavrt.drone.processes.connection_parts.tag_texts import TagTexts
-from uavrt.flight.database.disk_thread import DiskThread
 from uavrt.flight.database.spool import heard_tags
 from uavrt.link.mavlink.mavlink_connection import Connection
 from uavrt.link.mavlink.sending.pacing import Priority

@@ -1,21 +1,16 @@
 """Encode the ground's commands in the protocol version of the drone."""
 
 import random
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from uavrt.config.parameters import check_start
 from uavrt.core.commands import COMMANDS, CommandId, CommandName, Generation
 from uavrt.core.errors import LinkError
 from uavrt.core.messages import Tag
 from uavrt.link.tunnel.generations.g0 import HeaderMessage
-from uavrt.link.tunnel.generations.g1 import RawCapture, StartDetection, TagG1
-from uavrt.link.tunnel.generations.g2 import (
-    BareG2,
-    RawCaptureG2,
-    StartDetectionG2,
-    TagG2,
-    UploadG2,
-)
+from uavrt.link.tunnel.generations.g1 import FieldsG1, TagG1
+from uavrt.link.tunnel.generations.g2 import BareG2, FieldsG2, TagG2, UploadG2
 from uavrt.link.tunnel.own_messages.coded_tag import CodedTag
 from uavrt.link.tunnel.tunnel_records import tag_to_wire
 
@@ -91,35 +86,38 @@ class CommandEncoder:
         numbers = {"request_id": self._next_id(), "upload_id": 0, "tag_index": 0}
         return TagG2(tag=wire, **numbers).encode()
 
-    def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
-        """Encode a start command; a frequency of None becomes 0: the drone's tuner chooses."""
+    def start(
+        self,
+        center_frequency_hz: float | None,
+        gain: int,
+        name: CommandName = "start_detection",
+    ) -> bytes:
+        """Encode the start of detection, or of a raw capture by its `name`.
+
+        A frequency of None becomes 0: the drone's tuner chooses. Raises `ConfigError` if no
+        radio supports a value, `LinkError` if the protocol version lacks the command.
+        """
         check_start(None, center_frequency_hz, gain)
-        if self._generation == "G0":
-            return HeaderMessage(command=CommandId.START_DETECTION).encode()
-        start = StartDetection(
-            radio_center_frequency_hz=round(center_frequency_hz or 0), gain=gain
+        return self.command(
+            name, {"center_frequency_hz": center_frequency_hz, "gain": float(gain)}
         )
-        if self._generation == "G2":
-            return StartDetectionG2(request_id=self._next_id(), start=start).encode()
-        return start.encode()
 
-    def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
-        """Encode a raw capture; raises `LinkError` if the protocol version has none."""
-        check_start(None, center_frequency_hz, gain)
-        frequency_hz = round(center_frequency_hz or 0)
-        self._check_known("raw_capture")
-        if self._generation == "G2":
-            return RawCaptureG2(
-                request_id=self._next_id(), gain=gain, frequency_hz=frequency_hz
-            ).encode()
-        return RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
+    def command(
+        self, name: CommandName, values: Mapping[str, float | None] = MappingProxyType({})
+    ) -> bytes:
+        """Encode a command with `values` in its fields, and 0 in those without a value.
 
-    def bare(self, name: CommandName) -> bytes:
-        """Encode a command without fields; raises `LinkError` if the version lacks it."""
-        number = self._check_known(name)
+        Raises `LinkError` if the protocol version lacks the command.
+        """
+        number, bare = self._check_known(name), not COMMANDS[name].fields
         if self._generation == "G2":
-            return BareG2(command=number, request_id=self._next_id()).encode()
-        return HeaderMessage(command=number).encode()
+            numbered = {"request_id": self._next_id()}
+            if bare:
+                return BareG2(command=number, **numbered).encode()
+            return FieldsG2.of(number, values, **numbered).encode()
+        if bare or self._generation == "G0":  # which has no fields
+            return HeaderMessage(command=number).encode()
+        return FieldsG1.of(number, values).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
         """Number of a command in the protocol version; raises `LinkError` if it has none."""

@@ -19,8 +19,9 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import BinaryIO, Protocol, TypeVar
+from typing import BinaryIO, TypeVar
 
+from uavrt.core.runtime.disk_thread import Disk, at_once
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.link.mavlink.dialect import FileTransferProtocol
 from uavrt.link.mavlink.discovery import Peer
@@ -53,19 +54,6 @@ GIVES_WAY_NS = ns_from_s(10.0)
 """Time without use after which a session may be closed for another client [ns]."""
 MAX_CLIENTS = 16
 WAITING = 32
-
-
-class Disk(Protocol):
-    """Function that runs work which may block on the disk."""
-
-    def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job` and pass its result to `then`; False if too many jobs are waiting."""
-
-
-def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """Run a disk job inline and pass on its result."""
-    then(job())
-    return True
 
 
 @dataclass(slots=True)

@@ -56,44 +56,26 @@ stands above, and so does uavrt. The thesis's ``frequency_hz`` was megahertz cut
 
 import struct
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
-from uavrt.core.commands import BARE, COMMAND_OF_NUMBER, CommandId
-from uavrt.core.errors import TunnelError
+from uavrt.core.commands import CommandId
 from uavrt.link.tunnel.generations.wire import (
     Decoders,
     Fixed,
     decoders_by_length,
     decoders_of,
-    pack,
 )
-
-HEADER = struct.Struct("<I")
 
 SUCCESS = 1
 FAILURE = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeaderMessage:
+class HeaderMessage(Fixed):
     """A command without fields; START_DETECTION has this form only in G0."""
 
+    LAYOUT: ClassVar = struct.Struct("<I")
     command: CommandId
-
-    def encode(self) -> bytes:
-        """Encode the command as payload bytes."""
-        return pack(HEADER, self.command)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `TunnelError` unless it is one of these commands."""
-        if len(payload) != HEADER.size:
-            raise TunnelError(f"a bare command has 4 bytes, not {len(payload)}", payload)
-        (number,) = HEADER.unpack(payload)
-        row = COMMAND_OF_NUMBER.get(number)
-        if row is None or BARE not in (row.lengths.get("G0"), row.lengths.get("G1")):
-            raise TunnelError(f"no command {number} without fields is known", payload)
-        return cls(command=CommandId(number))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,6 +22,8 @@ TAG, size 88::
     72      f64   interval2_mean
     80      f64   interval2_deviation
 
+Commands with fields have those of their row in `uavrt.core.commands`, aligned as in C.
+
 START_DETECTION, begin to search for the uploaded tags, grew: sizes 12, 16, 32 and 40 are all in
 the field and accepted; uavrt sends 40::
 
@@ -74,12 +76,10 @@ with frequency 0 is a detector's heartbeat.
 
 import math
 import struct
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 from uavrt.core.commands import CommandId, SystemState
-from uavrt.core.errors import TunnelError
-from uavrt.core.messages import Command
 from uavrt.link.tunnel.generations.g0 import HeaderMessage
 from uavrt.link.tunnel.generations.wire import (
     CommandMessage,
@@ -87,8 +87,6 @@ from uavrt.link.tunnel.generations.wire import (
     Fixed,
     decoders_by_length,
     decoders_of,
-    pack,
-    unpack,
 )
 
 STATUS_SUBTHRESHOLD = 0
@@ -107,14 +105,6 @@ STATUS_NUMBERS: dict[SystemState, int] = {
     SystemState.CAPTURING: 4,
 }
 STATES: dict[int, SystemState] = {number: state for state, number in STATUS_NUMBERS.items()}
-
-START_LAYOUTS = {
-    12: struct.Struct("<III"),
-    16: struct.Struct("<IIII"),
-    32: struct.Struct("<IIIIdd"),
-    40: struct.Struct("<IIIIddI4x"),
-}
-CAPTURE_LAYOUTS = {8: struct.Struct("<II"), 12: struct.Struct("<III")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,75 +143,10 @@ class TagG1(Fixed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartDetection(CommandMessage):
-    """Start of detection with frequency and gain; fields that older senders lack are None."""
+class FieldsG1(CommandMessage):
+    """A command with fields, as ground stations from G1 on send it."""
 
-    COMMAND: ClassVar = CommandId.START_DETECTION
-    radio_center_frequency_hz: int
-    gain: int
-    detection_mode: int | None = 0
-    detection_margin: float | None = 0.0
-    confidence_ratio: float | None = 0.0
-    debug_detector: int | None = 0
-
-    def fill(self, command: Command) -> Command:
-        """Make the supervisor's command with this message's frequency and gain."""
-        return replace(
-            command,
-            center_frequency_hz=self.radio_center_frequency_hz or None,
-            gain=self.gain or None,
-        )
-
-    def encode(self) -> bytes:
-        """Encode the payload up to the last field that is not None."""
-        fields: list[float | None] = [getattr(self, name) for name in self.__slots__]
-        present = [field for field in fields if field is not None]
-        if fields[: len(present)] != present:
-            raise TunnelError("START_DETECTION lacks a field before its last one", b"")
-        layout = {2: 12, 3: 16, 5: 32, 6: 40}.get(len(present))
-        if layout is None:
-            raise TunnelError("START_DETECTION has a margin without a ratio", b"")
-        return pack(START_LAYOUTS[layout], CommandId.START_DETECTION, *present)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `TunnelError` if length or command do not match."""
-        layout = START_LAYOUTS.get(len(payload))
-        if layout is None:
-            raise TunnelError(f"START_DETECTION never has {len(payload)} bytes", payload)
-        values = unpack(layout, payload, CommandId.START_DETECTION)
-        padded = values + (None,) * (6 - len(values))
-        return cls(**dict(zip(cls.__slots__, padded, strict=True)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RawCapture(CommandMessage):
-    """Raw capture with a gain; the frequency is None if an older sender omitted it."""
-
-    COMMAND: ClassVar = CommandId.RAW_CAPTURE
-    gain: int
-    frequency_hz: int | None = None
-
-    def fill(self, command: Command) -> Command:
-        """Make the supervisor's command with this message's frequency and gain."""
-        return replace(
-            command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
-        )
-
-    def encode(self) -> bytes:
-        """Encode the message as payload bytes."""
-        if self.frequency_hz is None:
-            return pack(CAPTURE_LAYOUTS[8], CommandId.RAW_CAPTURE, self.gain)
-        return pack(CAPTURE_LAYOUTS[12], CommandId.RAW_CAPTURE, self.gain, self.frequency_hz)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `TunnelError` if length or command do not match."""
-        layout = CAPTURE_LAYOUTS.get(len(payload))
-        if layout is None:
-            raise TunnelError(f"RAW_CAPTURE never has {len(payload)} bytes", payload)
-        values = unpack(layout, payload, CommandId.RAW_CAPTURE)
-        return cls(gain=values[0], frequency_hz=values[1] if len(values) > 1 else None)
+    GENERATION: ClassVar = "G1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -266,10 +191,9 @@ class PulseG1(Fixed):
     yaw_deg: float = math.nan
 
 
-Messages = AckG1 | TagG1 | StartDetection | RawCapture | Heartbeat | PulseG1
+Messages = AckG1 | TagG1 | FieldsG1 | Heartbeat | PulseG1
 DECODERS: Decoders = {
     **decoders_by_length("G1", 4, HeaderMessage.decode),
     **decoders_of(AckG1, TagG1, Heartbeat, PulseG1),
-    **{(CommandId.START_DETECTION, size): StartDetection.decode for size in START_LAYOUTS},
-    **{(CommandId.RAW_CAPTURE, size): RawCapture.decode for size in CAPTURE_LAYOUTS},
+    **FieldsG1.decoders(),
 }

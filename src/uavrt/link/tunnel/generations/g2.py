@@ -27,13 +27,11 @@ the fields and were never observed. They are used only with ``mavlink.tunnel_exp
 """
 
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from uavrt.core.commands import CommandId, Generation
-from uavrt.core.errors import TunnelError
-from uavrt.core.messages import Command
-from uavrt.link.tunnel.generations.g1 import PulseG1, StartDetection, TagG1
+from uavrt.link.tunnel.generations.g1 import PulseG1, TagG1
 from uavrt.link.tunnel.generations.wire import (
     CommandMessage,
     Decoders,
@@ -97,54 +95,12 @@ class TagG2:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartDetectionG2(CommandMessage):
-    """Start of detection with a request id, with an inferred layout."""
+class FieldsG2(CommandMessage):
+    """A command with fields and a request id, with an inferred layout."""
 
-    COMMAND: ClassVar = CommandId.START_DETECTION
+    GENERATION: ClassVar = "G2"
+    HEAD: ClassVar = ("command", "request_id")
     request_id: int
-    start: StartDetection
-    dump_spectrogram: int = 0
-
-    def fill(self, command: Command) -> Command:
-        """Make the supervisor's command with this message's frequency and gain."""
-        return self.start.fill(command)
-
-    def encode(self) -> bytes:
-        """Encode the message as payload bytes."""
-        old = self.start.encode()
-        if len(old) != 40:
-            raise TunnelError("START_DETECTION of G2 has all its fields", b"")
-        dump = self.dump_spectrogram.to_bytes(4, "little")
-        head = pack(HEADER, CommandId.START_DETECTION, self.request_id)
-        return head + old[4:16] + bytes(4) + old[16:36] + dump
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Decode a payload; raises `TunnelError` if length or command do not match."""
-        check(payload, CommandId.START_DETECTION, 48)
-        old = payload[:4] + payload[8:20] + payload[24:44] + bytes(4)
-        return cls(
-            request_id=int.from_bytes(payload[4:8], "little"),
-            start=StartDetection.decode(old),
-            dump_spectrogram=int.from_bytes(payload[44:48], "little"),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RawCaptureG2(Fixed, CommandMessage):
-    """Raw capture with a request id, with an inferred layout."""
-
-    COMMAND: ClassVar = CommandId.RAW_CAPTURE
-    LAYOUT: ClassVar = struct.Struct("<IIII")
-    request_id: int
-    gain: int
-    frequency_hz: int
-
-    def fill(self, command: Command) -> Command:
-        """Make the supervisor's command with this message's frequency and gain."""
-        return replace(
-            command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -266,8 +222,7 @@ Messages = (
     BareG2
     | UploadG2
     | TagG2
-    | StartDetectionG2
-    | RawCaptureG2
+    | FieldsG2
     | SetLogLevel
     | AckG2
     | OperationProgress
@@ -277,17 +232,17 @@ Messages = (
     | PulseG2v1
     | PulseG2
 )
-Requests = BareG2 | UploadG2 | TagG2 | StartDetectionG2 | RawCaptureG2 | SetLogLevel
+Requests = BareG2 | UploadG2 | TagG2 | FieldsG2 | SetLogLevel
 """Messages of a ground station from version 4 on."""
-INFERRED = (TagG2, StartDetectionG2, RawCaptureG2, SetLogLevel)
+INFERRED = (TagG2, FieldsG2, SetLogLevel)
 """Messages of a ground station with an inferred layout."""
 DECODERS: Decoders = {
     **decoders_by_length("G2", 8, BareG2.decode),
     (CommandId.START_TAGS, 16): UploadG2.decode,
     (CommandId.END_TAGS, 16): UploadG2.decode,
     (CommandId.TAG, 96): TagG2.decode,
-    (CommandId.START_DETECTION, 48): StartDetectionG2.decode,
-    **decoders_of(RawCaptureG2, SetLogLevel, OperationProgress),
+    **FieldsG2.decoders(),
+    **decoders_of(SetLogLevel, OperationProgress),
     **decoders_of(HeartbeatG2v1, HeartbeatG2, DetectorHeartbeat),
 }
 SAME_LENGTH: dict[Generation, Decoders] = {

@@ -7,14 +7,14 @@ and ignored, because the original senders never cleared theirs. Formats are expl
 """
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
-from uavrt.core.commands import COMMANDS
+from uavrt.core.commands import COMMAND_OF_NUMBER, COMMANDS, CommandField
 from uavrt.core.commands import CommandId as CommandId
 from uavrt.core.commands import Generation as Generation
 from uavrt.core.errors import TunnelError
-from uavrt.core.messages import Command
 
 MAX_PAYLOAD = 128
 """Largest payload of one MAVLink TUNNEL message [bytes]."""
@@ -60,17 +60,6 @@ class Fixed:
         return cls(**dict(zip(cls.__slots__, values, strict=True)))
 
 
-class CommandMessage:
-    """A command message with fields in addition to its number."""
-
-    __slots__: tuple[str, ...] = ()
-    COMMAND: ClassVar[CommandId]
-
-    def fill(self, command: Command) -> Command:
-        """Make the supervisor's command with the values of this message."""
-        raise NotImplementedError
-
-
 class Message(Protocol):
     """Protocol of every tunnel message: it can be encoded."""
 
@@ -81,6 +70,79 @@ class Message(Protocol):
 Decoder = Callable[[bytes], Message]
 Decoders = dict[tuple[int, int], Decoder]
 """Decoders of messages by command and length."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandMessage:
+    """A command with the fields of its row (`uavrt.core.commands`), aligned as in C.
+
+    Older senders lack fields at the end.
+    """
+
+    GENERATION: ClassVar[Generation]
+    HEAD: ClassVar[tuple[str, ...]] = ("command",)
+    """Members before the fields, each a u32."""
+    command: CommandId
+    numbers: tuple[float, ...]
+
+    @classmethod
+    def of(cls, command: CommandId, values: Mapping[str, float | None], **head: int) -> Self:
+        """Make the message with all fields: those in `values`, by name, and 0 for others."""
+        given = [(one.kind, values.get(one.name) or 0.0) for one in cls._fields(command)]
+        numbers = tuple(round(number) if kind == "u32" else number for kind, number in given)
+        return cls(command=command, numbers=numbers, **head)
+
+    def encode(self) -> bytes:
+        """Encode the message; raises `TunnelError` for a number of fields nobody sends."""
+        head = [getattr(self, name) for name in self.HEAD]
+        for layout in self._layouts(self.command).values():
+            if len(head) + len(self.numbers) == _values_in(layout):
+                return pack(layout, *head, *self.numbers)
+        raise TunnelError(f"{self.command.name} never has {len(self.numbers)} fields", b"")
+
+    @classmethod
+    def decode(cls, payload: bytes) -> Self:
+        """Decode a payload whose command and length are among `decoders`."""
+        command = CommandId(int.from_bytes(payload[:4], "little"))
+        _, *values = cls._layouts(command)[len(payload)].unpack(payload)
+        head = dict(zip(cls.HEAD[1:], values, strict=False))
+        return cls(command=command, numbers=tuple(values[len(head) :]), **head)
+
+    @classmethod
+    def decoders(cls) -> Decoders:
+        """Make the decoders of all commands with fields, by command and length."""
+        return {
+            (number, length): cls.decode
+            for number in COMMAND_OF_NUMBER
+            for length in cls._layouts(CommandId(number))
+        }
+
+    @classmethod
+    def _fields(cls, command: CommandId) -> list[CommandField]:
+        """Fields of a command in this protocol version."""
+        fields = COMMAND_OF_NUMBER[command].fields
+        return [one for one in fields if cls.GENERATION == "G2" or not one.from_g2]
+
+    @classmethod
+    def _layouts(cls, command: CommandId) -> dict[int, struct.Struct]:
+        """Layouts of the payloads with all or the first fields, by length."""
+        text, end, widest = "<" + "I" * len(cls.HEAD), 4 * len(cls.HEAD), 4
+        layouts = {}
+        for one in cls._fields(command):
+            code, size = _CODES[one.kind]
+            pad = -end % size
+            text, end, widest = f"{text}{pad}x{code}", end + pad + size, max(widest, size)
+            layouts[end + -end % widest] = struct.Struct(f"{text}{-end % widest}x")
+        lengths = COMMAND_OF_NUMBER[command].lengths.get(cls.GENERATION, ()) if layouts else ()
+        return {length: layouts[length] for length in lengths}
+
+
+_CODES = {"u32": ("I", 4), "f64": ("d", 8)}
+"""Code of `struct` and size [bytes] of each type of a command's field."""
+
+
+def _values_in(layout: struct.Struct) -> int:
+    return len(layout.unpack(bytes(layout.size)))
 
 
 def decoders_of(*kinds: type[Fixed]) -> Decoders:
