@@ -8,7 +8,7 @@ CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
 RADIOS := gcc g++ airspy airspyhf rtl-sdr hackrf python3-soapysdr libsoapysdr-dev
-PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
+PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/* page/src/*/*)
 
 # Several processes with several BLAS threads each would compete for few cores.
 export OPENBLAS_NUM_THREADS = 1

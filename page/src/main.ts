@@ -1,22 +1,22 @@
 /** The page: header, tabs, keys, and the views. */
 
 import "maplibre-gl/dist/maplibre-gl.css";
-import { buildCheck, showCheck } from "./check";
-import { act, buildFly, mapView } from "./fly";
-import { send } from "./api";
-import { fromServer, language, listed, missing, t, verbatim, type Words } from "./i18n";
-import { drawVehicles, STATES, unserved } from "./vehicles";
-import { append, by, fill, h, say } from "./dom";
-import { all, buildFlights } from "./flights";
-import { dateTime, fixed, percent, span } from "./format";
-import { motionBar } from "./motion";
-import { buildLog, showLog } from "./log";
-import { buildPlots, recolourPlots, showPlots } from "./plots";
-import { buildSetup } from "./setup";
-import { setSpeaking, speaking } from "./speech";
+import { buildCheck, showCheck } from "./settings/checklist";
+import { act, buildFly, mapView } from "./flying/fly";
+import { send } from "./shared/api";
+import { fromServer, language, listed, missing, t, verbatim, type Words } from "./shared/i18n";
+import { drawVehicles, STATES, unserved } from "./flying/vehicles";
+import { append, by, fill, h, say } from "./shared/dom";
+import { all, buildFlights } from "./past/flights";
+import { dateTime, fixed, percent, span } from "./shared/format";
+import { motionBar } from "./flying/motion";
+import { buildLog, showLog } from "./flying/log";
+import { buildPlots, recolourPlots, showPlots } from "./flying/plots";
+import { buildSetup } from "./settings/setup";
+import { setSpeaking, speaking } from "./shared/speech";
 import { store } from "./store";
 import type { State } from "./types";
-import { offerSetUp } from "./wizard";
+import { offerSetUp } from "./settings/wizard";
 
 const VIEWS: [string, Words][] = [
   ["fly", t("common.fly")],

@@ -3,11 +3,11 @@
  * after a restart of the server the same is fetched again.
  */
 
-import { BASE, columns, get, PAGE, reasonOf } from "./api";
-import { t, verbatim, type Words } from "./i18n";
-import { toast } from "./notice";
-import { PULSE_NAMES, Pulses } from "./pulses";
-import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./track";
+import { BASE, columns, get, PAGE, reasonOf } from "./shared/api";
+import { t, verbatim, type Words } from "./shared/i18n";
+import { toast } from "./shared/notice";
+import { PULSE_NAMES, Pulses } from "./shared/pulses";
+import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./shared/vehicle_track";
 import type {
   BearingRecord,
   Download,
@@ -30,6 +30,7 @@ import type {
 
 export type Topic =
   | "state"
+  | "me"
   | "tags"
   | "settings"
   | "pulses"

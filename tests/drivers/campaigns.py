@@ -165,7 +165,13 @@ def takeoff(flavour: Flavour, seed: int) -> Framed:
         on_ground=True,
     )
     flown.run(rng.uniform(0.5, 3.0))
+    if flavour == "px4" and rng.random() < 0.3:
+        start_s = flown.vehicle.ground.idle_s + rng.uniform(0.0, 1.0)
+        flown.vehicle.ground.false_flight_s = (start_s, start_s + rng.uniform(0.2, 1.2))
     flown.order("takeoff", height_m=rng.uniform(30.0, 90.0))
+    pilot, flown.pilot = flown.pilot, None
+    flown.run(rng.uniform(0.0, 1.0))  # until the guide begins
+    flown.pilot = pilot
     return flown
 
 

@@ -71,6 +71,9 @@ class SafetyLimits:
     # Longest times from a command, and from one to take off, to a sign of obedience [s].
     obeyed_within_s: float = 3.0
     takeoff_begins_within_s: float = 10.0
+    in_air_unsure_s: float = 2.0
+    """Time for which a vehicle that does not rise may be reported in the air on the ground [s];
+    PX4 1.17 (SIH) did so for 1.0 s after arming."""
     # Times for which the reports of before a command are right [s]. Targets change in 0.05 to
     # 0.09 s; PX4 reports the mode at 2 Hz.
     target_changes_s: float = 0.5

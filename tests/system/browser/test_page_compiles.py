@@ -16,9 +16,9 @@ FAULTS = {
     't("main.loss", { share: "a half" })': "not assignable to type 'number | Words'",
     'toast("Copied", 6)': "not assignable to parameter of type 'Words'",
 }
-IMPORTS = """import { by, h, say } from "./dom";
-import { t } from "./i18n";
-import { toast } from "./notice";
+IMPORTS = """import { by, h, say } from "./shared/dom";
+import { t } from "./shared/i18n";
+import { toast } from "./shared/notice";
 void [by, h, say, t, toast];
 """
 

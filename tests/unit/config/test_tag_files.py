@@ -292,7 +292,7 @@ def test_the_default_false_alarm_probability_is_the_same_wherever_a_tag_comes_fr
         b"[[tag]]\nid = 2\nfrequency_mhz = 148.71\ninterval_ms = 1254\npulse_width_ms = 20\n",
         name="tags.toml",
     )
-    page = (root / "page/src/setup.ts").read_text(encoding="utf-8")
+    page = (root / "page/src/settings/setup.ts").read_text(encoding="utf-8")
     manual = (root / "docs/reference/tag-files.md").read_text(encoding="utf-8")
     on_page = re.search(r"DEFAULT_FALSE_ALARM_PERCENT = ([\d.]+);", page)
     in_manual = re.search(r"^\| `false_alarm_probability` \|[^|]*\| ([\d.]+) \|", manual, re.M)

@@ -62,7 +62,7 @@ def contrast(one: str, other: str) -> float:
 
 
 def colours(name: str) -> list[str]:
-    text = (PAGE / "colour.ts").read_text(encoding="utf-8")
+    text = (PAGE / "shared/colour.ts").read_text(encoding="utf-8")
     (body,) = re.findall(rf"const {name}\b.*?= \[(.*?)\];", text, re.DOTALL)
     return re.findall(r"#[0-9a-f]{6}", body)
 

@@ -37,7 +37,7 @@ from uavrt.ground import fetch, link, store, web
 from uavrt.ground.link import button_states as actions
 from uavrt.ground.store import tag_table
 
-SOURCES = sorted(set(PAGE.glob("*.ts")) - {PAGE / "types.ts"})
+SOURCES = sorted(set(PAGE.rglob("*.ts")) - {PAGE / "types.ts"})
 NOT_FOR_PEOPLE = {
     *("Feature", "FeatureCollection", "Point", "LineString", "MultiLineString", "Polygon"),
     *("Content-Type", "If-Match", "Enter", "Etc/UTC", "input, select, textarea"),

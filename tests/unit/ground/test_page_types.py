@@ -43,7 +43,7 @@ def test_the_pages_record_of_a_pulse_has_the_types_of_the_dataclass() -> None:
 
 
 def test_the_page_asks_for_columns_that_there_are() -> None:
-    text = (PAGE / "pulses.ts").read_text(encoding="utf-8")
+    text = (PAGE / "shared/pulses.ts").read_text(encoding="utf-8")
     (body,) = re.findall(r"PULSE_NAMES = \[(.*?)\]", text, re.DOTALL)
     names = re.findall(r'"(\w+)"', body)
     assert names

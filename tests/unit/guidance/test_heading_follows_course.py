@@ -25,6 +25,50 @@ SWUNG = [
 ]
 """Heading [°], distance [m] and course [°] of the same, commanded to stay where it was; it
 flew 2.6 m away, faster than 1 m/s, and came back. The bearing was -75°."""
+REVERSED = [
+    *(
+        (45.43, 0.41, 61, -120),
+        (36.05, 0.61, 60, -120),
+        (24.42, 0.83, 60, -120),
+        (10.8, 1.08, 60, -120),
+        (355.32, 1.34, 60, -120),
+        (338.45, 1.62, 60, -120),
+        (320.95, 1.9, 61, -119),
+        (303.81, 2.19, 60, -118),
+        (287.91, 2.46, 61, -118),
+        (273.57, 2.72, 61, -117),
+        (261.09, 2.96, 61, -116),
+        (250.31, 3.18, 61, -116),
+        (241.49, 3.36, 61, -115),
+        (235.07, 3.51, 61, -115),
+        (231.17, 3.62, 61, -115),
+        (229.45, 3.7, 61, None),
+        (229.25, 3.73, 61, None),
+        (229.88, 3.73, 61, None),
+        (230.85, 3.7, 61, 68),
+        (231.86, 3.64, 61, 67),
+        (232.57, 3.55, 61, 66),
+        (232.25, 3.43, 60, 66),
+        (230.09, 3.3, 60, 65),
+        (225.5, 3.13, 60, 65),
+        (218.25, 2.93, 59, 64),
+        (208.4, 2.72, 59, 63),
+        (196.15, 2.49, 58, 63),
+        (181.7, 2.24, 58, 62),
+        (165.31, 1.97, 57, 62),
+        (147.79, 1.7, 56, 62),
+        (129.92, 1.41, 55, 62),
+        (112.95, 1.14, 53, 62),
+        (97.43, 0.88, 50, 62),
+        (83.61, 0.64, 45, 62),
+        (71.59, 0.43, 36, 62),
+        (61.54, 0.27, 16, 62),
+        (53.91, 0.19, -22, 61),
+        (49.01, 0.22, -60, 59),
+    ),
+]
+"""Heading [°], distance [m], bearing and course [°] every 0.1 s of the same, commanded to stay
+while it accelerated to another's target; it flew 3.7 m away, stood, and came back."""
 PEAK = max(range(len(FLOWN)), key=lambda number: FLOWN[number][0])
 
 
@@ -65,3 +109,23 @@ def test_a_heading_that_follows_a_fast_course_near_the_target_is_ours() -> None:
     watch = YawWatch(start_s=0.0, yaw_deg=SWUNG[0][0], tolerance_deg=SAFETY.yaw_deg)
     for number, (yaw, away_m, course) in enumerate(SWUNG):
         assert watch.fault(0.1 * number, yaw, -75.0, away_m, course) is None
+
+
+def faults_of_reversal(rows: list[tuple[float, float, int, int | None]]) -> list[str | None]:
+    watch = YawWatch(
+        start_s=0.0, yaw_deg=52.4, tolerance_deg=SAFETY.yaw_deg, turning_deg_s=-45.0
+    )
+    return [watch.fault(0.1 * number, *row) for number, row in enumerate(rows)]
+
+
+def test_a_heading_that_waits_while_the_drone_reverses_its_course_is_ours() -> None:
+    assert not any(faults_of_reversal(REVERSED))
+
+
+def test_a_heading_that_stays_after_the_course_was_reversed_is_not_ours() -> None:
+    stood = next(number for number, row in enumerate(REVERSED) if row[3] is None)
+    yaw = REVERSED[stood][0]
+    held = [
+        (yaw if number > stood else row[0], *row[1:]) for number, row in enumerate(REVERSED)
+    ]
+    assert 5 <= faults_of_reversal(held).index(OTHERS_TURN) - stood <= 15

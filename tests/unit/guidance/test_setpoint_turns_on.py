@@ -1,12 +1,19 @@
 """PX4's heading setpoint turns with inertia: a new target in a turn is no takeover."""
 
 import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from flown import Flown
 
+from uavrt.core.messages import FlyThere
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.control.authority import Standing
+from uavrt.guidance.control.commanded import Commanded
+from uavrt.guidance.control.observed import PositionSeen, TargetSeen
+from uavrt.guidance.control.observed_vehicle import ObservedVehicle
 from uavrt.guidance.control.yaw import OTHERS_TURN, YawWatch
 from uavrt.guidance.plans import Go
 from uavrt.link.mavlink import dialect
@@ -82,6 +89,130 @@ def test_a_setpoint_that_stays_where_its_turn_ended_is_not_ours(
     ]
     assert faults[ended] is None
     assert faults[-1] == OTHERS_TURN
+
+
+TURNED_ON = (
+    *(11.4, 14.0, 16.7, 19.0, 21.2, 23.1, 24.9, 26.4, 27.9, 29.0, 30.0, 30.7, 31.3, 31.7, 31.8),
+    *(31.8, 31.6, 31.2, 30.5, 29.7, 28.6, 27.5, 26.0, 24.4, 22.5, 20.5, 18.2, 15.9, 13.3, 11.2),
+    *(9.1, 7.3, 5.6, 4.2, 2.9, 1.9, 1.1, 0.4, 0.0, -0.2, -0.3, -0.3),
+)
+"""Heading setpoint of PX4 1.17 (SIH) every 0.1 s after a command to another place with a
+heading of -0.3°, given during a right turn at 28°/s [°]."""
+
+
+def test_a_heading_asked_for_during_the_opposite_turn_is_no_takeover() -> None:
+    watch = YawWatch(
+        start_s=0.0,
+        yaw_deg=TURNED_ON[0],
+        tolerance_deg=2.0,
+        wanted_deg=-0.3,
+        exact=True,
+        turning_deg_s=26.0,
+    )
+    for number, yaw_deg in enumerate(TURNED_ON):
+        assert watch.fault(0.1 * number, yaw_deg) is None
+
+
+FAST = (
+    *(7.3, 10.6, 15.4, 18.4, 22.7, 26.2, 29.3, 32.3, 35.0, 37.6, 39.9, 42.2, 44.0, 45.5, 47.4),
+    *(48.5, 49.9, 50.7, 51.6, 52.2, 52.6, 52.7, 52.7, 52.5, 52.0, 51.3, 50.5),
+)
+FAST_DEG_S = 41.0
+"""The same with a heading of -4.1°, given during a turn at 43°/s, and the rate that PX4
+reported with the second value [°/s]."""
+
+
+def test_a_fast_turn_goes_on_as_far_as_its_reported_rate_lets_expect() -> None:
+    vehicle = ObservedVehicle(BEHAVIOURS["px4"])
+    for number, yaw_deg in enumerate(FAST[:2]):
+        at_s = 10.0 + 0.1 * number
+        seen = replace(BEFORE, time_s=at_s, boot_s=at_s, yaw_deg=yaw_deg)
+        vehicle.take(replace(seen, yaw_rate_deg_s=FAST_DEG_S))
+    assert vehicle.target_turning_deg_s == FAST_DEG_S
+    for rate_deg_s, expected in ((FAST_DEG_S, False), (10.0 * (FAST[1] - FAST[0]), True)):
+        watch = replace(watch_of(rate_deg_s, FAST[1]), wanted_deg=-4.1)
+        faults = [watch.fault(0.1 * n, yaw_deg) for n, yaw_deg in enumerate(FAST[1:])]
+        assert any(faults) is expected
+
+
+MET = [
+    *((13.4, 52.9), (16.6, 52.6), (20.1, 52.3), (22.4, 51.9), (26.1, 51.5), (29.5, 51.1)),
+    *((32.7, 50.7), (35.6, 50.3), (37.3, 49.9), (39.9, 49.4), (42.2, 49.0), (44.4, 48.6)),
+    *((46.2, 48.2), (47.3, 47.8), (48.8, 47.4), (50.0, 47.0), (51.1, 46.6), (51.9, 46.2)),
+    *((52.4, 45.8), (52.7, 45.5), (52.8, 45.2), (52.7, 44.9), (52.4, 44.6), (51.9, 44.3)),
+]
+"""Heading setpoint and bearing of its target every 0.1 s [°]: as the drone still drifted, the
+bearing came to meet the setpoint, which passed it at 15°/s and braked."""
+
+
+def test_a_setpoint_that_meets_its_moving_aim_may_brake_beyond_it() -> None:
+    watch = watch_of(29.0, MET[0][0])
+    faults = [
+        watch.fault(0.1 * n, yaw, bearing, AWAY_M) for n, (yaw, bearing) in enumerate(MET)
+    ]
+    assert not any(faults)
+
+
+def test_a_setpoint_that_turns_on_beyond_its_aim_without_braking_is_not_ours() -> None:
+    passed = next(number for number, (yaw, bearing) in enumerate(MET) if yaw > bearing)
+    turned = [
+        (yaw + 1.2 * max(0, number - passed), bearing)
+        for number, (yaw, bearing) in enumerate(MET)
+    ]
+    watch = watch_of(29.0, MET[0][0])
+    faults = [
+        watch.fault(0.1 * n, yaw, bearing, AWAY_M) for n, (yaw, bearing) in enumerate(turned)
+    ]
+    assert OTHERS_TURN in faults[passed : passed + 10]
+
+
+def targets_after(sent_s: float, setpoints_deg: Iterable[float]) -> Iterator[TargetSeen]:
+    """Reports of the target of `STOP`, from 0.1 s after its command on."""
+    for number, yaw_deg in enumerate(setpoints_deg, 1):
+        seen_s = sent_s + 0.1 * number
+        yield replace(BEFORE, time_s=seen_s, boot_s=seen_s, longitude_deg=0.0, yaw_deg=yaw_deg)
+
+
+STOP = FlyThere(latitude_deg=0.0, longitude_deg=0.0, altitude_amsl_m=40.0, yaw_deg=-0.3)
+BEFORE = TargetSeen(
+    time_s=10.0,
+    boot_s=10.0,
+    latitude_deg=0.0,
+    longitude_deg=4e-4,
+    altitude_amsl_m=40.0,
+    yaw_deg=TURNED_ON[0],
+)
+
+
+@pytest.mark.parametrize(("elsewhere", "obeyed"), [(True, True), (False, False)])
+def test_a_new_place_shows_that_a_stop_is_obeyed_and_at_the_old_one_the_heading_does(
+    elsewhere: bool, obeyed: bool
+) -> None:
+    """Still as far from the commanded heading after 3 s as at the command."""
+    here = PositionSeen(
+        time_s=10.0,
+        boot_s=10.0,
+        latitude_deg=0.0,
+        longitude_deg=0.0,
+        altitude_amsl_m=40.0,
+        altitude_relative_m=40.0,
+        velocity_m_s=(1.0, 3.5, 0.0),
+        yaw_deg=7.0,
+    )
+    command = Commanded(
+        wish=STOP,
+        behaviour=BEHAVIOURS["px4"],
+        sent_s=10.0,
+        first=False,
+        before=BEFORE if elsewhere else replace(BEFORE, longitude_deg=0.0),
+        start=here,
+        turning_deg_s=26.0,
+        previous=None,
+    )
+    for seen in targets_after(10.0, TURNED_ON[1:30]):
+        assert command.see_target(seen, here, 26.0) is None
+    assert command.obeyed is obeyed
+    assert (command.overdue(13.1, 0.1) is None) is obeyed
 
 
 def watch_of(before_deg_s: float, yaw_deg: float) -> YawWatch:

@@ -11,6 +11,7 @@ from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff
 from uavrt.guidance.control.authority import Standing
 from uavrt.guidance.control.vehicle_commands import VehicleCommand
 from uavrt.guidance.operator_orders import Limits
+from uavrt.guidance.safety import SAFETY
 from uavrt.link.mavlink.autopilot.vehicle_messages import command_message
 from uavrt.link.mavlink.dialect import MavResult
 from uavrt.simulation.vehicle.airframe import Flavour
@@ -221,3 +222,41 @@ def test_told_while_disarmed_px4_flies_at_the_next_arming_and_ardupilot_refuses(
     for _ in range(60):
         vehicle.advance(0.1)
     assert (vehicle.body.height_m > 5.0) is px4
+
+
+def begun_late(shows_flight_s: tuple[float, float], *, begins_s: float = 0.0) -> Flown:
+    """A confirmed take-off whose guide begins late, after the autopilot showed a flight."""
+    flown = standing("px4")
+    ground = flown.vehicle.ground
+    pilot = flown.order("takeoff", height_m=30.0)
+    flown.pilot = None
+    start_s = ground.idle_s
+    ground.false_flight_s = (start_s + shows_flight_s[0], start_s + shows_flight_s[1])
+    flown.run(begins_s)
+    flown.pilot = pilot
+    return flown
+
+
+def test_a_take_off_waits_while_the_autopilot_reports_flight_after_arming() -> None:
+    """PX4 1.17 does so for a second, once in ten take-offs, although the drone stands."""
+    flown = begun_late((0.2, 1.4), begins_s=0.8)
+    assert flown.authority.standing is not Standing.OUT
+    flown.run(0.4)
+    assert not flown.commands
+    flown.run(60.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.authority.reason == "done"
+
+
+def test_a_take_off_is_over_when_flight_is_reported_for_longer() -> None:
+    flown = begun_late((0.2, 60.0), begins_s=4.0)
+    assert flown.authority.reason == "the vehicle is in the air already"
+    assert not flown.commands
+
+
+def test_a_take_off_is_over_when_the_drone_rises_before_its_command() -> None:
+    flown = begun_late((0.0, 60.0), begins_s=0.3)
+    flown.pilot = None
+    flown.vehicle.body.height_m = SAFETY.takeoff_rise_m + 0.5
+    flown.run(1.0)
+    assert flown.authority.reason == "the vehicle is in the air already"
+    assert not flown.commands

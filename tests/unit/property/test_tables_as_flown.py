@@ -23,7 +23,7 @@ from uavrt_experiments.search.flight import Outcome
 from uavrt_experiments.search.scenario import Contender, Scenario
 
 PROMISED = 30
-PAIRS = int(os.environ.get("UAVRT_PAIRS", "1"))
+PAIRS = int(os.environ.get("UAVRT_PAIRS", "2"))
 ERRORS_OF_ONE = 5
 """Factor on the pairs of a table with one animal: one error scatters more than means of ten."""
 OURS = Contender(planner="mi_rate", stop="ours")

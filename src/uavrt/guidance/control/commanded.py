@@ -121,9 +121,11 @@ class Commanded:
                 return None
         if self._same(seen, self.wish):
             fault = self.see_target_yaw(seen, position, turning_deg_s)
-            # A turn keeps the place: there only the heading shows that it was obeyed.
+            # A turn keeps the place: there only the heading shows that it was obeyed. After a
+            # new place a setpoint may first complete an earlier turn to the other side.
             watch = self.target_yaw or self.yaw
-            self.obeyed |= watch is None or watch.begun
+            moved = self.before is not None and not self._same(self.before, self.wish)
+            self.obeyed |= moved or watch is None or watch.begun
             return fault
         return None if self._may_be_before(seen, position) else OTHERS_TARGET
 

@@ -75,6 +75,8 @@ class TargetSeen:
     longitude_deg: float | None
     altitude_amsl_m: float | None
     yaw_deg: float | None
+    yaw_rate_deg_s: float | None = None
+    """Rate of change of the heading; None if the autopilot does not report it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,6 +75,8 @@ class OrderWatch:
     """Command of the previous order, flown until this order's first command."""
     motion: Commanded | None = None
     own_mode_seen: bool = False
+    in_air_s: float | None = None
+    """Time since when a take-off's vehicle was reported in the air before its command [s]."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:
@@ -254,9 +256,25 @@ class OrderWatch:
     def _see_landed(self, seen: LandedSeen) -> str | None:
         motion, takes_off = self.motion, self.offer.takeoff
         if takes_off and motion is None:
-            return "the vehicle is in the air already" if seen.on_ground is False else None
+            return self._see_in_air(seen)
         rises = motion is not None and isinstance(motion.wish, TakeOff) and motion.obeyed
         return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
+
+    def _see_in_air(self, seen: LandedSeen) -> str | None:
+        """Check if a vehicle flies before its take-off's command.
+
+        PX4 1.17 reports flight for about a second after arming on the ground. Until it reports
+        the ground again, `check` refuses the command.
+        """
+        if seen.on_ground is not False:
+            self.in_air_s = None
+            return None
+        if self.in_air_s is None:
+            self.in_air_s = seen.time_s
+        lasts = seen.time_s - self.in_air_s > SAFETY.in_air_unsure_s
+        rose_m = self.jumps.before.altitude_amsl_m - self.place.altitude_amsl_m
+        flies = lasts or rose_m > SAFETY.takeoff_rise_m
+        return "the vehicle is in the air already" if flies else None
 
     def _see_sticks(self, seen: SticksSeen) -> str | None:
         if self.rc is None:

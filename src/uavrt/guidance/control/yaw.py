@@ -47,10 +47,21 @@ class YawWatch:
     _on_deg: float = 0.0
     """Angle by which the setpoint has continued its earlier turn since the command [°]."""
     _ended: bool = False
+    _side_deg: float = 0.0
+    """Angle from the heading to the aim at the last report [°], signed."""
+    _step_deg: float = 0.0
+    """Change of the heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
     """Times [s], headings and courses over ground [°] of the last `SAFETY.course_follow_s`."""
+    _turn_s: float = field(init=False)
+    """Time of the command, or at which the setpoint turned past its aim [s]."""
+    _seen_s: float = field(init=False)
+    """Time of the last report [s]."""
+    _stood_s: float = 0.0
+    """Time without a course since the first one [s], at most `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
+        self._turn_s = self._seen_s = self.start_s
         if self.wanted_deg is not None:
             self._first_deg = self._best_deg = abs(
                 wrap_degrees_180(self.wanted_deg - self.yaw_deg)
@@ -88,6 +99,7 @@ class YawWatch:
         if self._aim_deg is None and self.wanted_deg is None:
             self._first_deg = self._best_deg = off
         self._aim_deg = aim
+        self._pass_aim(time_s, wrap_degrees_180(aim - yaw_deg), step)
         # Also where the aim moves away from the heading that is not another's turn.
         self._align(time_s, off)
         most = self._best_deg + moved + slack + self._tolerance_deg
@@ -97,7 +109,7 @@ class YawWatch:
         frozen = self.wanted_deg is None and away_m < SAFETY.frozen_m
         there = off <= slack + self._tolerance_deg or frozen
         self._turns |= not there and off < self._first_deg - SAFETY.turn_begun_deg
-        if time_s - self.start_s < SAFETY.turn_made_up_s:
+        if time_s - self._turn_s < SAFETY.turn_made_up_s:
             most += self._turned_on_deg(time_s, step, off)
         follows = self._follows_course(time_s, yaw_deg, course_deg)
         stands = time_s - self._moved_s > SAFETY.stopped_s
@@ -112,15 +124,23 @@ class YawWatch:
         )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """True if the heading turns from its old direction towards the recent course."""
-        while self._courses and self._courses[0][0] < time_s - SAFETY.course_follow_s:
+        """True if the heading turns from its old direction towards the recent course.
+
+        A drone that reverses its course stands for a moment; this time does not count.
+        """
+        if self._courses and course_deg is None:
+            stood_s = self._stood_s + time_s - self._seen_s
+            self._stood_s = min(stood_s, SAFETY.course_follow_s)
+        self._seen_s = time_s
+        moved_s = time_s - self._stood_s
+        while self._courses and self._courses[0][0] < moved_s - SAFETY.course_follow_s:
             self._courses.popleft()
         follows = any(
             _turns_to(course, yaw_deg, before_deg, self._tolerance_deg)
             for _, before_deg, course in self._courses
         )
         if course_deg is not None:
-            self._courses.append((time_s, yaw_deg, course_deg))
+            self._courses.append((moved_s, yaw_deg, course_deg))
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
@@ -133,6 +153,26 @@ class YawWatch:
             self._looks_since_s = time_s
         else:
             self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
+
+    def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
+        """Let a setpoint brake that turns past its aim, because the aim came to meet it.
+
+        `side_deg`: angle from the heading to the aim, signed. A heading that begins to turn at
+        its aim does not pass it.
+        """
+        before_deg, self._side_deg = self._side_deg, side_deg
+        turned_deg, self._step_deg = self._step_deg, step_deg
+        gap_s = time_s - self._seen_s
+        passes = before_deg * side_deg < 0.0 < before_deg * step_deg
+        if (
+            self.exact
+            and passes
+            and gap_s > 0.0
+            and abs(turned_deg) > SAFETY.settled_deg
+            and turned_deg * step_deg > 0.0
+        ):
+            self.turning_deg_s = max(turned_deg, step_deg, key=abs) / gap_s
+            self._turn_s, self._on_deg, self._ended = time_s, 0.0, False
 
     @property
     def _turns_on(self) -> bool:
@@ -152,7 +192,7 @@ class YawWatch:
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         self._on_deg += abs(step_deg)
         on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
-        stands = on_deg < SAFETY.settled_deg and time_s - self.start_s > SAFETY.report_delay_s
+        stands = on_deg < SAFETY.settled_deg and time_s - self._turn_s > SAFETY.report_delay_s
         self._ended = on_deg < 0.0 or stands or self._on_deg > longest
         if self._ended:
             self._turns, self._moved_s = True, time_s
@@ -207,7 +247,7 @@ def _turns_on_deg(turning_deg_s: float) -> float:
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
     """Largest angle in which PX4's heading setpoint ends a turn [°].
 
-    It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
+    It brakes by 20°/s² (PX4 1.17, MPC_YAWRAUTO_ACC); 3° are the margin.
     """
     return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 

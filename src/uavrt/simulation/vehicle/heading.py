@@ -12,24 +12,33 @@ class _Turning:
 
     rate_deg_s: float
     acceleration_deg_s2: float
+    braking_share: float = 0.8
+    """Braking at the end of a turn as a fraction of the greatest acceleration."""
+    gain_hz: float = 4.0
+    """Highest turning rate divided by the remaining angle [1/s]."""
     setpoint: "_Turning | None" = None
     """Limits of the heading setpoint; None: its acceleration is not limited."""
 
     def rate(self, off_deg: float, now_deg_s: float, step_s: float) -> float:
         """Turning rate after a time step [°/s], from remaining angle and present rate."""
-        stops = math.sqrt(1.6 * self.acceleration_deg_s2 * abs(off_deg))
-        wanted = math.copysign(min(self.rate_deg_s, stops, 4.0 * abs(off_deg)), off_deg)
+        stops = math.sqrt(2.0 * self.braking_share * self.acceleration_deg_s2 * abs(off_deg))
+        wanted_deg_s = min(self.rate_deg_s, stops, self.gain_hz * abs(off_deg))
+        wanted = math.copysign(wanted_deg_s, off_deg)
         most = self.acceleration_deg_s2 * step_s
         return now_deg_s + max(-most, min(most, wanted - now_deg_s))
 
 
+SETPOINT_AGE_S = 0.04
+"""Greatest age of a reported heading setpoint [s]; differences of reports of PX4 1.17 (SIH)
+vary by a quarter."""
 SETTLED_DEG = 0.3
 """Angle to the commanded heading within which PX4's setpoint equals it exactly [°]."""
 _TURNING: dict[Flavour, _Turning] = {
-    "px4": _Turning(65.0, 90.0, _Turning(58.0, 32.0)),
+    "px4": _Turning(65.0, 90.0, setpoint=_Turning(60.0, 20.0, braking_share=1.0, gain_hz=10.0)),
     "ardupilot": _Turning(200.0, 185.0),
 }
-"""Measured turns: ArduCopter 4.7-dev reaches 129°/s in a turn by 107°, 165°/s by 180°."""
+"""Measured turns: ArduCopter 4.7-dev reaches 129°/s in a turn by 107°, 165°/s by 180°. The
+heading setpoint of PX4 1.17 (SIH) accelerates and brakes by 20°/s² (MPC_YAWRAUTO_ACC)."""
 
 
 class Heading:
@@ -44,6 +53,13 @@ class Heading:
         self.wanted_deg: float | None = None
         self._turn_left_deg, self._turn_rate_deg_s = 0.0, 20.0
         """Remaining angle [°] and rate [°/s] of a CONDITION_YAW command, both signed."""
+
+    def shown_setpoint(self, boot_ms: int) -> tuple[float, float]:
+        """Heading setpoint [°] and its rate [°/s] as reported; the setpoint is a little old."""
+        if self.setpoint_deg is None:
+            return self.yaw_deg, 0.0
+        age_s = SETPOINT_AGE_S * (boot_ms * 0.6180339887 % 1.0)  # a sequence without a pattern
+        return self.setpoint_deg - age_s * self._setpoint_rate_deg_s, self._setpoint_rate_deg_s
 
     def want(self, wanted_deg: float | None) -> None:
         """Turn to a heading [°]; None: to the bearing of the target."""

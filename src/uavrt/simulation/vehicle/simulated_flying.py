@@ -48,10 +48,19 @@ class GroundContact:
         self._corrects_home = flavour == "px4"
         self.landed = landed
         self.idle_s = 0.0
+        self.false_flight_s = (0.0, 0.0)
+        """Times after arming between which a standing vehicle is reported in the air [s]; PX4
+        1.17 (SIH) did so once in ten take-offs, for 1.0 s."""
         self.home_up_m = 0.0
         """Altitude of home above that of the tangent plane, after PX4's corrections [m]."""
         self._off_ground_s: float | None = None
         """Time of the take-off [s]; None on the ground."""
+
+    @property
+    def shown_landed(self) -> bool:
+        """True if the autopilot reports that the vehicle is on the ground."""
+        begin_s, end_s = self.false_flight_s
+        return self.landed and not begin_s <= self.idle_s < end_s
 
     def touch_down(self) -> None:
         """Register a landing."""

@@ -44,17 +44,17 @@ def target_message(
     if target is None or hidden or vehicle.body.velocity_setpoint is not None:
         return None
     latitude, longitude = vehicle.plane.to_geodetic(target.north_m, target.east_m)
-    heading = vehicle.heading
+    yaw_deg, rate_deg_s = vehicle.heading.shown_setpoint(boot_ms)
+    ignored = dialect.PositionTargetTypemask
     return dialect.PositionTargetGlobalInt(
         time_boot_ms=boot_ms,
         coordinate_frame=dialect.MavFrame.GLOBAL_INT,
-        type_mask=0 if px4 else dialect.PositionTargetTypemask.YAW_IGNORE,
+        type_mask=0 if px4 else ignored.YAW_IGNORE | ignored.YAW_RATE_IGNORE,
         lat_int=round(latitude * FULL_SCALE_DEG),
         lon_int=round(longitude * FULL_SCALE_DEG),
         alt=vehicle.plane.altitude_amsl_m + target.height_m,
-        yaw=math.radians(
-            heading.yaw_deg if heading.setpoint_deg is None else heading.setpoint_deg
-        ),
+        yaw=math.radians(yaw_deg),
+        yaw_rate=math.radians(rate_deg_s),
     )
 
 
@@ -78,5 +78,5 @@ def landed_message(vehicle: FlyingVehicle) -> dialect.ExtendedSysState:
     """Message on whether the vehicle is on the ground."""
     state = dialect.MavLandedState
     return dialect.ExtendedSysState(
-        landed_state=state.ON_GROUND if vehicle.ground.landed else state.IN_AIR
+        landed_state=state.ON_GROUND if vehicle.ground.shown_landed else state.IN_AIR
     )

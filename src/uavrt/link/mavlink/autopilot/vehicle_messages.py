@@ -139,7 +139,9 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
         )
     # Neither autopilot reports targets above home; such a target would not be ours.
     relative = message.coordinate_frame in _RELATIVE
-    no_yaw = message.type_mask & PositionTargetTypemask.YAW_IGNORE or not isfinite(message.yaw)
+    ignored, mask = message.type_mask, PositionTargetTypemask
+    no_yaw = ignored & mask.YAW_IGNORE or not isfinite(message.yaw)
+    no_rate = ignored & mask.YAW_RATE_IGNORE or not isfinite(message.yaw_rate)
     return TargetSeen(
         time_s=now_s,
         boot_s=boot_s,
@@ -147,6 +149,7 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
         longitude_deg=message.lon_int / 1e7,
         altitude_amsl_m=None if relative else message.alt,
         yaw_deg=None if no_yaw else wrap_degrees_360(degrees(message.yaw)),
+        yaw_rate_deg_s=None if no_yaw or no_rate else degrees(message.yaw_rate),
     )
 
 

@@ -1,0 +1,223 @@
+/** After the landing: what a whole flight's samples say, where a tag would have been heard, and where it is not. */
+
+import { ApiError, reasonOf, send } from "../shared/api";
+import { by, fill, h, say } from "../shared/dom";
+import { askForMap, discardCoverageMap, coverageElements, numberOf, showCoverageSummary } from "./coverage_maps";
+import { isPlace } from "../map/features";
+import { fixed, metres, percent } from "../shared/format";
+import type { LonLat } from "../shared/geo";
+import { fromServer, t, verbatim, type Words } from "../shared/i18n";
+import { store } from "../store";
+import { catchTaps } from "./map_tap";
+import type { Absence, IntegrationAnswer, SilenceMap, Verdict } from "../types";
+import type { FlightMap } from "../map/map_view";
+
+const AGAIN_MS = 700;
+const MOST_CORNERS = 20;
+
+let view: FlightMap;
+let asked = 0;
+let outline: LonLat[] = [];
+let drawing = false;
+let shown: SilenceMap | null = null;
+let flight: string | null = null;
+
+export function afterPanel(made: FlightMap): HTMLElement {
+  view = made;
+  store.on(["reset", "hindsight", "selection"], drawAfter);
+  return h(
+    "div",
+    { id: "after", class: "after", hidden: true },
+    h("h3", {}, t("after.whole_flight")),
+    h("ul", { id: "verdicts", class: "verdicts" }),
+    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, t("after.search")),
+    h("p", { id: "integrate-status", class: "status-line", role: "status" }),
+    h("h3", {}, t("after.silence_title")),
+    h(
+      "div",
+      { class: "fields" },
+      h("label", {}, h("span", {}, t("common.tag")), h("select", { id: "silence-tag", onchange: () => void forget() })),
+      h("label", {}, h("span", {}, t("common.radiated_power")), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
+    ),
+    h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, t("common.make_map")),
+    ...coverageElements("silence"),
+    h(
+      "div",
+      { class: "area-row" },
+      h("button", { id: "absence-draw", "aria-pressed": "false", onclick: () => draw() }, t("after.draw_area")),
+      h("button", { id: "absence-clear", onclick: () => clear() }, t("common.clear")),
+    ),
+    h("p", { id: "absence-status", class: "status-line absence", role: "status" }),
+    h("div", { id: "silence-status", class: "status-line", role: "status" }),
+  );
+}
+
+/** Show or hide the panel; taps belong to the map again. */
+export function openAfter(open: boolean): void {
+  by("after").hidden = !open;
+  if (open && shown) view.setHeard(shown);
+  if (!open && drawing) draw();
+}
+
+function drawAfter(): void {
+  const review = store.review;
+  by("show-after").hidden = review === null;
+  const now = review?.flight_id ?? null;
+  if (now !== flight) {
+    flight = now;
+    forget();
+    const tags = review?.rows ?? [];
+    fill(by("silence-tag"), ...tags.map((tag) => h("option", { value: String(tag.id), translate: "no" }, verbatim([tag.id, tag.name].filter(Boolean).join(" ")))));
+  }
+  const tags = store.hindsight?.tags ?? [];
+  fill(
+    by("verdicts"),
+    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, t("after.not_searched"))]),
+  );
+  by("integrate-begin").hidden = review === null || tags.length > 0;
+}
+
+/** Let the ground station judge the whole flight from the samples that it kept. */
+async function lookBelow(): Promise<void> {
+  const id = store.review?.flight_id;
+  if (!id) return;
+  const button = by("integrate-begin") as HTMLButtonElement;
+  button.disabled = true;
+  say(by("integrate-status"), t("after.searching"));
+  let fault: Words | "" = "";
+  try {
+    for (;;) {
+      const answer = await send<IntegrationAnswer>("POST", `/flights/${encodeURIComponent(id)}/integrate`, {});
+      if (answer.state === "failed") throw new ApiError(fromServer(answer.error), 500);
+      if (answer.state === "done" || store.review?.flight_id !== id) break;
+      await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+    }
+    await store.hindsightAgain();
+  } catch (error) {
+    fault = reasonOf(error);
+  }
+  say(by("integrate-status"), fault);
+  button.disabled = false;
+}
+
+function fold(one: Verdict): HTMLElement | "" {
+  const picture = store.folds[one.tag_id];
+  if (!picture) return "";
+  return h("img", {
+    class: "fold",
+    src: `data:image/png;base64,${picture.picture}`,
+    alt: t("after.fold_alt"),
+  });
+}
+
+function verdict(one: Verdict): HTMLElement {
+  const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
+  const name = t("common.tag_named", { tag: verbatim([one.tag_id, row?.name].filter(Boolean).join(" ")) });
+  const odds = oddsOf(one.false_alarm_probability);
+  const said = one.found
+    ? [t("after.found", { interval: fixed(one.interval_s, 4) }), odds, t("after.pulses", { pulses: one.pulses, heard: one.heard_live }), where(one)]
+    : [t("after.not_found"), odds, one.silent && silent(one.silent)];
+  return h("li", {}, h("strong", {}, name), ...said.flatMap((words) => (words ? [verbatim(" "), words] : [])), remarks(one), fold(one));
+}
+
+function where(one: Verdict): HTMLElement | Words | "" {
+  if (isPlace(one)) {
+    const [latitude, longitude] = [fixed(one.latitude_deg!, 5), fixed(one.longitude_deg!, 5)];
+    return h("span", { class: "place" }, t("after.place", { latitude, longitude, radius: metres(one.radius95_m!) }));
+  }
+  if (one.places > 1) return t("after.places", { count: one.places, places: verbatim(one.parts.map(partOf).join("; ")) });
+  if (one.bearing_deg === null) return "";
+  return t("after.bearing", { bearing: fixed(one.bearing_deg, 0), half: fixed((one.arc95_deg ?? 360) / 2, 0) });
+}
+
+function partOf(one: Verdict["parts"][number]): Words {
+  return t("after.part", { latitude: fixed(one.latitude_deg, 5), longitude: fixed(one.longitude_deg, 5), radius: metres(one.radius95_m), probability: percent(one.probability) });
+}
+
+function silent({ tag_power_dbm, probability, within_m }: NonNullable<Verdict["silent"]>): Words {
+  const [power, sure] = [fixed(tag_power_dbm, 0), fixed(probability, 1)];
+  return within_m === null ? t("after.silent_nowhere", { power, sure }) : t("after.silent_within", { radius: metres(within_m), power, sure });
+}
+
+function remarks(one: Verdict): HTMLElement | "" {
+  // Each has its own words.
+  return one.remarks ? h("p", { class: "note" }, verbatim(one.remarks.split("; ").map(fromServer).join("; "))) : "";
+}
+
+function oddsOf(probability: number): Words {
+  if (probability >= 0.01) return t("after.odds_in_100", { flights: Math.round(100 * probability) });
+  return probability < 1e-9
+    ? t("after.odds_below_billion")
+    : t("after.odds_one_in", { flights: verbatim(Number((1 / probability).toPrecision(1)).toLocaleString("en")) });
+}
+
+// ------------------------------------------------------------------- the map of silence
+
+function question(): { tag_id: number; tag_power_dbm: number } {
+  return { tag_id: Number((by("silence-tag") as HTMLSelectElement).value), tag_power_dbm: numberOf("silence-power") };
+}
+
+function forget(): void {
+  asked += 1;
+  if (shown) view.setHeard(null);
+  shown = null;
+  discardCoverageMap("silence");
+  say(by("absence-status"), "");
+  clear();
+}
+
+async function make(): Promise<void> {
+  const id = store.review?.flight_id;
+  if (!id) return;
+  const ticket = ++asked;
+  const map = await askForMap<SilenceMap>("silence", `/flights/${encodeURIComponent(id)}/silence`, question(), () => ticket === asked);
+  if (map) {
+    shown = map;
+    view.setHeard(map);
+    showCoverageSummary("silence", map, [t("after.noise", { noise: fromServer(map.noise) })]);
+  }
+  await judge();
+}
+
+// ------------------------------------------------------------------- not here
+
+function draw(): void {
+  drawing = !drawing;
+  by("absence-draw").setAttribute("aria-pressed", String(drawing));
+  catchTaps(drawing ? corner : null);
+  if (drawing) say(by("absence-status"), t("after.tap_corners"));
+}
+
+function corner(at: LonLat): void {
+  if (outline.length >= MOST_CORNERS) return;
+  outline.push(at);
+  view.setMeasure(outline.length > 2 ? [...outline, outline[0]!] : outline);
+  void judge();
+}
+
+function clear(): void {
+  outline = [];
+  view.setMeasure([]);
+  if (drawing) draw();
+  say(by("absence-status"), "");
+}
+
+async function judge(): Promise<void> {
+  const id = store.review?.flight_id;
+  if (!id || outline.length < 3) return;
+  if (!shown) {
+    say(by("absence-status"), t("after.map_first"));
+    return;
+  }
+  const ticket = asked;
+  try {
+    const found = await send<Absence>("POST", `/flights/${encodeURIComponent(id)}/absence`, { ...question(), outline });
+    if (ticket !== asked) return;
+    say(
+      by("absence-status"),
+      t("after.not_here", { odds: verbatim(found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`), heard: percent(found.heard), prior: fixed(found.prior, 3) }),
+    );
+  } catch (error) {
+    if (ticket === asked) say(by("absence-status"), reasonOf(error));
+  }
+}

@@ -1,0 +1,78 @@
+/** Who flew what: entered once, printed in the reports of all flights. */
+
+import { get, reasonOf, send } from "../shared/api";
+import { by, h, say } from "../shared/dom";
+import { t, type Words } from "../shared/i18n";
+
+interface Field {
+  key: string;
+  label: Words;
+  hint: Words;
+}
+
+const FIELDS: Field[] = [
+  { key: "operator", label: t("facts.operator"), hint: t("facts.operator_hint") },
+  { key: "aircraft", label: t("facts.aircraft"), hint: t("facts.aircraft_hint") },
+  { key: "permit", label: t("facts.permit"), hint: t("facts.permit_hint") },
+  { key: "species", label: t("facts.species"), hint: t("facts.species_hint") },
+  { key: "time_zone", label: t("facts.time_zone"), hint: t("facts.time_zone_hint") },
+  { key: "altitude_datum", label: t("facts.altitude_datum"), hint: t("facts.altitude_datum_hint") },
+];
+
+export function factsSection(): HTMLElement {
+  void get<Record<string, string>>("/facts").then(draw, complain);
+  return h(
+    "section",
+    { class: "block wide", "aria-labelledby": "h-facts" },
+    h("h2", { id: "h-facts" }, t("facts.title")),
+    h(
+      "form",
+      { class: "facts", onsubmit: (event: Event) => event.preventDefault() },
+      ...FIELDS.map((field) =>
+        h("label", { title: field.hint }, field.label, h("input", {
+          id: `fact-${field.key}`,
+          autocomplete: "off",
+          maxlength: "200",
+          list: field.key === "time_zone" ? "time-zones" : undefined,
+          onchange: () => change(field.key),
+        })),
+      ),
+      h("datalist", { id: "time-zones" }, ...Intl.supportedValuesOf("timeZone").map((zone) => h("option", { value: zone }))),
+      h("p", { id: "fact-fault", class: "fault-line", role: "alert" }),
+      h("p", { class: "note" }, t("facts.where_saved")),
+    ),
+  );
+}
+
+function input(key: string): HTMLInputElement {
+  return by(`fact-${key}`) as HTMLInputElement;
+}
+
+/** Fields whose change is on its way, and the end of the last change: one is sent after the other. */
+const waiting = new Set<string>();
+let sent: Promise<void> = Promise.resolve();
+
+function draw(facts: Record<string, string>): void {
+  for (const { key } of FIELDS)
+    if (document.activeElement !== input(key) && !waiting.has(key)) input(key).value = facts[key] ?? "";
+}
+
+function complain(error: unknown): void {
+  say(by("fact-fault"), reasonOf(error));
+}
+
+function change(key: string): void {
+  const { value } = input(key);
+  waiting.add(key);
+  sent = sent.then(async () => {
+    try {
+      const facts = await send<Record<string, string>>("PUT", "/facts", { [key]: value });
+      waiting.delete(key);
+      draw(facts);
+      say(by("fact-fault"), "");
+    } catch (error) {
+      waiting.delete(key);
+      complain(error);
+    }
+  });
+}
