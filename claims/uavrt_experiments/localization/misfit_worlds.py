@@ -30,7 +30,7 @@ from uavrt_experiments.result import Row
 
 _Floats = NDArray[np.float64]
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
-_YAW_DEG = np.arange(60) * 6.0
+_YAW_DEG: _Floats = np.arange(60.0) * 6.0
 _START_NS = 1_700_000_000 * NANOSECONDS_PER_SECOND
 
 
@@ -65,9 +65,12 @@ def _turn(
     `line_db`: noise of a power line over the receiver's own, on boresight.
     """
     pattern: AntennaPattern = PATTERNS["RA-23K"]
-    truth, yaw = float(rng.uniform(0.0, 360.0)), _YAW_DEG + rng.uniform(0.0, 6.0)
-    amplitude = 10.0 ** ((pattern.gain_db(truth - yaw) + error_db(truth - yaw)) / 20.0)
-    amplitude = amplitude.astype(np.complex128)
+    truth = float(rng.uniform(0.0, 360.0))
+    yaw = np.asarray(_YAW_DEG + rng.uniform(0.0, 6.0), np.float64)
+    off_deg = np.asarray(truth - yaw, np.float64)
+    own_db: _Floats = np.asarray(pattern.gain_db(off_deg), np.float64)
+    own_db += error_db(off_deg)
+    amplitude = np.asarray(10.0 ** (own_db / 20.0), np.complex128)
     if echo_db is not None:
         aside = rng.uniform(35.0, 150.0) * rng.choice([-1.0, 1.0])
         phase = rng.uniform(0.0, 2.0 * np.pi)
@@ -100,6 +103,10 @@ def _harmonics(rng: Generator, rms_db: float) -> Callable[[_Floats], _Floats]:
 
     scale = rms_db / float(unscaled(np.arange(360.0)).std())
     return lambda off_deg: scale * unscaled(off_deg)
+
+
+def _turn_of_another(rng: Generator, *, rms_db: float) -> Trial:
+    return _turn(rng, snr_db=30.0, fading_db=0.5, error_db=_harmonics(rng, rms_db))
 
 
 def _other_back(off_deg: _Floats) -> _Floats:
@@ -243,9 +250,7 @@ _TURNS: dict[str, Callable[[Generator], Trial]] = {
     },
     "power line, 12 dB, noise unknown": partial(_turn, line_db=12.0, noise_known=False),
     **{
-        f"pattern {rms_db:g} dB off": lambda rng, rms_db=rms_db: _turn(
-            rng, snr_db=30.0, fading_db=0.5, error_db=_harmonics(rng, rms_db)
-        )
+        f"pattern {rms_db:g} dB off": partial(_turn_of_another, rms_db=rms_db)
         for rms_db in (0.5, 1.0)
     },
     "pattern 7 dB off at the back": partial(_turn, error_db=_other_back),
