@@ -258,7 +258,10 @@ class _Rehearsed:
         if takeover is not None and taken_s is not None:
             stood_s = self._stood_s if takeover.stops else None
             outcome["out_s"] = None if out_s is None else out_s - (stood_s or taken_s)
-            outcome["reaction"] = asdict(reaction(kept, taken_s, out_s, shows))
+            shown = reaction(kept, taken_s, out_s, shows)
+            if shows is not None and shown.shown_s is None and out_s is None:
+                raise _NotTakenError("the takeover had no effect, such as a fence not reached")
+            outcome["reaction"] = asdict(shown)
         return outcome
 
     async def _offer(self) -> Any:
