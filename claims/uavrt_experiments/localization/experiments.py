@@ -7,7 +7,10 @@ from uavrt_experiments.localization import (
     bearing_bars,
     circle_bars,
     common_error_bars,
+    misfit_worlds,
     position_bars,
+    posterior_calibration,
+    small_survey_bars,
     survey_error_bars,
 )
 from uavrt_experiments.result import Row
@@ -28,6 +31,9 @@ EXPERIMENTS: dict[str, Callable[[int, int], list[Row]]] = {
     "L5": position_bars.fusion,
     "L6": common_error_bars.common_errors,
     "L7": _circles,
+    "L8": small_survey_bars.small_surveys,
+    "M1": misfit_worlds.misfit_worlds,
+    "C1": posterior_calibration.calibrations,
 }
 """Experiment functions by name; each takes the number of runs and a seed."""
 

@@ -83,6 +83,9 @@ class FlightTuning:
     """Resolution of times in pulse logs [ns]: a float of seconds since 1970."""
     least_height_m: float = 2.0
     """Minimum height of the antenna above the tag [m]."""
+    place_sigma_m: float = 2.0
+    """Standard deviation, in each direction, of the error that all positions of a flight share
+    [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
 
     live_turn_ns: int = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""

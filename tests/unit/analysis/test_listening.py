@@ -29,6 +29,7 @@ def energies(heard_s: NDArray[np.bool_]) -> SlotEnergies:
         level=none,
         loud=none > 0.0,
         listened=heard,
+        noise_db=np.zeros(len(heard)),
     )
 
 

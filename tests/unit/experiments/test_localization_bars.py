@@ -14,6 +14,12 @@ from uavrt.core.errors import UsageError
 from uavrt_experiments.commands.localization import localization
 from uavrt_experiments.figures import measured, median
 from uavrt_experiments.localization.experiments import EXPERIMENTS
+from uavrt_experiments.localization.posterior_calibration import (
+    FAULTS,
+    LEAST_P,
+    RANKS,
+    p_uniform,
+)
 from uavrt_experiments.localization.rotations import RotationCase, bound_deg
 from uavrt_experiments.result import Row
 from uavrt_experiments.tables import drawn
@@ -31,10 +37,12 @@ RUNS = {
     "L5": 40,
     "L6": count(2, 3),
     "L7": count(2, 3),
+    "L8": count(1, 20),
+    "M1": count(2, 20),
 }
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS)
+@pytest.mark.parametrize("name", RUNS)
 def test_no_bar_is_contradicted(name: str) -> None:
     """One outside twice the 95 % interval of what was measured would be."""
     results = EXPERIMENTS[name](RUNS[name], 11)
@@ -45,7 +53,18 @@ def test_no_bar_is_contradicted(name: str) -> None:
         or (one.least is not None and 2 * one.high - one.figure < one.least)
     ]
     assert not contradicted, drawn(contradicted)
-    assert any(one.most is not None for one in results)
+    assert any(one.barred for one in results)
+
+
+@pytest.mark.parametrize("name", RANKS)
+def test_ranks_of_truths_in_posteriors_are_uniform(name: str) -> None:
+    assert p_uniform(name, count(60, 400), 21) > LEAST_P / len(RANKS)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_calibration_fails_with_a_seeded_fault(fault: str) -> None:
+    name, seeded = FAULTS[fault]
+    assert p_uniform(name, count(100, 200), 21, seeded) < LEAST_P
 
 
 def test_the_default_is_better_than_the_original_by_far() -> None:

@@ -295,6 +295,20 @@ def test_silence_of_a_coded_tag_is_that_no_burst_stands_out(codes: int, every_s:
     assert some(late).listening.threshold_db == together < 4.0 < alone
 
 
+def test_noise_that_changes_with_the_heading_changes_no_energy(ears: PulseEvidence) -> None:
+    search = Searched("px4", [])
+    listen(ears, 0, 20)
+    quiet = some(ears.pulse(search.heard(TAG, 20.0), 3.0)).listening
+    again = search.heard(TAG, 14.0)
+    louder = replace(again.pulse, start_time_ns=1, noise_psd=4e-9)
+    loud = some(ears.pulse(replace(again, pulse=louder), 5.0)).listening
+    assert loud.snr_db == pytest.approx(quiet.snr_db, abs=0.1)
+    assert loud.threshold_db == pytest.approx(quiet.threshold_db + 6.0, abs=0.1)
+    ears.searched(replace(report(2, 20 * 10**9), noise_psd=2e-9), 20.0)
+    raised = {round(one.listening.threshold_db - quiet.threshold_db) for one in ears.missed()}
+    assert raised == {3}
+
+
 def test_headings_come_from_the_attitude_of_the_antenna(ears: PulseEvidence) -> None:
     search = Searched("px4", [])
     search.flown.vehicle.heading.yaw_deg = 250.0

@@ -51,6 +51,15 @@ def test_a_hum_lifts_no_place_above_the_others(seed: int) -> None:
         assert of_places.std(axis=0).max() < 1.2
 
 
+def test_noise_that_rises_with_the_heading_lowers_the_pulses_expected_there() -> None:
+    samples = noise(np.random.default_rng(5), COUNT)
+    samples[COUNT // 2 :] *= 2.0
+    noise_db = WORLD.energies(samples).noise_db
+    half = len(noise_db) // 2
+    rise_db = np.median(noise_db[half + 300 :]) - np.median(noise_db[: half - 300])
+    assert rise_db == pytest.approx(6.0, abs=0.3)
+
+
 def test_noise_that_comes_and_goes_makes_sums_no_less_standard() -> None:
     rng = np.random.default_rng(4)
     samples = noise(rng, COUNT)

@@ -7,7 +7,7 @@ detector reports as searched: without a radio, no pulse counts as missed.
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import atan2, degrees, log10
+from math import atan2, degrees, isfinite, log10
 
 from uavrt.core.earth.attitude import rotated
 from uavrt.core.earth.tangent_plane import TangentPlane
@@ -57,9 +57,22 @@ class _TagSearch:
     to_s: float = 0.0
     next_s: float = 0.0
     """Start of the first pulse slot not evaluated yet [s]."""
+    first_psds: dict[str, float] = field(default_factory=dict)
+    noise_db: float = 0.0
+    """Latest noise over the first known [dB]."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0
+
+    def set_noise(self, measured_by: str, psd: float) -> None:
+        """Record the noise, which may change with the heading; a pulse's energy does not.
+
+        Reports measure a channel, pulses one frequency: each has a first value of its own.
+        """
+        if isfinite(psd) and psd > 0.0:
+            before = 10.0 ** (self.noise_db / 10.0)
+            first = self.first_psds.setdefault(measured_by, psd / before)
+            self.noise_db = 10.0 * log10(psd / first)
 
 
 def threshold_db(k: int, *, coded: bool = False) -> float:
@@ -127,6 +140,7 @@ class PulseEvidence:
         if len(self._keys) > SEARCH_RULES.most_keys:
             del self._keys[next(iter(self._keys))]
         search.pulses += 1
+        search.set_noise("pulse", pulse.noise_psd)
         east, north = self._plane.to_local(pose.latitude_deg, pose.longitude_deg)
         to_north, to_east, _ = rotated(pose.quaternion_wxyz, (1.0, 0.0, 0.0))
         place = Antenna(
@@ -143,6 +157,7 @@ class PulseEvidence:
         search = self._searches.get(report.tag_id)
         if search is None:
             return
+        search.set_noise("report", report.noise_psd)
         if search.from_s is None or time_s - search.to_s > search.gap_s:
             search.from_s = time_s
             search.next_s = max(search.next_s, time_s)
@@ -181,8 +196,9 @@ class PulseEvidence:
                 east_m=place.east_m,
                 north_m=place.north_m,
                 height_m=max(1.0, place.height_m - self._tag_height_m),
-                snr_db=snr_db,
-                threshold_db=search.least_db if weak else search.threshold_db,
+                snr_db=None if snr_db is None else snr_db + search.noise_db,
+                threshold_db=search.noise_db
+                + (search.least_db if weak else search.threshold_db),
                 yaw_deg=place.yaw_deg,
             ),
         )

@@ -164,7 +164,7 @@ def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
         # A misfit makes the odds less certain, as well as the direction.
         evidence=(directional - found.log_flat) / inflation,
         reduced_chi2=misfit.reduced_chi2,
-        multipath_suspected=paths_deg is not None or misfit.marked,
+        multipath_suspected=paths_deg is not None,
         paths_deg=paths_deg,
         fading_db=found.fading_db,
         level_db=found.level_db,

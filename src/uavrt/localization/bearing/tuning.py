@@ -89,8 +89,6 @@ class TwoPathTuning:
     """Candidate levels of the weaker path relative to the stronger [dB]."""
     cosines: tuple[float, ...] = (-0.95, -0.6, 0.0, 0.6, 0.95)
     """Candidate cosines of the phase between the paths."""
-    exact_fit: float = 1e-9
-    """Residual below which a fit counts as exact, as a share of the levels' sum of squares."""
     least_pulses: int = 12
     """Minimum number of pulses in a rotation that is examined."""
     least_gain_nats: float = 8.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.core.runtime.lean_scipy import fft
 from uavrt.localization.antenna import AntennaPattern
-from uavrt.localization.bearing.tuning import TWO_PATHS
+from uavrt.localization.bearing.tuning import LEARNED_PATTERN, TWO_PATHS
 
 _PAIRS_DEG = [sign * turn for turn in TWO_PATHS.apart_deg for sign in (1, -1)][:-1]
 """Directions of the weaker path, clockwise from the stronger one [deg]; 180° occurs once."""
@@ -69,10 +69,10 @@ def two_paths(
     # Entry b of each correlation is the sum over headings of f(heading) g(b - heading).
     weights, levels, harmonics = (fft.rfft(one) for one in (binned, binned_level, shapes))
     mean = fft.irfft(harmonics * weights, 360)
-    squares = float(weight @ level**2)
     cost = fft.irfft(fft.rfft(shapes**2) * weights - 2.0 * harmonics * levels, 360)
-    cost += squares - (sum_level - mean) ** 2 / total
-    cost = np.maximum(cost, TWO_PATHS.exact_fit * squares)
+    cost += float(weight @ level**2) - (sum_level - mean) ** 2 / total
+    # The table's own error explains as much without a second path.
+    cost = np.maximum(cost, 0.0) + total * LEARNED_PATTERN.prior_db**2
     pulses = len(yaw_deg)
     one, many = cost[0].min(), cost[1:]
     if 0.5 * pulses * np.log(one / many.min()) <= TWO_PATHS.least_gain_nats:

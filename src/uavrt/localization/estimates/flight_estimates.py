@@ -69,6 +69,8 @@ class ReadAs:
     """Standard deviation of the error that all headings of a flight share [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
     """Standard deviation of the error that all heights over a tag share [m]; for a monopole."""
+    displacement: float = 0.0
+    """Standard deviation of a shift that a tag's bearings share, as a share of the distance."""
     elevation: Elevation | None = None
     """Elevation files for losses behind hills; None: level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
@@ -273,16 +275,14 @@ def _bearing_of(
     half = np.radians(missed_yaw_deg) / 2.0
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
-    noise = pulses.noise_psd
-    known = bool(np.all(np.isfinite(noise) & (noise > 0.0)))
-    fill = np.full(len(half), np.median(noise) if known else 1.0)
+    noise_db = np.concatenate([pulses.noise_db, np.zeros(len(half))])
     bearing = estimate_bearing(
         None,
         np.concatenate([pulses.snr_db, np.full(len(half), np.nan)]),
         method=method,
         antenna=pattern,
         quaternion_wxyz=np.concatenate([pulses.quaternion_wxyz, missed]),
-        noise_psd=np.concatenate([noise, fill]) if known else None,
+        noise_psd=10.0 ** (noise_db / 10.0),
         threshold_db=FLIGHT.miss_threshold_db,
         heading_sigma_deg=FLIGHT.own_heading_sigma_deg,
     )
@@ -586,7 +586,8 @@ def _placed(
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     hills = None if over is None else over.hills
-    made_of = tag_id, stations, how.method, how.heading_sigma_deg, hills
+    shared = how.heading_sigma_deg, how.displacement
+    made_of = tag_id, stations, how.method, *shared, hills
     return cache.latest("position", tag_id, _position_of, *made_of)
 
 
@@ -617,6 +618,7 @@ def _position_of(
     stations: Stations,
     method: PositionMethod | str,
     heading_sigma_deg: float,
+    displacement: float,
     hills: HillLosses | None,
 ) -> TagPosition:
     """Estimate a tag's position, and a path if the bearings contradict a fixed position."""
@@ -625,6 +627,7 @@ def _position_of(
             stations,
             method=method,
             heading_sigma_deg=heading_sigma_deg,
+            displacement=displacement,
             follow=True,
             hills=hills,
         )
@@ -696,17 +699,19 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
             f"detected {len(own.time_ns)} times at a known position",
             remedy="At least three pulses are needed",
         )
-    columns = [own.latitude_deg, own.longitude_deg, own.height_m, own.snr_db]
+    noise_db = own.noise_db
+    columns = [own.latitude_deg, own.longitude_deg, own.height_m, noise_db, own.snr_db]
     missed = np.rint(own.missed_ns(heard.rhythm(tag_id))).astype(np.int64)
     times_ns = own.time_ns
     if len(missed) and len(poses.time_ns) > 1:
         known = poses.latitude_deg, np.unwrap(poses.longitude_deg, period=360.0), poses.height_m
         there = [np.interp(missed, poses.time_ns, values) for values in known]
+        there.append(np.interp(missed, own.time_ns, noise_db))
         added = [*there, np.full(len(missed), np.nan)]
         columns = [np.append(one, more) for one, more in zip(columns, added, strict=True)]
         times_ns = np.append(times_ns, missed)
     order = np.argsort(times_ns, kind="stable")
-    latitude, longitude, height, snr = (column[order] for column in columns)
+    latitude, longitude, height, noise_db, snr_db = (column[order] for column in columns)
     times_ns = times_ns[order]
     times_s = (times_ns - times_ns[0]) / NANOSECONDS_PER_SECOND
     if height_m is not None:
@@ -720,8 +725,8 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
         latitude_deg=latitude,
         longitude_deg=longitude,
         height_m=np.maximum(height, FLIGHT.least_height_m),
-        snr_db=snr,
-        threshold_db=FLIGHT.miss_threshold_db,
+        snr_db=snr_db + noise_db,
+        threshold_db=FLIGHT.miss_threshold_db + noise_db,
         time_s=times_s if times_s[-1] <= FLIGHT.one_flight_s else None,
         origin_ns=int(times_ns[0]),
     )

@@ -129,6 +129,17 @@ class PulseColumns:
     altitude_amsl_m: _Floats
     """(n,) altitude of the antenna above sea level [m]; NaN where unknown."""
 
+    @property
+    def noise_db(self) -> _Floats:
+        """(n,) noise at each pulse over its median [dB]; 0 if any is unknown.
+
+        SNR plus this noise is a pulse's energy, which noise from one direction does not change.
+        """
+        noise = self.noise_psd
+        if not np.all(np.isfinite(noise) & (noise > 0.0)):
+            return np.zeros(len(noise))
+        return np.asarray(10.0 * np.log10(noise / np.median(noise)))
+
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":
         """Convert pulses to columns, in the given order, without those that have no pose."""

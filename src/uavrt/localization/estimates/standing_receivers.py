@@ -112,9 +112,10 @@ def _levels(
     def medians(values: _Floats) -> _Floats:
         return np.array([float(np.median(values[part])) for part in parts], np.float64)
 
+    level_db = pulses.snr_db + pulses.noise_db
     levels, sigmas, yaws = [], [], []
     for part in parts:
-        heard = pulses.snr_db[part]
+        heard = level_db[part]
         missed = _expected(pulses, part, rhythm) - len(part)
         whole = np.concatenate([np.full(missed, heard.min()), heard])
         levels.append(float(np.median(whole)))

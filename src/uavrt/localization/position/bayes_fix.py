@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Ellipse
+from uavrt.localization.tuning import FLIGHT
 
 _Floats = NDArray[np.float64]
 
@@ -72,21 +73,39 @@ class Cells:
         nearest = np.argmin(np.hypot(self.east_m[kept] - east, self.north_m[kept] - north))
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
-    def radius_m(self, share: float, point: tuple[float, float]) -> float:
-        """Radius of the circle around a point that holds a given probability [m]."""
+    def radius_m(self, share: float, point: tuple[float, float], sigma_m: float) -> float:
+        """Radius of the circle around a point that holds a given probability [m].
+
+        `sigma_m`: standard deviation of a shift that all measurements share, see `shifted_m`.
+        """
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
         parts = (np.arange(4) - 1.5) / 4.0
         spread = np.abs(distance[:, None] + parts * self.width_m[:, None]).ravel()
         order = np.argsort(spread)
         held = np.cumsum(np.repeat(self.probability / 4.0, 4)[order])
-        return float(np.interp(share, held, spread[order], left=0.0))
+        return shifted_m(float(np.interp(share, held, spread[order], left=0.0)), share, sigma_m)
 
-    def ellipse(self, share: float = 0.95) -> Ellipse:
+    def ellipse(self, sigma_m: float, share: float = 0.95) -> Ellipse:
         """Ellipse of the posterior's covariance, scaled as for a normal law."""
         x, y = self.mean()
         centred = np.stack([self.east_m - x, self.north_m - y])
-        return ellipse_of((centred * self.probability) @ centred.T, share)
+        covariance = (centred * self.probability) @ centred.T
+        return ellipse_of(covariance + sigma_m**2 * np.eye(2), share)
+
+    def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
+        """Probability on a regular grid around most of it: east (x,), north (y,), map (y, x).
+
+        Each cell's probability is spread by its width and by a shift that all share.
+        """
+        east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
+        sigma = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
+        across, along = (
+            np.exp(-0.5 * ((axis[:, None] - own) / sigma) ** 2) / sigma
+            for axis, own in ((east, self.east_m), (north, self.north_m))
+        )
+        density = (along * self.probability) @ across.T
+        return east, north, np.asarray(density / density.sum())
 
     def around(self, share: float) -> Area:
         """Rectangle around the smallest set of cells that holds a given probability."""
@@ -129,6 +148,15 @@ def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
         inside = np.mean((1.0 - np.exp(-0.5 * middle**2 * q)) / q) * 2.0 * np.pi / mass
         low, high = (middle, high) if inside < share else (low, middle)
     return 0.5 * (low + high)
+
+
+def shifted_m(radius_m: float, share: float, sigma_m: float = FLIGHT.place_sigma_m) -> float:
+    """Radius of a circle that still holds its share if all positions may be shifted [m].
+
+    `sigma_m`: standard deviation of the shift in each direction, as of the drone's positions.
+    The radii add as squares, which is exact for round normal laws.
+    """
+    return float(np.hypot(radius_m, sigma_m * np.sqrt(-2.0 * np.log(1.0 - share))))
 
 
 def cells_posterior(
@@ -259,8 +287,9 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
     It is found on an even grid over the more likely half. Cells of several sizes are blurred
     differently and cannot be compared to the last metre.
     """
-    east, north, probability = map_of(cells, log_likelihood, GRID.peak_cells, share=0.5)
-    values = np.log(np.maximum(probability, 1e-300))
+    east, north, step = _even_axes(cells.around(0.5), GRID.peak_cells)
+    y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
+    values = log_likelihood(x, y, np.full(x.size, step)).reshape(len(north), len(east))
     row, column = np.unravel_index(int(np.argmax(values)), values.shape)
     return (
         _refined(east, values[row, :], int(column)),
@@ -268,24 +297,19 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
     )
 
 
-def map_of(
-    cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = GRID.map_share
-) -> tuple[_Floats, _Floats, _Floats]:
-    """Probability on a regular grid around most of it: east (x,), north (y,), values (y, x)."""
-    around = cells.around(share)
-    wide, high = around.east_m - around.west_m, around.north_m - around.south_m
+def _even_axes(
+    around: Area, count: int, margin_m: float = 0.0
+) -> tuple[_Floats, _Floats, float]:
+    """East (x,) and north (y,) of an even grid over an area and its margin, and its step."""
+    wide = around.east_m - around.west_m + 2.0 * margin_m
+    high = around.north_m - around.south_m + 2.0 * margin_m
     step = max(wide, high) / (count - 4)
     across, along = (max(8, round(side / step) + 4) for side in (wide, high))
     east = 0.5 * (around.west_m + around.east_m) + (np.arange(across) - (across - 1) / 2) * step
     north = (
         0.5 * (around.south_m + around.north_m) + (np.arange(along) - (along - 1) / 2) * step
     )
-    places_north, places_east = np.meshgrid(north, east, indexing="ij")
-    value = log_likelihood(
-        places_east.ravel(), places_north.ravel(), np.full(places_east.size, step)
-    )
-    density = np.exp(value - value.max()).reshape(along, across)
-    return np.asarray(east), np.asarray(north), np.asarray(density / density.sum())
+    return np.asarray(east), np.asarray(north), step
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:

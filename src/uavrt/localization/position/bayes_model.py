@@ -18,6 +18,7 @@ from uavrt.localization.position.levels.strengths import Strengths
 from uavrt.localization.position.levels.survey_errors import SurveyEvidence
 from uavrt.localization.position.tuning import BEARING_FIX, GRID
 from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.tuning import FLIGHT
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]
@@ -34,6 +35,8 @@ class Known:
     max_range_m: float | None
     unusual: frozenset[Explanation]
     height_sigma_m: float
+    displacement: float = 0.0
+    """Standard deviation of a shift that all bearings share, as a share of the distance."""
     hills: HillLosses | None = None
 
 
@@ -98,6 +101,12 @@ class Model:
             GRID.peak_heights * self._height_m,
             GRID.least_extent_share * float(np.sqrt(square_m2)),
         )
+
+    def shared_sigma_m(self, point: tuple[float, float]) -> float:
+        """Standard deviation of a shift that all measurements share, for a tag there [m]."""
+        away = [np.subtract(np.mean(track, axis=1), point) for track in self.tracks]
+        shift_m = self.known.displacement * float(np.hypot(*np.mean(away, axis=0)))
+        return float(np.hypot(FLIGHT.place_sigma_m, shift_m))
 
     @property
     def _height_m(self) -> float:

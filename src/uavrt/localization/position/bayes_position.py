@@ -12,7 +12,6 @@ from uavrt.localization.position.bayes_fix import (
     LogLikelihood,
     cells_posterior,
     cells_refined,
-    map_of,
     most_probable,
 )
 from uavrt.localization.position.bayes_model import Known, Model
@@ -55,13 +54,10 @@ def bayes_position(
     solved = _solved(model)
     cells, agreement, point = solved.cells, solved.agreement, solved.point
     east, north = point
+    sigma_m = model.shared_sigma_m(point)
     latitude, longitude = model.plane.to_geodetic(east, north)
     fit = None if model.track is None else model.track.fit(np.array([east]), np.array([north]))
-    map_east, map_north, probability = map_of(
-        cells,
-        solved.log_likelihood,
-        GRID.bearing_cells if model.track is None else GRID.power_cells,
-    )
+    map_east, map_north, probability = cells.map(GRID.map_cells, sigma_m)
     doubts = _doubts(model, cells)
     error, sigma = _heading_error(model, doubts, agreement)
     position = Position(
@@ -70,9 +66,9 @@ def bayes_position(
         method="bayes",
         stations=0 if stations is None else len(stations.bearing_deg),
         pulses=0 if powers is None else len(powers.snr_db),
-        radius50_m=cells.radius_m(0.5, point),
-        radius95_m=cells.radius_m(0.95, point),
-        ellipse95=cells.ellipse(),
+        radius50_m=cells.radius_m(0.5, point, sigma_m),
+        radius95_m=cells.radius_m(0.95, point, sigma_m),
+        ellipse95=cells.ellipse(sigma_m),
         outlier_probabilities=None if doubts is None else doubts.outlier_probabilities,
         level_db=None if fit is None else float(fit.level_db[0]),
         path_loss_exponent=None if fit is None else float(fit.exponent[0]),
@@ -104,9 +100,7 @@ def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
 class _Solved:
     """Posterior over all explanations of the bearings, and the reported point."""
 
-    log_likelihood: LogLikelihood
     cells: Cells
-    resting: Cells
     agreement: "_Agreement"
     point: tuple[float, float]
 
@@ -128,9 +122,7 @@ def _solved(model: Model) -> _Solved:
         # off with it, 32 m with the geometric median, 30.7 m with the mean (medians 12, 10 and
         # 11 m).
         return _Solved(
-            log_likelihood=model.log_likelihood,
             cells=cells,
-            resting=cells,
             agreement=_Agreement(),
             point=cells.likely_mean(model.log_likelihood),
         )
@@ -142,7 +134,6 @@ def _with_explanations(
     model: Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
 ) -> _Solved:
     """Add positions by other explanations of the bearings to a resting tag's posterior."""
-    log_likelihood: LogLikelihood = model.log_likelihood
     cells = resting
     if agreement.others:
         mixture = _Mixture(
@@ -150,19 +141,12 @@ def _with_explanations(
             log_evidence=resting.log_evidence,
             others=agreement.others,
         )
-        log_likelihood = mixture.log_likelihood
         known = mixture.added_to(
             resting.log_density, resting.east_m, resting.north_m, resting.width_m
         )
-        cells = cells_refined(log_likelihood, resting, known)
-        point = most_probable(cells, log_likelihood)
-    return _Solved(
-        log_likelihood=log_likelihood,
-        cells=cells,
-        resting=resting,
-        agreement=agreement,
-        point=point,
-    )
+        cells = cells_refined(mixture.log_likelihood, resting, known)
+        point = most_probable(cells, mixture.log_likelihood)
+    return _Solved(cells=cells, agreement=agreement, point=point)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -37,6 +37,7 @@ def estimate_position(
     heading_sigma_deg: float = COMMON.heading_sigma_deg,
     height_sigma_m: float = SURVEY.height_sigma_m,
     propagation: Propagation | None = None,
+    displacement: float = 0.0,
     max_range_m: float | None = None,
     follow: bool = False,
     hills: HillLosses | None = None,
@@ -65,6 +66,9 @@ def estimate_position(
         a tree); 0 means exact heights. Many powers estimate it.
     propagation : Propagation, optional
         Knowledge of the path loss.
+    displacement : float
+        Standard deviation of a shift that all bearings share, as a share of the distance. By
+        hand, bearings often agree with each other better than with the animal.
     max_range_m : float, optional
         Largest distance of the tag from the stations or the track; by default 3000 with
         bearings, else the length of the track.
@@ -92,6 +96,7 @@ def estimate_position(
             # Exact headings exclude a wrong compass.
             unusual=UNUSUAL if heading_sigma_deg > 0.0 else UNUSUAL - {"compass"},
             height_sigma_m=height_sigma_m,
+            displacement=displacement,
             hills=hills,
         )
         when: Follow = "always" if method == "track" else "contradicted" if follow else "never"

@@ -70,6 +70,7 @@ def path_by_powers(
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)
     half_m = TRACK.end_m + TRACK.end_m_s * float(np.ptp(times))
+    thresholds_db = np.broadcast_to(powers.threshold_db, times.shape)
     prior = TagPrior(
         area=_around(ends[0], half_m),
         fading_db=TRACK.fading_factor * fading_db,
@@ -86,7 +87,7 @@ def path_by_powers(
                 north_m=float(north[number]),
                 height_m=float(powers.height_m[number]),
                 snr_db=None if math.isnan(snr_db) else snr_db,
-                threshold_db=powers.threshold_db,
+                threshold_db=float(thresholds_db[number]),
                 yaw_deg=None if powers.yaw_deg is None else float(powers.yaw_deg[number]),
             )
         )

@@ -14,7 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from uavrt.localization.antenna import AntennaPattern
-from uavrt.localization.position.bayes_fix import Area
+from uavrt.localization.position.bayes_fix import Area, shifted_m
 from uavrt.localization.position.bearings.bearing_evidence import BearingEvidence
 from uavrt.localization.position.levels.level_belief import (
     GroundEffect,
@@ -102,8 +102,8 @@ def _estimate(
     return TrackEstimate(
         east_m=x,
         north_m=y,
-        radius50_m=float(half),
-        radius95_m=float(most),
+        radius50_m=shifted_m(float(half), 0.5),
+        radius95_m=shifted_m(float(most), 0.95),
         level_db=float(weight @ level_db),
     )
 

@@ -41,8 +41,8 @@ class GridTuning:
 
     negligible: float = 0.005
     """Probability below which an explanation (rest, walk, compass error) is ignored."""
-    bearing_cells: int = 100
-    """Number of cells along a side of the map of a position by bearings."""
+    map_cells: int = 100
+    """Number of cells along the longer side of the map of a position."""
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
@@ -50,8 +50,6 @@ class GridTuning:
     survey_growth: float = 2.0
     """Growth of `held_rough` with each quartering, for surveys. Without it, 95 % circles are
     0.3 % wider, at half as many cells again."""
-    power_cells: int = 44
-    """Number of cells along a side of the map of a position by powers: within 150 ms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,6 +175,9 @@ class SurveyTuning:
 
     height_sigma_m: float = 7.0
     """Default standard deviation of a stated height above the tag [m]."""
+    height_share: float = 0.25
+    """Maximum standard deviation of a height, as a share of it: a person carries a receiver at
+    1.5 m, whatever the ground. Larger ones explain shadows as heights."""
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0

@@ -11,6 +11,7 @@ from scipy.sparse import csgraph
 
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.units import wrap_degrees_180, wrap_degrees_360
+from uavrt.localization.position.bayes_fix import shifted_m
 from uavrt.localization.whole_flight.tag_places import east_north
 from uavrt.localization.whole_flight.tuning import PLACE
 
@@ -155,6 +156,8 @@ class Cells:
     ) -> list[float]:
         """Radii of circles around a position that hold given probabilities [m].
 
+        They allow for an error that all positions of the drone share.
+
         Each cell's probability is spread evenly over its ground, as in `region`; otherwise a
         single cell would have no radius. `cells`: cells whose probability counts; None is all.
         """
@@ -172,7 +175,10 @@ class Cells:
         order = np.argsort(away)
         sums = np.cumsum(held[order])
         last = np.searchsorted(sums, np.asarray(shares) * sums[-1])
-        return [float(one) for one in away[order][np.minimum(last, len(order) - 1)]]
+        radii = away[order][np.minimum(last, len(order) - 1)]
+        return [
+            shifted_m(float(radius), share) for radius, share in zip(radii, shares, strict=True)
+        ]
 
     def arc_deg(self, middle_deg: float, share: float) -> float:
         """Width of the arc around a bearing that holds a given probability [deg]."""

@@ -37,6 +37,8 @@ class TrainPulses:
     """(n,) times relative to the first slot's beginning [s]."""
     energy: _Floats
     """(n,) energies in units of the noise."""
+    noise_db: _Floats
+    """(n,) noise at each pulse over its median [dB], by which the energies were divided."""
     interval_s: float
     offset_hz: float
     pulses: int = 1
@@ -72,9 +74,11 @@ def train_pulses(
     at = np.floor(time_s / slot_s).astype(np.intp)
     good = (at >= 0) & (at < slots)
     good[good] = (energies.heard | energies.loud[row])[at[good]]
+    noise_db = energies.noise_db[at[good]]
     return TrainPulses(
         time_s=time_s[good],
         energy=energies.level[row, at[good]].astype(np.float64),
+        noise_db=noise_db - np.median(noise_db) if len(noise_db) else noise_db,
         interval_s=interval_s,
         offset_hz=float(energies.offsets_hz[row]),
         pulses=energies.pulses,

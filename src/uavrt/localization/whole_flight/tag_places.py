@@ -60,8 +60,12 @@ class Track:
     hills: HillLosses | None = None
     """Ground model in the plane; None: level ground."""
 
-    def gain_db(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places, times) level of pulses [dB]; 0 is boresight at 1 m."""
+    def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
+        """(places, times) level of pulses [dB]; 0 is boresight at 1 m.
+
+        `turn_deg`: error of all headings, by which the antenna pointed farther clockwise.
+        """
+        cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         gain_db = np.empty((len(east_m), len(self.east_m)))
         rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
         if self.hills is not None:
@@ -73,6 +77,8 @@ class Track:
             ahead, aside = north - self.north_m, east - self.east_m
             under = self.height_m - rise[place]
             distance = np.maximum(np.sqrt(ahead**2 + aside**2 + under**2), 1.0)
+            if turn_deg:
+                ahead, aside = cosine * ahead + sine * aside, cosine * aside - sine * ahead
             towards = ahead / distance, aside / distance, under / distance
             gain_db[place] = self._towards_db(axes, *towards)
             gain_db[place] -= 10.0 * SEARCH.exponent * np.log10(distance)

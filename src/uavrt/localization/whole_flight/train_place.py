@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from scipy import interpolate, ndimage, special
 
 from uavrt.core.units import wrap_degrees_360
+from uavrt.localization.antenna import MONOPOLE
+from uavrt.localization.position.tuning import COMMON
 from uavrt.localization.whole_flight.ground_cells import Cells, LikelyGround
 from uavrt.localization.whole_flight.heard_train import (
     STRENGTHS_DB,
@@ -23,7 +25,6 @@ from uavrt.localization.whole_flight.rate_of_flight import other_rate_logs
 from uavrt.localization.whole_flight.tag_places import (
     BEARING_STEP_DEG,
     RANGE_STEP,
-    common_gains,
     east_north,
 )
 from uavrt.localization.whole_flight.tuning import PLACE, SEARCH
@@ -82,11 +83,9 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
 
 def _placed(reading: "_Reading") -> PlaceBelief:
     heard = reading.heard
-    gains = common_gains([one.places for one in heard])
     here = heard[0].places
     from_here = (here.east_m, here.north_m)
-    falls = _shows_falls(heard, from_here)
-    logs = _all_logs(reading, gains, from_here, falls=falls)
+    logs = _all_logs(reading, from_here, falls=_shows_falls(heard, from_here))
     cells, level_db, probability = _refined_cells(reading, logs)
     return _summary(probability, level_db, reading.fading_db, cells)
 
@@ -96,12 +95,11 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
-    gains = _gains_anywhere(heard, from_here)
     # An unusual path loss exponent must not be taken for fading.
     falls = _shows_falls(heard, (heard[0].places.east_m, heard[0].places.north_m))
     evidence = []
     for reading in readings:
-        logs = _all_logs(reading, gains, from_here, falls=falls, tempered=False)
+        logs = _turned_logs(reading, from_here, 0.0, falls, tempered=False)
         held, _ = _over_levels(logs, reading.levels_db)
         evidence.append(float(special.logsumexp(held, b=cells.area[which])))
     best = int(np.argmax(evidence))
@@ -114,8 +112,7 @@ def train_evidence(one: HeardTrain) -> float:
     places = one.places
     from_here = (places.east_m, places.north_m)
     falls = _shows_falls([one], from_here)
-    gains = common_gains([places])
-    logs = _all_logs(reading, gains, from_here, falls=falls, tempered=False)
+    logs = _turned_logs(reading, from_here, 0.0, falls, tempered=False)
     held, _ = _over_levels(logs, reading.levels_db)
     share = np.log(places.area / places.area.sum())
     return float(special.logsumexp(held + share))
@@ -160,7 +157,8 @@ def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     held = place.probability[likely]
     table = likelihood_table(one, place.fading_db)
     levels_db = place.level_db + PLACE.flights_sigma_db * np.linspace(-2.0, 2.0, 13)
-    logs = _logs(one, _gain_db(one, gain[likely]), table, levels_db)
+    gain_db = _at_pulses_db(one, 10.0 * np.log10(gain[likely] + 1e-9)) - one.pulses.noise_db
+    logs = _logs(one, gain_db, table, levels_db)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
     own = special.logsumexp(logs, axis=1, b=weight / weight.sum())
     return float(held @ special.expit(own - one.log_trains) / held.sum())
@@ -174,30 +172,51 @@ def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floa
 
 
 def _all_logs(
+    reading: _Reading, east_north_m: tuple[_Floats, _Floats], *, falls: bool
+) -> _Floats:
+    """Log likelihood ratio and posterior of exponent, position and level, over all flights.
+
+    The error that all headings share is integrated out, by a parabola over its standard
+    deviation to both sides.
+    """
+    sigma_deg = COMMON.heading_sigma_deg
+    if all(one.places.track.pattern.name == MONOPOLE for one in reading.heard):
+        return _turned_logs(reading, east_north_m, 0.0, falls)
+    low, middle, high = (
+        _turned_logs(reading, east_north_m, turn_deg, falls)
+        for turn_deg in (-sigma_deg, 0.0, sigma_deg)
+    )
+    slope, bend = 0.5 * (high - low), 1.0 + np.maximum(2.0 * middle - low - high, 0.0)
+    vertex = np.clip(slope / bend, -PLACE.most_heading_sigmas, PLACE.most_heading_sigmas)
+    return np.asarray(middle + (slope - 0.5 * bend * vertex) * vertex - 0.5 * np.log(bend))
+
+
+def _turned_logs(
     reading: _Reading,
-    gains: Sequence[_Floats],
     east_north_m: tuple[_Floats, _Floats],
-    *,
+    turn_deg: float,
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """Log likelihood ratio and posterior of exponent, position and level, over all flights."""
+    """Logarithms as of `_all_logs`, if all headings are off by `turn_deg`."""
     heard = reading.heard
-    gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
-    if not falls:
-        return _joint_logs(reading, gains_db, tempered)[np.newaxis]
-    away_db = [_away_db(one, *east_north_m) for one in heard]
+    each_db = [one.places.track.gain_db(*east_north_m, turn_deg) for one in heard]
+    strongest_db = np.max([one.max(axis=1) for one in each_db], axis=0)[:, np.newaxis]
+    gains_db = [
+        _at_pulses_db(one, own - strongest_db) for one, own in zip(heard, each_db, strict=True)
+    ]
     top_db = _strongest(gains_db)
+    away_db = [_away_db(one, *east_north_m) for one in heard]
     logs = []
-    for exponent in PLACE.exponents:
-        turned_db = [
-            gain_db + (SEARCH.exponent - exponent) * away
-            for gain_db, away in zip(gains_db, away_db, strict=True)
+    for exponent in PLACE.exponents if falls else (SEARCH.exponent,):
+        over_db = [
+            gain_db + (SEARCH.exponent - exponent) * away - one.pulses.noise_db
+            for one, gain_db, away in zip(heard, gains_db, away_db, strict=True)
         ]
-        shift_db = top_db - _strongest(turned_db)  # levels are of the strongest pulse
-        turned_db = [one + shift_db for one in turned_db]
-        logs.append(_joint_logs(reading, turned_db, tempered))
-    return np.asarray(np.stack(logs) + np.log(_EXPONENT_SHARES)[:, np.newaxis, np.newaxis])
+        shift_db = top_db - _strongest(over_db)  # levels are of the strongest pulse
+        logs.append(_joint_logs(reading, [one + shift_db for one in over_db], tempered))
+    shares = _EXPONENT_SHARES if falls else np.ones(1)
+    return np.asarray(np.stack(logs) + np.log(shares)[:, np.newaxis, np.newaxis])
 
 
 def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
@@ -238,9 +257,10 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
     return logs
 
 
-def _gain_db(one: HeardTrain, gain: _Floats) -> _Floats:
+def _at_pulses_db(one: HeardTrain, gain_db: _Floats) -> _Floats:
+    """(places, pulses) gain at each pulse [dB], from that at all times."""
     at_s, time_s = one.pulses.time_s, one.places.time_s
-    return 10.0 * np.log10(np.stack([np.interp(at_s, time_s, row) for row in gain]) + 1e-9)
+    return np.stack([np.interp(at_s, time_s, row) for row in gain_db])
 
 
 def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
@@ -321,8 +341,7 @@ def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Flo
             break
         parts = ground.parts(which)
         from_here = east_north(parts.bearing_deg, parts.range_m)
-        gains = _gains_anywhere(reading.heard, from_here)
-        found = _all_logs(reading, gains, from_here, falls=len(logs) > 1)
+        found = _all_logs(reading, from_here, falls=len(logs) > 1)
         held, level_db = _over_levels(found, levels_db)
         ground = ground.with_parts(which, replace(parts, logs=held, level_db=level_db))
     held = ground.held
@@ -337,14 +356,6 @@ def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Flo
         by_fall=believed / believed.sum(axis=1, keepdims=True),
     )
     return cells, float((held * ground.level_db).sum()), each / each.sum()
-
-
-def _gains_anywhere(
-    heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]
-) -> list[_Floats]:
-    each_db = [one.places.track.gain_db(*east_north_m) for one in heard]
-    strongest_db = np.max([gain_db.max(axis=1) for gain_db in each_db], axis=0)
-    return [10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0) for gain_db in each_db]
 
 
 def _summary(

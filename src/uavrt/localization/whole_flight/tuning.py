@@ -139,6 +139,8 @@ class PlaceTuning:
     block: int = 20_000
     rates_block: int = 300
     pair_rows: int = 200
+    most_heading_sigmas: float = 3.0
+    """Largest common heading error that is considered [standard deviations]."""
     flights_sigma_db: float = 3.0
     """Standard deviation of a tag's level between flights [dB]: posture, receiver, ground."""
     exponents: tuple[float, ...] = (2.0, 2.5, 3.0, 3.5, 4.0)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.core.runtime.lean_scipy import special
+from uavrt.localization.whole_flight.tuning import SEARCH
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
@@ -21,24 +22,16 @@ _Singles = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeFlightModel:
-    """Parameters of the search over a whole flight, as `uavrt.localization.whole_flight`
-    performs it.
-    """
+    """Parameters of the prediction, beside those of the search over a whole flight itself."""
 
     least_pulses: int = 12
     """Number of pulses that the ordinary detector sums; a shorter flight gains nothing."""
-    design_enr: float = 2.0
-    """Pulse energy over noise for which the weights are optimal."""
     patterns: float = 6.0
     """Number of tag positions that give distinguishable energies, for an antenna that turns."""
-    hypotheses: float = 6.0
-    """Number of independent hypotheses for each pattern and cell."""
     slot_pulses: float = 0.5
     """Length of a slot [pulse widths]."""
     row_bins: float = 0.5
     """Distance between two searched frequencies [1 / pulse width]."""
-    drift_slots: float = 2.0
-    """Shift of the flight's middle between two independent drifts [slots]."""
     loss_db: float = -0.8
     """Loss by slots, frequencies and intervals between cells [dB]. With it, 400 pulses of a
     turning antenna need 2.3 dB, as measured (I2)."""
@@ -89,7 +82,7 @@ class WholeFlightSum:
             self._shift, self._spread = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         assert self._shift is not None
         assert self._spread is not None
-        gain = np.float32(MODEL.design_enr) * energy / self._strongest
+        gain = np.float32(SEARCH.design_enr) * energy / self._strongest
         weight = gain / (1.0 + gain)
         square = weight * weight
         self._squares += square
@@ -147,10 +140,10 @@ def _log_probability(
     rows = 2.0 * frequency_window_hz * tag.pulse_width_s / MODEL.row_bins + 1.0
     alike = 1.55 + 2.42 * tag.interval_jitter_s / tag.pulse_width_s
     rates = len(tag.pulse_intervals_s)
-    count = MODEL.hypotheses * MODEL.patterns * phases * intervals * rows * rates / alike**2
+    count = SEARCH.hypotheses * MODEL.patterns * phases * intervals * rows * rates / alike**2
     sag_slots = most_drift * pulses * interval_s / 4.0 / slot_s
     if sag_slots >= 1.0:
-        count *= 1.0 + sag_slots / MODEL.drift_slots
+        count *= 1.0 + sag_slots / SEARCH.drift_independent_slots
     return math.log(WHOLE_FLIGHT_FALSE_ALARM) - math.log(count)
 
 

@@ -45,9 +45,9 @@ class PowerTrack:
     longitude_deg: _Floats
     height_m: _Floats
     snr_db: _Floats
-    """(n,) SNR of each pulse [dB]; NaN: missed."""
-    threshold_db: float = 10.0
-    """SNR above which a missed pulse would have been detected [dB]."""
+    """(n,) energy of each pulse over the median noise [dB], SNR if it is even; NaN: missed."""
+    threshold_db: float | _Floats = 10.0
+    """Ratio above which a missed pulse would have been detected [dB]; (n,) if it varies."""
     antenna: AntennaPattern | None = None
     """Antenna pattern, which requires `yaw_deg`; None: upright monopole."""
     yaw_deg: _Floats | None = None
@@ -140,7 +140,8 @@ class PowerEvidence:
         if self.over_hills is None and count == len(self._heard):
             fit = _fit_of_heard(*heard, self._prior)
         else:
-            limit_db = self._track.threshold_db - self._mean_db
+            limits_db = np.broadcast_to(self._track.threshold_db, self._heard.shape)
+            limit_db = limits_db[self.used[count:]] - self._mean_db
             fit = censored_fit(
                 *heard,
                 loss[:, count:].astype(np.float64),

@@ -49,7 +49,8 @@ class SurveyEvidence:
     ) -> None:
         self._over_hills = over_hills
         self._east_m, self._north_m, self._track = east_m, north_m, track
-        self._propagation, self._height_sigma_m = propagation, height_sigma_m
+        self._propagation = propagation
+        self._height_sigma_m = _height_sigma_m(track, height_sigma_m)
         self.kept = np.ones(len(track.snr_db), bool)
         """(n,) True for pulses that are not attributed to other senders."""
         self.height_shift_m = 0.0
@@ -68,7 +69,7 @@ class SurveyEvidence:
             self.kept = readings[0]
             # Misses allow positions to be compared, but not heights: a flight with true heights
             # and half of its pulses missed was estimated 30 m too low.
-            if height_sigma_m > 0.0 and np.mean(heard) >= SURVEY.received_share:
+            if self._height_sigma_m > 0.0 and np.mean(heard) >= SURVEY.received_share:
                 shifts_m = self._weigh_heights(place, spread_m)
                 self._log_prior = _log_prior_of_height(shifts_m, self._height_sigma_m)
         self._evidences = [
@@ -312,6 +313,12 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
         )
         found.append(Caution(name="foreign", text=text))
     return tuple(found)
+
+
+def _height_sigma_m(track: PowerTrack, sigma_m: float) -> float:
+    """Standard deviation of the height's error [m]; a low receiver's height is known better."""
+    most_m = SURVEY.height_share * abs(float(np.median(track.height_m)))
+    return min(sigma_m, most_m) if most_m >= SURVEY.least_sigma_m else 0.0
 
 
 def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:

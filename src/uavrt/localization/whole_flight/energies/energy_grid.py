@@ -50,6 +50,8 @@ class SlotEnergies:
     """(frequencies, slots) True for a pulse strong enough to be detected alone."""
     listened: NDArray[np.bool_]
     """(slots,) True where there were samples."""
+    noise_db: NDArray[np.float64]
+    """(slots,) noise by which a slot's energies were divided [dB]; may change with heading."""
     pulses: int = 1
     """Number of pulses in a coded tag's burst, whose energy is their mean; otherwise 1."""
     single: SinglePulses | None = None
@@ -77,6 +79,7 @@ class SlotEnergies:
             level=self.level[:, first:end],
             loud=self.loud[:, first:end],
             listened=self.listened[first:end],
+            noise_db=self.noise_db[first:end],
             single=_joined_singles([self], first, end),
         )
 
@@ -132,6 +135,7 @@ def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
         level=level,
         loud=np.concatenate([one.loud for one in parts], axis=1),
         listened=np.concatenate([one.listened for one in parts]),
+        noise_db=np.concatenate([one.noise_db for one in parts]),
         single=_joined_singles(parts),
     )
 
@@ -288,7 +292,7 @@ def slot_energies(
         power[:, done : done + count] = new[:count, rows].T
         done += count
     whole = _whole_windows(there, hop, grid.window, columns)
-    loud = _standardise(power, whole, round(ENERGY.level_s / grid.hop_s))
+    loud, noise_db = _standardise(power, whole, round(ENERGY.level_s / grid.hop_s))
     crest, wide = _channel_columns(samples, hop, grid.window, columns, sample_rate_hz)
     top = power.max(axis=0) if columns else np.zeros(0, np.float32)
     pulse = loud & (crest <= ENERGY.crest * np.maximum(top, ENERGY.loud_power))
@@ -324,6 +328,7 @@ def slot_energies(
         level=level,
         loud=marked,
         listened=~_spread(~whole, reach)[at + reach],
+        noise_db=noise_db[at + reach],
         pulses=1 + len(tag.gaps_s),
         single=None
         if not tag.coded
@@ -401,10 +406,13 @@ def _whole_windows(
 
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
-) -> NDArray[np.bool_]:
-    """Divide by the noise of each row and time, in place; returns True for strong columns."""
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Divide by the noise of each row and time, in place.
+
+    Returns: True for strong columns, and the noise of each column [dB].
+    """
     columns = power.shape[1]
-    loud = np.zeros(columns, bool)
+    loud, noise_db = np.zeros(columns, bool), np.zeros(columns)
     side = ENERGY.level_rows // 2
     for part in _stretches(columns, length):
         some, good = power[:, part], whole[part]
@@ -421,7 +429,8 @@ def _standardise(
         )
         some /= np.maximum(levels / math.log(2.0), 1e-30)[:, np.newaxis].astype(np.float32)
         loud[part] = some.max(axis=0) > ENERGY.loud_power
-    return loud & whole
+        noise_db[part] = 10.0 * np.log10(max(float(np.median(levels)), 1e-30))
+    return loud & whole, noise_db
 
 
 def _stretches(count: int, length: int) -> list[slice]:

@@ -1,0 +1,47 @@
+"""Noise from one direction changes a pulse's SNR, and not its energy."""
+
+import made
+import numpy as np
+import pytest
+
+from uavrt.core.messages import Pose, PulsePose
+from uavrt.localization.antenna import MONOPOLE
+from uavrt.localization.estimates.flight_estimates import power_track
+from uavrt.localization.estimates.heard import Heard
+
+COUNT = 40
+NOISE_DB = 12.0 * np.exp(-0.5 * ((np.arange(COUNT) - 20.0) / 4.0) ** 2)
+"""Noise of a line that the flight crosses, over the receiver's own."""
+
+
+def flight(noise_db: np.ndarray, *, known: bool = True) -> Heard:
+    """Fly north past a tag with pulses each 2 s, but for three that are missed at the line."""
+    found = []
+    for number, over_db in enumerate(noise_db.tolist()):
+        if 19 <= number <= 21:
+            continue
+        time_ns = 10**18 + number * 2 * 10**9
+        psd = 1e-12 * 10.0 ** (over_db / 10.0) if known else float("nan")
+        pulse = made.pulse(time_ns, snr_db=30.0 - over_db, noise_psd=psd)
+        found.append(PulsePose(pulse=pulse, pose=made.pose(time_ns, 46.5 + 1e-4 * number)))
+    poses = [one.pose for one in found if isinstance(one.pose, Pose)]
+    tag = made.tag(2, made.FREQUENCY_HZ, 2.0)
+    return Heard.of_records(found, poses, tags=[tag], antenna=MONOPOLE)
+
+
+def test_a_surveys_energies_are_the_same_whatever_the_noise() -> None:
+    track = power_track(flight(NOISE_DB), 2)
+    heard = ~np.isnan(track.snr_db)
+    usual_db = float(np.median(NOISE_DB[[n for n in range(COUNT) if not 19 <= n <= 21]]))
+    assert track.snr_db[heard] == pytest.approx(30.0 - usual_db, abs=1e-6)
+    # A pulse is missed at the line at a level that is found elsewhere.
+    limits = np.broadcast_to(track.threshold_db, heard.shape)
+    assert np.count_nonzero(~heard) == 3
+    assert limits[~heard].min() > limits[0] + 10.0
+
+
+def test_without_a_known_noise_the_ratio_is_taken_as_it_is() -> None:
+    track = power_track(flight(NOISE_DB, known=False), 2)
+    heard = ~np.isnan(track.snr_db)
+    assert np.ptp(track.snr_db[heard]) > 5.0
+    assert np.ptp(np.broadcast_to(track.threshold_db, heard.shape)) == 0.0
