@@ -93,6 +93,8 @@ class SafetyLimits:
     # Weakest braking of a flight [m/s²] and of a turn [°/s²].
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0
+    setpoint_braking_deg_s2: float = 20.0
+    """Braking of the heading setpoint [°/s²]: PX4 1.17, MPC_YAWRAUTO_ACC."""
     leg_speed_m_s: float = 1.5
     """Lowest speed far from the target, except at the start of a step [m/s]."""
 

@@ -184,35 +184,51 @@ BEFORE = TargetSeen(
 )
 
 
-@pytest.mark.parametrize(("elsewhere", "obeyed"), [(True, True), (False, False)])
+@pytest.mark.parametrize(("elsewhere", "within_s"), [(True, 0.5), (False, 2.5)])
 def test_a_new_place_shows_that_a_stop_is_obeyed_and_at_the_old_one_the_heading_does(
-    elsewhere: bool, obeyed: bool
+    elsewhere: bool, within_s: float
 ) -> None:
-    """Still as far from the commanded heading after 3 s as at the command."""
-    here = PositionSeen(
-        time_s=10.0,
-        boot_s=10.0,
-        latitude_deg=0.0,
-        longitude_deg=0.0,
-        altitude_amsl_m=40.0,
-        altitude_relative_m=40.0,
-        velocity_m_s=(1.0, 3.5, 0.0),
-        yaw_deg=7.0,
-    )
-    command = Commanded(
+    """After 3 s still as far from the commanded heading as at the command, but coming back."""
+    command = stopped(elsewhere=elsewhere)
+    for seen in targets_after(10.0, TURNED_ON[1:30]):
+        assert command.see_target(seen, HERE, 26.0) is None
+        if seen.time_s > 10.0 + within_s:
+            assert command.obeyed
+    assert command.overdue(13.1, 0.1) is None
+
+
+def test_a_heading_that_stays_where_its_earlier_turn_ended_is_not_obeyed() -> None:
+    command = stopped(elsewhere=False)
+    ended = max(range(len(TURNED_ON)), key=lambda number: TURNED_ON[number])
+    held = (TURNED_ON[min(number, ended)] for number in range(1, 60))
+    faults = [command.see_target(seen, HERE, 26.0) for seen in targets_after(10.0, held)]
+    assert OTHERS_TURN in faults or command.overdue(15.0, 0.1)
+    assert not command.obeyed
+
+
+def stopped(*, elsewhere: bool) -> Commanded:
+    return Commanded(
         wish=STOP,
         behaviour=BEHAVIOURS["px4"],
         sent_s=10.0,
         first=False,
         before=BEFORE if elsewhere else replace(BEFORE, longitude_deg=0.0),
-        start=here,
+        start=HERE,
         turning_deg_s=26.0,
         previous=None,
     )
-    for seen in targets_after(10.0, TURNED_ON[1:30]):
-        assert command.see_target(seen, here, 26.0) is None
-    assert command.obeyed is obeyed
-    assert (command.overdue(13.1, 0.1) is None) is obeyed
+
+
+HERE = PositionSeen(
+    time_s=10.0,
+    boot_s=10.0,
+    latitude_deg=0.0,
+    longitude_deg=0.0,
+    altitude_amsl_m=40.0,
+    altitude_relative_m=40.0,
+    velocity_m_s=(1.0, 3.5, 0.0),
+    yaw_deg=7.0,
+)
 
 
 def watch_of(before_deg_s: float, yaw_deg: float) -> YawWatch:

@@ -94,6 +94,8 @@ class Commanded:
         rises = isinstance(self.wish, TakeOff)
         longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
+            if self.target_yaw is not None:
+                longest_s += self.target_yaw.turns_on_s
             late = now_s - self.sent_s > longest_s
             return "the command was not seen to be obeyed" if late else None
         if self.progress.stopped(now_s):

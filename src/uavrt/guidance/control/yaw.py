@@ -118,6 +118,11 @@ class YawWatch:
         return OTHERS_TURN if off > most and not follows else None
 
     @property
+    def turns_on_s(self) -> float:
+        """Time in which a setpoint may complete a turn that began before the command [s]."""
+        return abs(self.turning_deg_s) / SAFETY.setpoint_braking_deg_s2 if self.exact else 0.0
+
+    @property
     def _tolerance_deg(self) -> float:
         return (
             min(SAFETY.aligned_deg, self.tolerance_deg) if self._aligned else self.tolerance_deg
@@ -197,6 +202,7 @@ class YawWatch:
         if self._ended:
             self._turns, self._moved_s = True, time_s
             self._best_deg = max(self._best_deg, min(off_deg, self._best_deg + longest))
+            self._first_deg = max(self._first_deg, self._best_deg)
         return longest
 
     def _aim(
@@ -247,9 +253,11 @@ def _turns_on_deg(turning_deg_s: float) -> float:
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
     """Largest angle in which PX4's heading setpoint ends a turn [°].
 
-    It brakes by 20°/s² (PX4 1.17, MPC_YAWRAUTO_ACC); 3° are the margin.
+    3° are the margin.
     """
-    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
+    if abs(turning_deg_s) <= SAFETY.turning_deg_s:
+        return 0.0
+    return turning_deg_s**2 / (2.0 * SAFETY.setpoint_braking_deg_s2) + 3.0
 
 
 @dataclass(slots=True, kw_only=True)
