@@ -167,7 +167,7 @@ def test_turns_reach_the_measured_rate(
 def test_px4_goes_on_turning_for_a_while_when_it_is_told_to_look_elsewhere() -> None:
     vehicle = hovering("px4")
     go(vehicle, 0.0, 0.0, math.radians(170.0))
-    fly(vehicle, 1.5)
+    fly(vehicle, 1.8)
     then = vehicle.heading.yaw_deg
     go(vehicle, 0.0, 0.0, math.radians(then))
     furthest = then

@@ -71,7 +71,7 @@ class _Braking:
 
 _BRAKING: dict[Flavour, _Braking] = {
     "px4": _Braking(0.45, 0.1, 0.95, 6.0),
-    "ardupilot": _Braking(0.87, 0.047, 0.75, 0.7),
+    "ardupilot": _Braking(0.87, 0.052, 0.82, 0.7),
 }
 """Measured braking. PX4 1.17 (SIH) overshoots by 0.4 to 1.5 m at 5 m/s (median 0.83 m) and
 settles 7 s after it was 3 m off. ArduCopter 4.7-dev (SITL) brakes with 2.6 m/s². It overshoots

@@ -19,11 +19,16 @@ class _Turning:
     setpoint: "_Turning | None" = None
     """Limits of the heading setpoint; None: its acceleration is not limited."""
 
-    def rate(self, off_deg: float, now_deg_s: float, step_s: float) -> float:
-        """Turning rate after a time step [°/s], from remaining angle and present rate."""
+    def rate(
+        self, off_deg: float, now_deg_s: float, step_s: float, goal_deg_s: float = 0.0
+    ) -> float:
+        """Turning rate after a time step [°/s].
+
+        From the remaining angle, the present rate, and the rate at which the goal turns.
+        """
         stops = math.sqrt(2.0 * self.braking_share * self.acceleration_deg_s2 * abs(off_deg))
         wanted_deg_s = min(self.rate_deg_s, stops, self.gain_hz * abs(off_deg))
-        wanted = math.copysign(wanted_deg_s, off_deg)
+        wanted = math.copysign(wanted_deg_s, off_deg) + goal_deg_s
         most = self.acceleration_deg_s2 * step_s
         return now_deg_s + max(-most, min(most, wanted - now_deg_s))
 
@@ -85,7 +90,9 @@ class Heading:
         setpoint = self._moved(self.setpoint_deg, wanted, step_s)
         off = (setpoint - self.yaw_deg + 180.0) % 360.0 - 180.0
         self.setpoint_deg = setpoint
-        self.rate_deg_s = self._turning.rate(off, self.rate_deg_s, step_s)
+        smooth = self._turning.setpoint is not None
+        ahead_deg_s = self._setpoint_rate_deg_s if smooth else 0.0
+        self.rate_deg_s = self._turning.rate(off, self.rate_deg_s, step_s, ahead_deg_s)
         self.yaw_deg = (self.yaw_deg + self.rate_deg_s * step_s) % 360.0
 
     def _moved(self, setpoint: float, wanted: float | None, step_s: float) -> float:
