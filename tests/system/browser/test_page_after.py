@@ -111,7 +111,7 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
     expect(verdicts.nth(1)).to_contain_text("Tag 4 foxWhole flightfound")
     expect(verdicts.nth(1)).to_contain_text("one of 50,000 flights")
     expect(verdicts.nth(1)).to_contain_text("24 found after the flight")
-    expect(verdicts.nth(1)).to_contain_text("within 95 m")
+    expect(verdicts.nth(1)).to_contain_text("95 m (95 %)")
     expect(verdicts.nth(2)).to_contain_text("Tag 6 owlWhole flightnot found")
     expect(verdicts.nth(2)).to_contain_text("do not cover the flight")
     watched.picture("after")

@@ -23,7 +23,7 @@ def test_the_pages_report_has_what_the_page_tells_of_the_antenna_that_is_set(
     )
     antenna = AntennaChoice(offset_deg=90.0, heading_sigma_deg=15.0)
     page = asyncio.run(reporter.report(place, antenna)).decode().replace("\u00a0", " ")
-    told = [f"{one.positions[0]['radius95_m']:.0f} m with 95 %" for one in (usual, found)]
+    told = [f"{one.positions[0]['radius95_m']:.0f} m (95 %)" for one in (usual, found)]
     assert told[0] not in page
     assert told[1] in page
     assert f"{found.bearings[0]['bearing_deg']:.0f}°" in page
