@@ -39,4 +39,4 @@ def test_report_and_export_trust_the_flight_as_localize_does(
 
     report(flight, place=Placing(antenna=antenna, **priors), pdf=False, output=tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
-    assert f"{told['radius95_m']:.0f} m with 95 %" in page
+    assert f"{told['radius95_m']:.0f} m (95 %)" in page
