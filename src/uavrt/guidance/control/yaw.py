@@ -171,6 +171,7 @@ class YawWatch:
         passes = before_deg * side_deg < 0.0 < before_deg * step_deg
         if (
             self.exact
+            and self.wanted_deg is None  # a commanded heading comes to meet nothing
             and passes
             and gap_s > 0.0
             and abs(turned_deg) > SAFETY.settled_deg
