@@ -95,6 +95,8 @@ class SafetyLimits:
     turn_braking_deg_s2: float = 25.0
     setpoint_braking_deg_s2: float = 20.0
     """Braking of the heading setpoint [°/s²]: PX4 1.17, MPC_YAWRAUTO_ACC."""
+    setpoint_rests_deg_s: float = 1.5
+    """Largest rate of a heading setpoint that rests [°/s]."""
     leg_speed_m_s: float = 1.5
     """Lowest speed far from the target, except at the start of a step [m/s]."""
 

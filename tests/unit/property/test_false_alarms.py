@@ -39,3 +39,9 @@ POSSIBLE: list[tuple[Flavour, str]] = [
 def test_no_command_follows_a_takeover(flavour: Flavour, name: str) -> None:
     results = [takeover_fault(name, flavour, seed) for seed in range(INSTANTS)]
     assert not [one for one in results if one not in (None, CROSSED)]
+
+
+@pytest.mark.parametrize("seed", [27, 58])
+def test_a_turn_that_begins_as_ours_ends_is_not_undone_by_our_next_command(seed: int) -> None:
+    """PX4's setpoint had moved by less than 1° when the next heading was sent."""
+    assert takeover_fault("turn at our target", "px4", seed) is None

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from uavrt.core.errors import CommandRefused
 from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.control.commanded import OTHERS_TARGET, Commanded
 from uavrt.guidance.control.observed import (
     HomeSeen,
@@ -138,7 +139,10 @@ class OrderWatch:
             )
         if self.offer.takeoff and not vehicle.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
-        if isinstance(wish, TurnInPlace) and not vehicle.heading_rests:
+        turns = motion is not None and _setpoint_turns(motion, vehicle)
+        if (turns and not stops) or (
+            isinstance(wish, TurnInPlace) and not vehicle.heading_rests
+        ):
             raise CommandRefused("the drone is still moving or turning")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
@@ -282,3 +286,18 @@ class OrderWatch:
         if not seen.channels_us:
             return "the RC sticks are no longer reported"
         return self.rc.see(seen)
+
+
+def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
+    """True if the setpoint of a commanded heading turns although the drone has reached it.
+
+    Another's turn then begins, which a further command would undo.
+    """
+    wanted_deg = None if motion.yaw is None else motion.yaw.wanted_deg
+    target, seen = vehicle.target, vehicle.position
+    if wanted_deg is None or target is None or target.yaw_rate_deg_s is None:
+        return False
+    if seen is None or seen.yaw_deg is None:
+        return False
+    there = abs(wrap_degrees_180(wanted_deg - seen.yaw_deg)) <= SAFETY.turn_done_deg
+    return there and abs(target.yaw_rate_deg_s) > SAFETY.setpoint_rests_deg_s
