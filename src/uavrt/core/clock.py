@@ -70,10 +70,10 @@ def iso_utc(time_ns: int) -> str:
     return f"{stamp:%Y-%m-%dT%H:%M:%S}.{nanoseconds // 1000:06d}Z"
 
 
-def told_utc(time_ns: int) -> str:
+def utc_text(time_ns: int) -> str:
     """Format a time for people, to the second.
 
-    >>> told_utc(1_700_205_419_230_494_976)
+    >>> utc_text(1_700_205_419_230_494_976)
     '2023-11-17 07:16:59 UTC'
     """
     return f"{iso_utc(time_ns)[:19].replace('T', ' ')} UTC"

@@ -86,6 +86,10 @@ class FlightTuning:
     place_sigma_m: float = 2.0
     """Standard deviation, in each direction, of the error that all positions of a flight share
     [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
+    noise_reach_s: float = 90.0
+    """Time to each side over which noise is compared [s]; a turn and a leg are shorter."""
+    noise_step_s: float = 10.0
+    """Time for which noise is compared with the same median [s]."""
 
     live_turn_ns: int = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""

@@ -23,7 +23,7 @@ from uavrt.analysis.export.gpx import NAMESPACE, gpx_text
 from uavrt.analysis.export.kmz import kml_text
 from uavrt.analysis.report import report_words as words
 from uavrt.analysis.survey import Survey, read_survey
-from uavrt.core.clock import iso_utc, told_utc
+from uavrt.core.clock import iso_utc, utc_text
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.formats.bearings_csv import write_bearing_file
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
@@ -226,11 +226,11 @@ def test_a_walkers_place_says_for_which_time_it_stands(
     assert survey.position_time_ns(WALKER) == last_ns
     (walker, resting) = words.findings(survey)
     rows = dict(walker.facts.rows)
-    assert rows["Time"] == [f"{told_utc(last_ns)[11:19]} UTC"]
+    assert rows["Time"] == [f"{utc_text(last_ns)[11:19]} UTC"]
     assert "if it walked straight;" in rows["Caution"][-1]
     assert "if it walked straight;" not in str(resting.facts)
     assert uavrt("localize", str(place)) == 0
     plain = capsys.readouterr().out
     assert "the tag seems to have walked" in plain
     assert plain.count("if it walked straight;") == 1
-    assert f"its position at {told_utc(last_ns)}" in plain
+    assert f"its position at {utc_text(last_ns)}" in plain

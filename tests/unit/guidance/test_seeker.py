@@ -309,6 +309,20 @@ def test_noise_that_changes_with_the_heading_changes_no_energy(ears: PulseEviden
     assert raised == {3}
 
 
+def test_another_gain_after_the_radio_was_reopened_changes_no_energy(
+    ears: PulseEvidence,
+) -> None:
+    search = Searched("px4", [])
+    listen(ears, 0, 20)
+    quiet = some(ears.pulse(search.heard(TAG, 20.0), 3.0)).listening
+    ears.searched(replace(report(2, 60 * 10**9), noise_psd=16e-9), 60.0)
+    heard = search.heard(TAG, 20.0)
+    louder = replace(heard.pulse, start_time_ns=1, noise_psd=16e-9)
+    loud = some(ears.pulse(replace(heard, pulse=louder), 5.0)).listening
+    assert loud.snr_db == pytest.approx(quiet.snr_db, abs=0.1)
+    assert loud.threshold_db == pytest.approx(quiet.threshold_db, abs=0.1)
+
+
 def test_headings_come_from_the_attitude_of_the_antenna(ears: PulseEvidence) -> None:
     search = Searched("px4", [])
     search.flown.vehicle.heading.yaw_deg = 250.0

@@ -1,5 +1,7 @@
 """Noise from one direction changes a pulse's SNR, and not its energy."""
 
+from dataclasses import replace
+
 import made
 import numpy as np
 import pytest
@@ -14,18 +16,18 @@ NOISE_DB = 12.0 * np.exp(-0.5 * ((np.arange(COUNT) - 20.0) / 4.0) ** 2)
 """Noise of a line that the flight crosses, over the receiver's own."""
 
 
-def flight(noise_db: np.ndarray, *, known: bool = True) -> Heard:
-    """Fly north past a tag with pulses each 2 s, but for three that are missed at the line."""
+def flight(noise_db: np.ndarray, *, known: bool = True, every_s: int = 2) -> Heard:
+    """Fly north past a tag with regular pulses, but for three that are missed at the line."""
     found = []
     for number, over_db in enumerate(noise_db.tolist()):
         if 19 <= number <= 21:
             continue
-        time_ns = 10**18 + number * 2 * 10**9
+        time_ns = 10**18 + number * every_s * 10**9
         psd = 1e-12 * 10.0 ** (over_db / 10.0) if known else float("nan")
         pulse = made.pulse(time_ns, snr_db=30.0 - over_db, noise_psd=psd)
         found.append(PulsePose(pulse=pulse, pose=made.pose(time_ns, 46.5 + 1e-4 * number)))
     poses = [one.pose for one in found if isinstance(one.pose, Pose)]
-    tag = made.tag(2, made.FREQUENCY_HZ, 2.0)
+    tag = made.tag(2, made.FREQUENCY_HZ, float(every_s))
     return Heard.of_records(found, poses, tags=[tag], antenna=MONOPOLE)
 
 
@@ -38,6 +40,15 @@ def test_a_surveys_energies_are_the_same_whatever_the_noise() -> None:
     limits = np.broadcast_to(track.threshold_db, heard.shape)
     assert np.count_nonzero(~heard) == 3
     assert limits[~heard].min() > limits[0] + 10.0
+
+
+def test_another_gain_of_the_receiver_changes_no_energy() -> None:
+    """It raises noise and pulses alike, so the SNR stays."""
+    gain_db = np.where(np.arange(COUNT) < COUNT // 2, 0.0, 12.0)
+    heard = flight(gain_db, every_s=10).pulses[2]
+    louder = replace(heard, snr_db=np.full(len(heard.snr_db), 30.0))
+    assert np.ptp(10.0 * np.log10(louder.noise_psd)) == pytest.approx(12.0)
+    assert louder.snr_db + louder.noise_db == pytest.approx(30.0)
 
 
 def test_without_a_known_noise_the_ratio_is_taken_as_it_is() -> None:

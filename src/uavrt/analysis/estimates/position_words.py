@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uavrt.analysis.measure.pulse_shapes import Located
-from uavrt.core.clock import told_utc
+from uavrt.core.clock import utc_text
 from uavrt.core.units import counted
 from uavrt.localization.results import Position
 
@@ -49,6 +49,6 @@ def remarks_of(position: Position) -> tuple[str, ...]:
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
         return position.remarks
-    time = told_utc(position.track[-1].time_ns)
+    time = utc_text(position.track[-1].time_ns)
     straight = f"this was its position at {time} if it walked straight; its path may bend"
     return (*position.remarks, straight)

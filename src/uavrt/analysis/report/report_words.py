@@ -18,7 +18,7 @@ from uavrt.analysis.estimates.position_words import (
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flights.verdict_words import verdict_facts
 from uavrt.config.tags.tag_corrections import shared_offset_in_words
-from uavrt.core.clock import told_utc
+from uavrt.core.clock import utc_text
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import STATION_COUNTER, Pulse, SearchReport, Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND, counted, wrap_degrees_360
@@ -88,7 +88,7 @@ def heading_line(survey: Survey) -> str:
     local = survey.facts.local_time(span[0])
     local_text = "" if local is None else f" ({local})"
     return (
-        f"{told_utc(span[0])}{local_text}, {minutes:.1f} minutes · "
+        f"{utc_text(span[0])}{local_text}, {minutes:.1f} minutes · "
         f"{heard} of {counted(len(survey.tag_ids), 'tag')} heard, "
         f"{counted(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
     )

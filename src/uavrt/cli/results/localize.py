@@ -12,7 +12,7 @@ from uavrt.cli.options.inputs import require_content
 from uavrt.cli.options.kinds import Share
 from uavrt.cli.options.placing_options import USUAL_PLACING, Placing
 from uavrt.cli.shown.outputs import print_json
-from uavrt.core.clock import told_utc
+from uavrt.core.clock import utc_text
 from uavrt.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _way(found: "Position") -> list[str]:
 
     step = max(1, -(-len(found.track) // _MOST_POINTS))
     return [
-        f"{told_utc(one.time_ns)}: {place_in_words(one)}, "
+        f"{utc_text(one.time_ns)}: {place_in_words(one)}, "
         f"within {radii_in_words(one.radius50_m, one.radius95_m)}"
         for one in (*found.track[:-1:step], *found.track[-1:])
     ]

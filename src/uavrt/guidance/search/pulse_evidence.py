@@ -157,11 +157,12 @@ class PulseEvidence:
         search = self._searches.get(report.tag_id)
         if search is None:
             return
-        search.set_noise("report", report.noise_psd)
         if search.from_s is None or time_s - search.to_s > search.gap_s:
+            search.first_psds.clear()  # the radio was reopened, perhaps with another gain
             search.from_s = time_s
             search.next_s = max(search.next_s, time_s)
         search.to_s = max(search.to_s, time_s)
+        search.set_noise("report", report.noise_psd)
 
     def missed(self) -> list[Evidence]:
         """Return the pulses that by now have certainly been missed."""

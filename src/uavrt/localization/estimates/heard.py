@@ -16,6 +16,7 @@ from uavrt.localization.headings import Headings
 from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt.localization.tuning import FLIGHT
+from uavrt.localization.usual_noise import over_usual_noise_db
 
 _Floats = NDArray[np.float64]
 
@@ -131,14 +132,15 @@ class PulseColumns:
 
     @property
     def noise_db(self) -> _Floats:
-        """(n,) noise at each pulse over its median [dB]; 0 if any is unknown.
+        """(n,) noise at each pulse over that usual at the time [dB]; 0 if any is unknown.
 
         SNR plus this noise is a pulse's energy, which noise from one direction does not change.
         """
         noise = self.noise_psd
         if not np.all(np.isfinite(noise) & (noise > 0.0)):
             return np.zeros(len(noise))
-        return np.asarray(10.0 * np.log10(noise / np.median(noise)))
+        time_s = (self.time_ns - self.time_ns[:1]) / NANOSECONDS_PER_SECOND
+        return over_usual_noise_db(10.0 * np.log10(noise), time_s)
 
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":

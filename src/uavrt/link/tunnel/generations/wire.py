@@ -93,7 +93,7 @@ class CommandMessage:
         return cls(command=command, numbers=numbers, **head)
 
     def encode(self) -> bytes:
-        """Encode the message; raises `TunnelError` for a number of fields nobody sends."""
+        """Encode the message; raises `TunnelError` for a wrong number of fields."""
         head = [getattr(self, name) for name in self.HEAD]
         for layout in self._layouts(self.command).values():
             if len(head) + len(self.numbers) == _values_in(layout):
