@@ -9,14 +9,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.control.observed import FailsafeSeen
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.autopilot.vehicle_messages import observations
 from uavrt.link.mavlink.message import Message
 from uavrt.simulation.vehicle.airframe import Flavour
-from uavrt.simulation.vehicle.simulated_flying import DO_PAUSE_CONTINUE, MODES
+from uavrt.simulation.vehicle.simulated_flying import DO_PAUSE_CONTINUE, FULL_SCALE_DEG, MODES
 from uavrt_experiments.autopilots.hand import CENTRED_US, FORCED, Hand
+from uavrt_experiments.autopilots.measures import commands_of
 from uavrt_experiments.autopilots.scene import RunningScene as Scene
 
 BOTH: tuple[Flavour, ...] = ("px4", "ardupilot")
@@ -138,10 +140,20 @@ def _go_higher(scene: Scene) -> None:
 
 
 def _turn(scene: Scene) -> None:
-    """Turn the drone at its target by 12° from the commanded heading."""
-    assert scene.hand.target is not None
-    yaw_rad = (scene.hand.target.yaw + math.radians(12.0)) % math.tau
-    scene.hand.reposition(*_goal(scene.hand), yaw_rad=yaw_rad)
+    """Turn the drone at its target by 12° from the heading that uavrt commanded.
+
+    Without one, from the bearing of the target. The setpoint may still be on its way there.
+    """
+    _, last = commands_of(scene.companion.kept)[-1]
+    latitude, longitude, altitude_m = _goal(scene.hand)
+    yaw_rad = last.param4
+    if not math.isfinite(yaw_rad):
+        here_lat, here_lon = scene.hand.place
+        plane = TangentPlane(latitude_deg=here_lat, longitude_deg=here_lon)
+        east_m, north_m = plane.to_local(latitude / FULL_SCALE_DEG, longitude / FULL_SCALE_DEG)
+        yaw_rad = math.atan2(float(east_m), float(north_m))
+    yaw_rad = (yaw_rad + math.radians(12.0)) % math.tau
+    scene.hand.reposition(latitude, longitude, altitude_m, yaw_rad=yaw_rad)
 
 
 def _condition_yaw(scene: Scene) -> None:
