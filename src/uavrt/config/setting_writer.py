@@ -50,7 +50,7 @@ def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(
-            f"cannot read the settings {path}: {reason}", remedy="Check the file"
+            f"cannot read the settings {path}: {reason}", remedy="Make it readable UTF-8 text"
         ) from error
     parse_settings(before.encode(), name=path.name)
     text = before
@@ -121,7 +121,7 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
     if _without_empty(found) != _without_empty(wanted):
         names = ", ".join(f"[{table}] {key}" for table, key in changes)
         raise ConfigError(
-            f"{path.name} is written in a form in which {names} cannot be changed from here",
+            f"uavrt cannot change {names} in the layout of {path.name}",
             remedy="Change it with an editor, or move the file away and start again",
         )
 

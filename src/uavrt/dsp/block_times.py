@@ -1,7 +1,7 @@
 """Compute the times of a stream's samples from the times of its blocks.
 
-The nominal rate is used only within a block: over an hour a crystal errs by 180 ms at 50 ppm,
-and gaps and corrections of the clock add to it.
+The nominal rate is used only within a block. Over an hour a crystal that is off by 50 ppm errs
+by 180 ms, and gaps and clock corrections add to this.
 """
 
 from bisect import bisect_right

@@ -127,8 +127,8 @@ def channel_center_hz(
 ) -> float:
     """Absolute frequency of a channel's centre [Hz].
 
-    The first half of the channels lies at and above the radio's centre, the rest below it; of
-    an even number, the middle one is the negative Nyquist frequency.
+    The first half of the channels lies at and above the radio's centre, the rest below. If the
+    number is even, the middle channel is at the negative Nyquist frequency.
     """
     signed = channel if 2 * channel < channel_count else channel - channel_count
     return center_frequency_hz + signed * spacing_hz

@@ -175,8 +175,8 @@ def _candidates(
 ) -> Floats:
     """Frequencies in [low, high] among which the best choice lies [whole Hz].
 
-    A grid, and the points where a cost has its kinks: tags on a channel centre (the mean offset
-    is piecewise linear), at the edge of a guard, at the start of a shoulder.
+    They are a grid, and the points where the slope of a cost changes: tags on a channel centre,
+    at the edge of a guard, or at the start of a shoulder.
     """
     steps = np.arange(np.floor((low - tags[0]) / spacing), (high - tags[0]) / spacing + 2)
     flat = spacing * FLAT_FRACTION / 2

@@ -2,10 +2,10 @@
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
 committed record through ``kill -9``. In a flight that is received or flown, each commit also
-reaches the disk (``synchronous=FULL``, one fsync), and the write-ahead log is checkpointed at a
-size of `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does both. The text log is a
-second copy. While the disk is full or read-only, records wait in memory, and every commit tries
-again.
+reaches the disk (``synchronous=FULL``, one fsync). The write-ahead log is then checkpointed at
+a size of `WAL_BYTES`. Other flights reach the disk by a checkpoint every `CHECKPOINT_S`. The
+text log is a second copy. While the disk is full or read-only, records wait in memory, and
+every commit tries again.
 """
 
 import itertools

@@ -74,7 +74,7 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
 
 def _row(cells: list[str]) -> BearingRow:
     if len(cells) < _COLUMNS:
-        raise ValueError(f"the line has {len(cells)} columns")
+        raise ValueError(f"the line has {len(cells)} columns, not {_COLUMNS}")
     return BearingRow(
         tag_id=whole(cells[0]),
         parent_file=cells[1],

@@ -63,10 +63,10 @@ def save_integrated(
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     """Pulses of a tag found by whole-flight analysis, without those detected in flight.
 
-    A slot gives a pulse if the tag was at that rate and the slot's energy is significant: noise
-    reaches it in at most one slot of twenty (`slots_of`). `snr_db` is this energy above the
-    mean of noise, and up to 2 dB too great if the jitter allows a choice. Score, group and
-    noise density are unknown.
+    A slot gives a pulse if the tag used that rate and the slot's energy is significant. Noise
+    reaches such an energy in at most one slot of twenty (`slots_of`). `snr_db` is this energy
+    over the mean of noise; if the jitter allows a choice, it is up to 2 dB too great. Score,
+    group and noise density are unknown.
     """
     if not result.found:
         return []

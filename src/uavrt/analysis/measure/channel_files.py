@@ -38,9 +38,9 @@ def plan_channels(
 ) -> FrontEnd:
     """Set up the filters of the requested channels.
 
-    `channels` are the original's numbers, 1 the centre; negative also uses the second port;
-    none means all. `mode` selects the original's filter bank (3750 S/s), or one twice
-    oversampled without aliases (7500 S/s).
+    `channels` are the original's numbers, 1 the centre; a negative number also sends to the
+    channel's second port, and no numbers mean all channels. `mode` selects the original's
+    filter bank (3750 S/s), or one twice oversampled without aliases (7500 S/s).
     Raises `ConfigError` for a channel outside this band, or a rate unfit for the compatible
     mode; `TunerError` for a channel beyond the alias-free span.
     """
@@ -76,10 +76,10 @@ def _check_compatible(front_end: FrontEnd) -> None:
     if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):
         return
     raise ConfigError(
-        f"{plan.sample_rate_hz:g} samples a second make {count} channels of {rate_hz:g}, not "
-        f"the original's {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g}",
-        remedy="Take 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or, for detectors that "
-        "take rate and centre as options, --mode default",
+        f"{plan.sample_rate_hz:g} samples a second give {count} channels of {rate_hz:g} Hz; "
+        f"the original's detectors need {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g} Hz",
+        remedy="Use 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or --mode default, for "
+        "detectors with options for rate and centre",
     )
 
 
@@ -90,7 +90,7 @@ def ports_of(
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(
-            "the thesis's layout has no second port for a channel",
+            "--ports thesis gives each channel one port; a channel with a minus needs a second",
             remedy="Leave the minus out, or use --ports current",
         )
     return {

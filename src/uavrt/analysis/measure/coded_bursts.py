@@ -25,7 +25,7 @@ _WIDTH_S: Final = 0.0025
 """Length of the pulse detection filter [s]: a coded tag's usual pulse width. Others are up to
 7.5 ms wide."""
 _REACH_S: Final = 0.009
-"""Distance to which a pulse's energy is compared with its surroundings [s]; gaps are longer."""
+"""Time around a pulse with which its energy is compared [s]; gaps between pulses are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
 """Rounding of measured pulse widths [1/s]: steps of 0.5 ms, as in specifications."""
 _LEAST: Final = 30.0

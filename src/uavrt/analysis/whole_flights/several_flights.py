@@ -92,10 +92,9 @@ def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) 
         for flight, tags in zip(flights[1:], own[1:], strict=True):
             if _nature(tags[tag_id]) != _nature(first):
                 raise UsageError(
-                    f"tag {tag_id} is another one in {flight.info.directory} than in "
-                    f"{flights[0].info.directory}: frequency, pulse width, intervals "
-                    "or gaps differ",
-                    remedy="Name the tag file that holds for all with --tags",
+                    f"tag {tag_id} has another frequency, pulse width, interval or gap in "
+                    f"{flight.info.directory} than in {flights[0].info.directory}",
+                    remedy="Name one tag file for all flights with --tags",
                 )
     return [own[0][tag_id] for tag_id in ids]
 

@@ -91,7 +91,7 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of bursts in step against one unlisted code's, also in step.
+    """Log-likelihood ratio of several bursts, against one unlisted tag with the same interval.
 
     `alone` (bursts, pulses): as in `Evidence`.
     """

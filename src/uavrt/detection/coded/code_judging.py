@@ -1,8 +1,8 @@
 """Decide if a sum of cells is a burst, and which of several codes sent it.
 
-The pulses of a burst come from one tag within a quarter of a second: they are equally strong
-(`evidence`), each is where its cell is largest, and each is as short as a pulse. Signals within
-a stronger burst are explained by it; codes are distinguished by pulses that they do not share.
+The pulses of a burst come from one tag within a quarter of a second. So they are equally strong
+(`evidence`), each is as short as a pulse, and each is where its cell is largest. A stronger
+burst explains all signals within it. Pulses that two codes do not share distinguish the codes.
 """
 
 from dataclasses import dataclass, field, replace

@@ -62,7 +62,7 @@ class Foreign:
         return int((near & (np.abs(self._rows - row) <= FOREIGN.rows)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
-        """Rate of foreign bursts around a burst [1/h]: averaged, or from within its length."""
+        """Rate of foreign bursts around a burst [1/h]; above average if one is in its span."""
         near = self._columns >= burst.columns[0] - self._span
         near &= self._columns <= burst.columns[-1] + self._span
         near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin

@@ -18,7 +18,7 @@ from uavrt.detection.coded.code_evidence import evidence_in_step
 from uavrt.detection.coded.tuning import IDENTITY
 
 _TRIED = math.log(IDENTITY.steps)
-"""Log of the number of ranges of steps that are tried, because the best is used."""
+"""Log of the number of tries of which the best is used; subtracted from its likelihood."""
 
 
 def in_step(

@@ -18,7 +18,7 @@ class CellTuning:
     noise_pieces: int = 25
     """Number of pieces of samples whose medians give the noise: 10 s."""
     least_rise: float = 0.85
-    """Minimum noise as a share of the newest estimate; a rise must not look like bursts."""
+    """Minimum noise as a share of the newest estimate, so that rising noise is no burst."""
     kept_s: float = 130.0
     """Duration for which cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -148,7 +148,7 @@ class ShapeTuning:
     beside_amplitude: float = 0.6
     """Maximum amplitude next to a pulse's end, relative to the pulse, without noise."""
     end_widths: tuple[float, float] = (1.2, 3.2)
-    """Distances at which a pulse must have ended, at one of the two [pulse widths]."""
+    """Distances from a pulse, at one of which its energy must have ended [pulse widths]."""
     aside_s: float = 0.75e-3
     """Maximum deviation of a strong pulse from its expected time in the burst [s]. At 20 dB the
     flanks of a code matched one whose gaps differ by 4.5 ms in total."""

@@ -74,7 +74,7 @@ class AnchorSearch(RateSearch):
         return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; the first column gets this number."""
+        """Begin in mid-stream; `column` is the number of the first column."""
         super().begin_at(column)
         self.pushed = column
 

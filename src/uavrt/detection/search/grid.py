@@ -1,8 +1,8 @@
 """The time-frequency grid of the search: a spectrogram of windows one pulse long.
 
 For a rectangular pulse the matched filter bank is the discrete-time Fourier transform of each
-window. The hop is an eighth of a pulse and the rows a quarter of a bin apart, at any sample
-rate; half of each, as in the original, costs 1.0 dB.
+window. At any sample rate the hop is an eighth of a pulse, and rows are a quarter of a bin
+apart. Hops of half a pulse and rows half a bin apart, as in the original, cost 1.0 dB.
 
 The columns of a row are contiguous in memory, because an anchor reads about fifty of them.
 Shifted maxima are taken over all rows as one long row, without the margins.
@@ -42,9 +42,9 @@ class Grid:
     `halves`: `half_transforms`, instead of the matrix, where rows lie symmetrically around the
     tag and the narrow band was shifted to put the tag at zero.
     `turn_hz`: frequency by which the narrow band is shifted down after the filter [Hz].
-    `pairs`: the filter for the compiled kernel: real and imaginary parts of its taps, each
-    twice, as float32 (2, 2 × taps), filled up to a multiple of eight taps; and the phase of
-    each output of a row against the first, as complex64.
+    `pairs`: the filter for the compiled kernel. The first array has the real and imaginary
+    parts of its taps, each twice, as float32 (2, 2 × taps), filled up to a multiple of eight
+    taps. The second has the phase of each output of a row against the first, as complex64.
     """
 
     sample_rate_hz: float

@@ -2,9 +2,9 @@
 
 A hypothesis is a row, an anchor cell, the anchor's number among the K pulses, and an interval.
 Its statistic is the anchor's power plus, for each other pulse, the largest power within the
-jitter around its expected time; all relative to the row's noise and none above a limit. A sum
-of K terms that reaches T has a term that reaches T/K, so only cells above T/K need be anchors:
-a few in a second of noise at K = 3. The work is linear in K.
+jitter around its expected time. All powers are relative to the row's noise and limited. If a
+sum of K terms reaches T, one term reaches T/K. So only cells above T/K need be anchors: at K =
+3 a few in a second of noise. The work is linear in K.
 """
 
 import math
@@ -118,7 +118,7 @@ class RateSearch(ABC):
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; the first column gets this number."""
+        """Begin in mid-stream; `column` is the number of the first column."""
         self.columns = column + self.reach
         self._first_columns = 0
 
@@ -148,8 +148,8 @@ class RateSearch(ABC):
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
     """Number of columns to search on either side of an expected pulse.
 
-    Two pulses both off by the full bound are rare, and a pulse a little beyond still shows by
-    its flank: 0.7 of the bound loses less than the smaller search gains.
+    It is 0.7 of the jitter's bound. Two pulses that both deviate by the full bound are rare,
+    and the flank of a pulse slightly outside is still detected. The smaller search gains more.
     """
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 

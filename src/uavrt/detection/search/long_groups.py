@@ -1,8 +1,8 @@
 """Search for groups of nine pulses or more: try every cell as the last pulse.
 
 With such K one cell in ten exceeds T/K, so anchors would not narrow the search. The maximum
-over the jitter is computed once for all cells, and of the past only columns that may contain a
-pulse are read: 0.3 of the time for K = 40.
+over the jitter is computed once for all cells. Only past columns that may contain a pulse are
+read, which takes 0.3 of the time for K = 40.
 """
 
 import math
@@ -29,7 +29,7 @@ class LongSearch(RateSearch):
         self._searched = 0
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream; the first column gets this number."""
+        """Begin in mid-stream; `column` is the number of the first column."""
         super().begin_at(column)
         self._searched = self.columns
 

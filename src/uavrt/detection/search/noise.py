@@ -51,9 +51,9 @@ def _noise_near_edge(
 ) -> NDArray[np.float32]:
     """Estimate the noise of rows where the spectrum is steep.
 
-    At a corner, the median of both sides is the lowest of the flat side: 2 to 3.5 times the
-    nominal false alarms. If one side is flat and includes the row, only that side is used; on
-    the slope itself, the nearest rows. `around` (steep, 2 × reach + 1): the rows on both sides.
+    At an edge the median of both sides is too low and gives 2 to 3.5 times the nominal false
+    alarms. If one side is flat and includes the row, the median of that side is used; on a
+    slope, that of the nearest rows. `around` (steep, 2 × reach + 1): the rows on both sides.
     """
     windows = noise[around]
     reach = windows.shape[1] // 2

@@ -44,8 +44,8 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
     """Duration in which a group of the first decision can begin [s].
 
-    The original's steps are whole columns, which for tags with small uncertainties round away
-    up to a millisecond per pulse; from K = 60 on nothing would be left.
+    The original's steps are whole columns. For tags with small uncertainties, this rounding
+    shortens the duration by up to a millisecond per pulse; from K = 60 on it would be 0.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
@@ -129,8 +129,9 @@ def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float
 def young_margin(threshold: float, noise_error: float) -> float:
     """Factor on a threshold while the noise estimate is less accurate than usual.
 
-    A tail falls as exp(-T), so an error s of the scale multiplies the false alarms by exp((T
-    s)^2 / 2); a factor 1 + T s^2 / 2 compensates. The tables include the usual error.
+    The tail of noise falls as exp(-T). So an error s of its scale multiplies the false alarms
+    by exp((T s)^2 / 2), and the factor 1 + T s^2 / 2 compensates for this. The tables include
+    the usual error.
     """
     more = max(0.0, noise_error**2 - THRESHOLDS.noise_error**2)
     return 1.0 + 0.5 * threshold * more

@@ -1,8 +1,9 @@
 """Make the noise of a channel white: suppress noise-like neighbours.
 
 Leakage from a band of noise near the tag would make ten times the false groups of white noise.
-The matched filter for noise of density S is the pulse divided by S: the samples are divided by
-S up to ten times the noise of the searched band, and by the square root of any excess.
+The matched filter for noise of density S is the pulse divided by S. So the samples are divided
+by S where it is up to ten times the noise of the searched band, and by the square root of any
+excess.
 
 The filter is symmetric, so that no pulse is shifted, and has a gain of one at the tag's
 frequency. It comes from linear prediction (J. Makhoul, Linear prediction: a tutorial review,

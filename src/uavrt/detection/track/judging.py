@@ -1,8 +1,8 @@
 """Measure a candidate on the samples and decide if it is a group of the tag.
 
-If a window's energy is six standard deviations above the noise, one row must have 0.35 of it:
-the pulse's row or a stronger signal's; otherwise the candidate is an impulse. Blanking longer
-bursts would blank pulses, too, and miss pairs of impulses.
+If a window's energy is six standard deviations above the noise, one row must have 0.35 of the
+energy: that of the pulse or of a stronger signal. Otherwise the candidate is an impulse.
+Blanking longer bursts instead would blank pulses, too, and miss pairs of impulses.
 """
 
 import math
@@ -119,10 +119,10 @@ class Judge:
         """Distinguish a tag's group from other signals, and find the tag's pulses in it.
 
         Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: it is excluded, and the group must suffice without it. If this
-        affects more than one pulse in four, or one without which the group fails, the group is
-        rejected. `places`: pulses and their numbers, in order of time. `floor`: mean power of
-        noise. Returns (own, reason): the tag's pulses; why the group is rejected.
+        signal is stronger. That pulse is excluded, and the group must suffice without it. If
+        this affects more than one pulse in four, or one without which the group fails, the
+        group is rejected. `places`: pulses and their numbers, in order of time. `floor`: mean
+        power of noise. Returns (own, reason): the tag's pulses; why the group is rejected.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:

@@ -1,8 +1,8 @@
 """Track a tag from pulse to pulse, also through missed pulses.
 
 A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
-slots of the lattice. The next pulse is expected in so small a volume that its threshold is far
-below that of the search: 1.3 dB and more at K = 3.
+slots of the lattice. The next pulse is expected within narrow limits of time and frequency, so
+its threshold is far below that of the search: 1.3 dB or more at K = 3.
 """
 
 import math

@@ -60,7 +60,7 @@ class JudgeTuning:
     """Distance within which a strong pulse's maximum is searched [bins]: cells at their limit
     hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low."""
     crossing_widths: float = 0.5
-    """Difference of intervals tried beyond the bound [pulse widths]; a larger can fit twice."""
+    """Distance beyond the tag's bound up to which other intervals are tried [pulse widths]."""
     crossing_lead: float = 10.0
     """Lead in power at which another interval is accepted [noise powers]. A tag at its bound
     stays below this: 0.375 ms beyond, it loses more than noise adds."""
@@ -162,8 +162,9 @@ class FollowTuning:
     trust_won: float = 4.0
     """Maximum gain of log odds by a pulse."""
     joint_trust: float = 6.0
-    """Log odds above which a weak pulse is accepted by its sum with others. Before, it includes
-    the pulses that began the track, the largest of many: a third of noise passed."""
+    """Log odds above which a weak pulse is accepted by its sum with others. Below, the sum
+    includes the pulses that began the track, the largest of many, and a third of noise
+    passed."""
     sure_trust: float = 10.0
     """Log odds above which the pulses of a track are certainly no bursts."""
     most_alone: int = 8

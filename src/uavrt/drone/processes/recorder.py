@@ -198,7 +198,7 @@ class Recorder:
             try:
                 note_deliveries(directory, replace(record, pulses=earlier))
             except RecordingError as error:
-                log.warning("cannot record the receipt of pulses", reason=str(error))
+                log.warning("cannot store which pulses were delivered", reason=str(error))
 
     def _write(self, record: object) -> None:
         if isinstance(record, Command):

@@ -99,7 +99,9 @@ class FlightDatabase:
         assert self._file is not None
         there = next(path for path in root.parents if path.exists())
         if there.stat().st_dev != self._file[0]:
-            raise RecordingError(f"the disk of {root} is gone", remedy="Connect it again")
+            raise RecordingError(
+                f"the disk with {root} is not connected", remedy="Connect it again"
+            )
         self._layout.make([])
         copy = root / ".flight.sqlite"
         copy.unlink(missing_ok=True)

@@ -204,7 +204,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
     columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:
-        raise ValueError("the flight was cut off before it began")
+        raise ValueError("the flight has no start time: recording ended too early")
     times_ns = [
         one
         for one in (*row[:2], *database.execute(f"SELECT {_SPANS} FROM pulses").fetchone())

@@ -152,7 +152,7 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
     if _is_tag_list(path, cells):
         raise FormatError(
             f"{os.fspath(path)} is a list of tags, not of pulses",
-            remedy="Name the flight or the pulse log; `uavrt tags check` looks at tag lists",
+            remedy="Name the flight or the pulse log; `uavrt tags check` checks tag lists",
         )
     if cells[0] == "tag_id" and "start_time_ns" in cells:
         return "uavrt-csv"

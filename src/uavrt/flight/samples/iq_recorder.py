@@ -70,7 +70,7 @@ class IQRecorder:
         except OSError as error:
             raise RecordingError(
                 f"cannot record samples to {base}.sigmf-data: {error.strerror}",
-                remedy="Free space, or switch [recording] iq off",
+                remedy="Free some space, or set [recording] iq = false",
             ) from error
         self._space = FreeSpace(base.parent, minimum_free_mb)
         self._thread = threading.Thread(target=self._run, name="iq-recorder", daemon=True)

@@ -302,8 +302,8 @@ class _StallWatch:
             self._from, self._until_s = done, _soon(STALL_NS)
         elif monotonic_s() > self._until_s:
             raise LinkError(
-                f"the transfer of {self._what} has stalled: {done - self._from} received in "
-                f"{s_from_ns(STALL_NS):.0f} s",
+                f"the transfer of {self._what} has stalled: {done - self._from} of at least "
+                f"{self._least} received in {s_from_ns(STALL_NS):.0f} s",
                 remedy="Move closer to the drone and try again; what has arrived is kept",
             )
 

@@ -50,7 +50,7 @@ class PulseLines:
         size = self._file.seek(0, 2)
         try:
             if self._file.write(line) != len(line):
-                raise OSError(None, "there is no room")
+                raise OSError(None, "no space left on the disk")
         except OSError as error:
             self._file.truncate(size)
             raise self._unwritten(error) from error

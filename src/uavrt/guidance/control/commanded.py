@@ -12,7 +12,10 @@ from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import YawWatch
 from uavrt.guidance.safety import SAFETY
 
-OTHERS_TARGET, OTHERS_HEIGHT = "another has given a target", "another changes the height"
+OTHERS_TARGET, OTHERS_HEIGHT = (
+    "another program has set a target",
+    "another program changes the height",
+)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -289,9 +289,9 @@ class OrderWatch:
 
 
 def _setpoint_turns(motion: Commanded, vehicle: ObservedVehicle) -> bool:
-    """True if the setpoint of a commanded heading turns although the drone has reached it.
+    """True if the heading's setpoint turns although the drone has the commanded heading.
 
-    Another's turn then begins, which a further command would undo.
+    Another station's turn then begins, which a further command would undo.
     """
     wanted_deg = None if motion.yaw is None else motion.yaw.wanted_deg
     target, seen = vehicle.target, vehicle.position

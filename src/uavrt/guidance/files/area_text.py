@@ -1,6 +1,6 @@
 """Read outlines of areas from GeoJSON, KML and QGroundControl's plans. Pure.
 
-Of QGroundControl's plans (version 1): a survey's ``polygon``, a fence's polygons and circles.
+QGroundControl's plans (version 1) have a survey's ``polygon``, a fence's polygons and circles.
 """
 
 from collections.abc import Iterator

@@ -596,9 +596,7 @@ def _stations(
 ) -> Stations:
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
-        raise UsageError(
-            "none of its bearings points in a clear direction", remedy="Fly nearer"
-        )
+        raise UsageError("no bearing of the tag has a clear direction", remedy="Fly nearer")
     origin_ns = min(one.middle_time_ns for one in used)
     times_s = [(one.middle_time_ns - origin_ns) / NANOSECONDS_PER_SECOND for one in used]
     stations = Stations.of(
@@ -696,8 +694,8 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
         raise UsageError(
-            f"detected {len(own.time_ns)} times at a known position",
-            remedy="At least three pulses are needed",
+            f"only {len(own.time_ns)} of the tag's pulses have a position, three are needed",
+            remedy="Fly nearer",
         )
     noise_db = own.noise_db
     columns = [own.latitude_deg, own.longitude_deg, own.height_m, noise_db, own.snr_db]

@@ -2,8 +2,8 @@
 
 A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
 applies, with each position of the drone shifted back by the tag's movement. The evidence of
-both is summed over a grid of positions and velocities: first a coarse one with some of the
-pulses, then a finer one if the first favours walking.
+both is summed over a coarse grid of positions and velocities, with some of the pulses. If that
+favours walking, a finer grid follows.
 """
 
 from dataclasses import dataclass, replace

@@ -176,8 +176,8 @@ class SurveyTuning:
     height_sigma_m: float = 7.0
     """Default standard deviation of a stated height above the tag [m]."""
     height_share: float = 0.25
-    """Maximum standard deviation of a height, as a share of it: a person carries a receiver at
-    1.5 m, whatever the ground. Larger ones explain shadows as heights."""
+    """Maximum standard deviation of a height, as a share of the height; a person carries a
+    receiver at 1.5 m on any ground. Larger ones take a shadow for a wrong height."""
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0
@@ -291,8 +291,8 @@ class LevelTuning:
     """Range of the table of the normal tail to both sides [standard deviations]."""
     receiver_gains_db: tuple[tuple[float, float], ...] = ((0.7, 6.0), (0.3, 20.0))
     """Common error of another receiver's levels: probability and standard deviation [dB] of two
-    cases. Another radio or cable makes some decibels. An antenna 6 m over the ground receives a
-    far tag 20 dB weaker than one at 60 m (two rays), and one behind a hut weaker still."""
+    cases. Another radio or cable makes some decibels. By the ground's reflection, an antenna
+    at 6 m receives a far tag 20 dB weaker than one at 60 m; a hut weakens it further."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,8 +35,8 @@ def beyond_level_db(
 ) -> _Floats:
     """Loss of a profile beyond that of level ground [dB], by its edge's parameter ν.
 
-    Over level ground ν is greatest where the ray to the mirrored antenna meets the ground: -2
-    √(2 a b / (λ d)) for heights a and b above it.
+    Over level ground ν is greatest where the ray to the mirrored antenna meets the ground.
+    There it is -2 √(2 a b / (λ d)) for antennas at heights a and b.
     """
     height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
     level = -2.0 * height / np.sqrt(np.maximum(distance_m, 1.0))

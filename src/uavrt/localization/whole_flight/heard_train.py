@@ -191,9 +191,9 @@ def _exponentials(mean: float) -> float:
 def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
     """(strengths, amplitudes) log likelihood ratio of a slot's energy.
 
-    For bursts, the mean of their pulses replaces E, and of the largest of m one may be a
-    burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. Fading affects all pulses of a burst
-    alike.
+    For a coded tag, E is the mean energy of a burst's pulses, and one of the m windows may hold
+    the burst. The ratio is f/(m e^-E) + (m-1)/m F/(1-e^-E), with f and F of one pulse. Fading
+    affects all pulses of a burst alike.
     """
     energy = np.maximum(AMPLITUDES, 0.1) ** 2
     if pulses == 1:
@@ -218,9 +218,9 @@ def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
 def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
     """Likelihood ratio of the largest of m exponentials, two of which may be a pulse's.
 
-    With f and F the densities, over that of noise, and laws of their energies, N = 1 - e^-E
-    and q = 1, it is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q); q falls
-    to 0 with m to 1.
+    f is the density of a window's energy, over that of noise, F its distribution function, and
+    N = 1 - e^-E. The ratio is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q).
+    q is 1, and falls to 0 as m falls to 1.
     """
     below = -np.expm1(-energy)
     (first, first_law), (second, second_law) = (

@@ -203,7 +203,8 @@ class PlaceTuning:
     stray_share: float = 1e-2
     """Share of slots with a pulse of another rate by chance: two slots of an interval."""
     log_slots: int = 8
-    """Number of slots whose inverse likelihood ratios, each up to e^30, are multiplied."""
+    """Number of slots whose inverse likelihood ratios are multiplied before a logarithm is
+    taken; each is up to e^30."""
     noise_share: float = 0.05
     """Share of noise slots whose energy is high enough for a pulse."""
 

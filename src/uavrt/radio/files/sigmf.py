@@ -43,7 +43,9 @@ def sigmf_layout(
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
     if about.get("core:metadata_only") is True or "core:dataset" in about:
-        raise _fault(meta_path, "describes samples in another file", "Use a plain recording")
+        raise _fault(
+            meta_path, "has its samples elsewhere", "Use a .sigmf-meta with .sigmf-data"
+        )
     if about.get("core:num_channels", 1) != 1:
         raise _fault(meta_path, "has several channels", "Split it, one channel in each")
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))

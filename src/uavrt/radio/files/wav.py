@@ -186,8 +186,8 @@ def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: i
     """Size of the samples [bytes]: the header's if the file's structure confirms it.
 
     Programs without RF64 let the size overflow at 4 GiB, and some write it only at the start.
-    So the samples must be followed by the end of the file or by other chunks up to its end;
-    otherwise they extend to the end of the file.
+    So the size counts only if the end of the file, or other chunks up to the end, follow the
+    samples. Otherwise the samples extend to the end of the file.
     """
     if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
         length = header.long_data_size

@@ -114,7 +114,7 @@ def exit_error(
     if cause is Cause.STALLED:
         return stalled(row.title)
     if cause is Cause.RATE:
-        why = f"it does not take {settings.sample_rate_hz:.0f} samples a second"
+        why = f"{settings.sample_rate_hz:.0f} samples a second are not supported"
         rates = own_rates() or row.rates_text()
         return RadioStopped(
             f"{row.title}: {why}", remedy=f"Set [radio] sample_rate_hz to {rates}"

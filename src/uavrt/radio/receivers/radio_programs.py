@@ -27,7 +27,8 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
     # A stand-in (`program`) may offer any rate.
     if not settings.program and not program.takes_rate(settings.sample_rate_hz):
         raise ConfigError(
-            f"{program.title}: it does not take {settings.sample_rate_hz:.0f} samples a second",
+            f"{program.title}: {settings.sample_rate_hz:.0f} samples a second are not "
+            "supported",
             remedy=f"Set [radio] sample_rate_hz to {program.rates_text()}",
         )
     tuned_frequency(settings, center_frequency_hz)

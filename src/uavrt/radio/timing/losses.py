@@ -192,7 +192,8 @@ class LossFinder:
         """Start of late arrivals that may follow a loss [nominal seconds]; or None."""
         self._falls = 0
         self._usual_s = 0.001
-        """Typical smallest lateness of four cells [s]; above 0, the smallest of all."""
+        """Typical value of the smallest lateness in four cells [s]; the smallest of all cells
+        is 0."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf

@@ -200,7 +200,7 @@ class SearchDemo:
         while not self._seen.ended:
             self._watch()
             if time.monotonic() > deadline_s:
-                raise UavrtError("the search did not end", remedy="Run it again, or report it")
+                raise UavrtError("the search did not end in time", remedy="Run the demo again")
         settled_s = time.monotonic() + SETTLES_S
         while time.monotonic() < settled_s:
             self._watch()

@@ -1,7 +1,7 @@
 """Random numbers that depend only on (seed, stream, index), not on the order of requests.
 
-Each is a hash of its stream and index, so that a restarted radio program, the process that
-computes the truth and a test have the same world. The hash is the finalizer of SplitMix64
+Each number is a hash of its stream and index. So a restarted radio program, the process that
+computes the truth and a test all have the same world. The hash is the finalizer of SplitMix64
 (Steele, Lea & Flood, OOPSLA 2014), applied twice.
 """
 

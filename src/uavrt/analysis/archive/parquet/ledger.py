@@ -67,7 +67,7 @@ class Ledger(Generic[R]):
         except PermissionError as error:
             raise RecordingError(
                 f"{error.filename} cannot be read: {error.strerror}",
-                remedy="Give this user access to the output, or run the command as its owner",
+                remedy="Give this user access to the output, or run this as the output's owner",
             ) from error
 
     @property
@@ -192,7 +192,7 @@ class Ledger(Generic[R]):
         path.replace(next(folder / one for one in names if not (folder / one).exists()))
 
     def place(self, key: str) -> str:
-        """File of a row, relative to the output."""
+        """Path of a row's file, relative to the output."""
         return f"{self._directory.name}/{key}.json"
 
     def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:

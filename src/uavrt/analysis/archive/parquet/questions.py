@@ -131,7 +131,9 @@ def in_archive(
     def checked(connection: "duckdb.DuckDBPyConnection") -> T:
         rows, size_bytes = connection.sql(size).fetchall()[0]
         if rows > size_bytes:  # a batch writes the path of each
-            raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows without columns")
+            raise FormatError(
+                f"{archive / RECORDINGS} is damaged: {rows:,} rows without columns"
+            )
         return query(connection)
 
     try:

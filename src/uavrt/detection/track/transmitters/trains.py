@@ -1,8 +1,8 @@
 """Merge tracks of several detectors into trains: the pulses of one transmitter.
 
-Tracks of detectors with overlapping bands are merged by common pulses. Of the tracks in one
-train the one that explains most is used: a track with one of three expected pulses may have
-another interval, or belong to several trains.
+Tracks of detectors with overlapping bands are merged by common pulses. Of the tracks
+in one train, the one that explains most pulses is used, because a track that has only one of
+three expected pulses may have another interval, or belong to several trains.
 """
 
 import math

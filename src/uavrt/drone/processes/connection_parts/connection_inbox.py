@@ -235,7 +235,9 @@ class ConnectionInbox:
         try:
             payload = encode_course(course)
         except TunnelError as error:
-            log.warning("cannot send this drone's course to the others", reason=error.message)
+            log.warning(
+                "cannot send this drone's course to the other drones", reason=error.message
+            )
             return
         self._link.tunnel.send_tunnel(payload, Priority.STATUS, payload_type=COURSE_TYPE)
 

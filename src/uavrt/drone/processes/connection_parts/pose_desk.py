@@ -118,7 +118,7 @@ class PoseDesk:
             return
         self._clock_is_stale = stale
         if stale:
-            log.warning("autopilot's clock is extrapolated", **counters())
+            log.warning("autopilot's clock not synchronized: extrapolated", **counters())
             self._say(_STALE_CLOCK)
         else:
             log.info("autopilot's clock synchronized", **counters())

@@ -229,7 +229,7 @@ class Launcher:
                     self._give_up("did not answer")
                 return None
             if "pid" not in answer:
-                log.warning("the nursery cannot start a process", reason=answer["error"])
+                log.warning("cannot fork a process", reason=answer["error"])
                 return None
             os.write(give, b"!")
         finally:
@@ -247,7 +247,7 @@ class Launcher:
 
     def _give_up(self, fault: str) -> None:
         """Mark the nursery as failed; `tend` will restart it."""
-        log.warning("nursery killed; it is restarted", reason=fault)
+        log.warning("process that forks others killed; it restarts", reason=fault)
         self._ready = False
         self._fault = fault
         if self._process is not None:

@@ -84,10 +84,10 @@ class PathAssignments:
     def recipients(self, flying: Collection[int]) -> set[int]:
         """Select the drones that get reports about other drones.
 
-        With several drones: all that fly or ever sent a course. A single drone gets one only
-        while it requests a path. A drone that once got a report needs further ones, even when
-        the others have landed or this station has restarted; otherwise it would never be
-        assigned a path again.
+        Of several drones, all that fly or ever sent a course get reports. A single drone gets
+        one only while it requests a path. After its first report a drone needs further ones,
+        even when the others have landed or this station has restarted. Otherwise it would never
+        be assigned a path again.
 
         `flying`: vehicles that fly by commands, as far as known.
         """

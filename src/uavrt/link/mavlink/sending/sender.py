@@ -284,7 +284,7 @@ class TunnelSender:
             self._put(*self._unsent.popleft())
         if links[0] != before[0]:
             self.changes += 1
-            log.info("pulses by another link", link=links[0], before=before[0])
+            log.info("pulses are sent by another link", link=links[0], before=before[0])
             self.changed()
             self.wake()
 

@@ -561,7 +561,7 @@ class Participant:
                     self._add_writer(node, topic.name, topic.message, topic.depth)
         except DDSException as error:
             raise LinkError(
-                f"no publisher for each tag: {error}", remedy="Set [ros2] node_per_tag = false"
+                f"no ROS node for each tag: {error}", remedy="Set [ros2] node_per_tag = false"
             ) from error
         self._introduce((*self._nodes, *nodes))
 

@@ -75,7 +75,7 @@ def seal(
 ) -> bytes:
     """Make a sealed payload; raises `TunnelError` if `inside` is too long."""
     if len(inside) > MAX_INSIDE:
-        raise TunnelError(f"{len(inside)} bytes cannot be sealed, only {MAX_INSIDE}", inside)
+        raise TunnelError(f"{len(inside)} bytes cannot be sealed, at most {MAX_INSIDE}", inside)
     head = _HEAD.pack(_VERSION, kind, 0, counter)
     return head + _mac(key, session.mixed_in() + bytes(sender) + head + inside) + inside
 

@@ -245,10 +245,11 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     """Fit positions to received pulses without misses; x is loss, z power (places, pulses).
 
     Level, exponent, and the fading's size and correlation integrate out. The precision of a
-    first-order process with correlation rho is, up to 1 / (1 - rho²), the sum over all pulses,
-    plus rho² over the inner ones, minus rho over adjacent pairs, each pair twice. The size has
-    a prior of one pulse with the typical fading, which matters for two or three pulses. The
-    constant is included, so that likelihoods of different numbers of pulses compare.
+    first-order process with correlation rho has three terms, over 1 - rho²: the sum over all
+    pulses, plus rho² times that over the inner ones, minus 2 rho times that over adjacent
+    pairs. The size has a prior of one pulse with the typical fading, which matters for two or
+    three pulses. The constant is included, so that likelihoods of different numbers of pulses
+    compare.
     """
 
     def at(number: int) -> _Floats:

@@ -51,7 +51,7 @@ def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
 
 def _check(wanted: Wanted) -> None:
     if not wanted():
-        raise RecordingError("stopped: the system ends", remedy="Send the command again")
+        raise RecordingError("stopped: uavrt is ending", remedy="Send the command again")
 
 
 def _is_there(source: Path, place: Path) -> bool:

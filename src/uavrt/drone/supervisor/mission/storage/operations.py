@@ -149,7 +149,7 @@ def save_directory(settings: RecordingSettings) -> Path:
         path = Path(settings.save_directory)
         if not path.is_dir():
             raise RecordingError(
-                f"{path} is not there",
+                f"there is no directory {path}",
                 remedy="Plug the drive in, or set recording.save_directory",
             )
         return path
