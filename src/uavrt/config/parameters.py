@@ -18,8 +18,7 @@ from uavrt.core.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Decimal digits of a float32, the type in which parameters are sent, so that 0.005 is shown as
-0.005."""
+"""Decimal digits of a float32, the type of sent parameters: 0.005 is shown as 0.005."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

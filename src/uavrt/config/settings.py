@@ -252,8 +252,7 @@ class GuidanceSettings(_Table):
     enabled: bool = False
     """Accept motion orders, each confirmed by the operator, over a link with a key."""
     may_take_off: bool = False
-    """Take off when an operator orders and confirms it, once a pilot has armed; uavrt never
-    arms."""
+    """Take off when an operator confirms the order and a pilot has armed; uavrt never arms."""
     lowest_m: Annotated[float, Interval(ge=5.0, le=500.0)] = 20.0
     """Minimum height above ground [m]; without terrain, ground is level with home."""
     highest_m: Annotated[float, Interval(ge=10.0, le=500.0)] = 120.0
@@ -266,8 +265,7 @@ class GuidanceSettings(_Table):
     """Maximum airspeed [m/s]. Headwind reduces ground speed; in wind close to this speed the
     drone only flies home."""
     wind_m_s: Annotated[float, Interval(ge=0.0, le=30.0)] = 8.0
-    """Worst expected wind [m/s], as headwind on the way home; used where the autopilot reports
-    no wind."""
+    """Worst expected headwind on the way home [m/s], for an autopilot that reports no wind."""
     return_height_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 60.0
     """Height to which the autopilot climbs before it returns [m]: RTL_RETURN_ALT of PX4,
     RTL_ALT of ArduPilot."""

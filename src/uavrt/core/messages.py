@@ -243,8 +243,7 @@ class Beep:
     level_db: float
     """Median level of the pulses above the noise in 94 Hz [dB]."""
     tag_ids: tuple[int, ...] = ()
-    """Ids of tags that the sender may be, likeliest first; for an image, those of its
-    original."""
+    """Ids of tags that the sender may be, likeliest first; an image has its original's ids."""
     offsets_hz: tuple[float, ...] = ()
     """Difference of the sender's frequency from that listed for each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
@@ -485,8 +484,7 @@ class Command:
 
     name: CommandName
     request_id: int
-    """Number of the request; a retry has the same one, so it is answered but not carried out
-    again."""
+    """Number of the request; a retry has the same, so that it is not carried out again."""
     tag: Tag | None = None
     center_frequency_hz: float | None = None
     """Radio frequency chosen on the ground [Hz]; None: computed from the tags."""
@@ -622,8 +620,7 @@ class FoundTag:
 class Course:
     """A drone's report to other drones: its position, leg and tags.
 
-    While it flies a leg, no other drone may use the straight line from its position to its
-    goal.
+    While it flies, no other drone may use the straight line from its position to its goal.
     """
 
     sequence: int
@@ -854,7 +851,7 @@ class ChannelBlock:
     negative ones."""
     center_frequency_hz: float
     samples: "NDArray[np.complex64]"
-    """(n,) complex64 samples, never overwritten; a tone keeps the amplitude it has in the
+    """(n,) complex64 samples, never overwritten; a tone has the same amplitude as in the
     radio."""
     sample_index: int
     """Index of the first sample of this channel since the start, including lost samples."""

@@ -187,7 +187,7 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Fold samples into the rows of `folded`; the first is the oldest that row 0 needs."""
+        """Fold samples, from the oldest that row 0 needs, into the rows of `folded`."""
         floats = samples.view(np.float32)
         group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group

@@ -26,7 +26,7 @@ from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID
 from uavrt.link.mavlink.sending.signing import Signing
 
 MOST_VEHICLES = 16
-"""Most vehicles served; heartbeats and poses of more would overload any radio."""
+"""Maximum number of vehicles served; heartbeats and poses of more would overload any radio."""
 REPORT_S, REPORT_DELAY_S = 1.0, 0.05
 """Interval of the reports to each drone about the other drones [s], and longest delay of a
 changed report [s]."""

@@ -55,8 +55,7 @@ class StationSettings:
     """Tag file; None: the last used."""
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
-    """System numbers of vehicles to serve in addition to the first and to those of the last
-    run."""
+    """System numbers of vehicles to serve beside the first and those of the last run."""
     keys: LinkKeys = NO_KEYS
 
 

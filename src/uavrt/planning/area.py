@@ -46,7 +46,7 @@ class Circle:
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the circle of straight paths [m]; 0 if they cross it."""
+        """Shortest distance from the circle of straight paths [m]; 0 if they cross it."""
         off = _off_segment_m(self.east_m, self.north_m, start_m, (east_m, north_m))
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
@@ -58,7 +58,7 @@ class Circle:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the edge on paths inside the circle [m]; 0 or less outside."""
+        """Shortest distance from the edge on paths inside the circle [m]; 0 or less outside."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
@@ -160,7 +160,7 @@ class Polygon:
     def path_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the outline of straight paths [m]; 0 if they cross it."""
+        """Shortest distance from the outline of straight paths [m]; 0 if they cross it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
@@ -173,7 +173,7 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance from the edge on paths inside the outline [m]; 0 if they leave it."""
+        """Shortest distance of paths inside the outline from its edge [m]; 0: they leave it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -181,7 +181,7 @@ class Polygon:
     def _edge_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of straight paths from the outline's edge [m]; 0 if they cross it."""
+        """Shortest distance of straight paths from the outline [m]; 0 if they cross it."""
         end = (east_m, north_m)
         off = [segment_distance_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -204,7 +204,7 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
 
 
 def segment_distance_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
-    """Least distance of straight paths from a line segment [m]; 0 if they cross it."""
+    """Shortest distance of straight paths from a line segment [m]; 0 if they cross it."""
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
     corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
@@ -262,7 +262,7 @@ class SearchArea:
     straight_home: bool = False
     """True if the straight return from any position must avoid the excluded areas, too."""
     lowest_m: float = 20.0
-    """Least height above the ground beneath [m]."""
+    """Minimum height above the ground beneath [m]."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None

@@ -37,7 +37,7 @@ from uavrt.planning.detectability.link_budget import LinkBudget
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9
-"""Least detection probability at which silence is evidence of absence."""
+"""Minimum detection probability at which silence is evidence of absence."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120

@@ -157,7 +157,7 @@ def bearings_together(
 
 
 MOST_PAST_FLIGHTS = 6
-"""Most past flights read to learn a pattern; each takes as long as the flight itself."""
+"""Maximum number of past flights read to learn a pattern; each takes a flight's time."""
 ENOUGH_TURNS = 12
 """Number of turns above which a learnt antenna pattern hardly improves."""
 

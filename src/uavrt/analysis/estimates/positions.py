@@ -47,12 +47,11 @@ from uavrt.localization.results import Bearing, Position, PositionMethod
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
-"""Difference below which two bearings are of the same turn [standard deviations], even from two
-programs."""
+"""Difference below which two bearings are of one turn [standard deviations]."""
 _USUAL_SIGMA_DEG = 6.0
 """Standard deviation assumed for a bearing that has none [deg]."""
 _FIRST_LINES = 100
-"""Most lines read to recognise a file's format; comments may come first."""
+"""Maximum number of lines read to recognise a file's format; comments may come first."""
 
 
 def read_positions(

@@ -17,13 +17,13 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Least share of the shorter record's pulses in the longer; a station may connect late."""
+"""Minimum share of the shorter record's pulses in the longer; a station may connect late."""
 _SAME_NS = 500_000
 """Tolerance of pulse starts [ns]: a start received over the link has lost its nanoseconds."""
 SAME_LEVEL_DB = 0.1
 """Largest level difference of one pulse in two copies [dB]; two drones differ by about 5 dB."""
 SAME_SPAN = 0.9
-"""Least time overlap of two records of one flight without pulses, as a share of the longer."""
+"""Minimum overlap of two records of a flight without pulses, as a share of the longer."""
 _PROBES = 32
 """Number of a flight's pulses that are searched for in all other flights. If a quarter of the
 pulses agree, one pair of records in 850 shares fewer than two of them."""

@@ -67,8 +67,7 @@ def antenna_is_recorded(flight: Flight) -> bool:
 def flight_antenna(flight: Flight) -> str:
     """Name of the antenna pattern in the flight's settings; RA-23K where not recorded.
 
-    Raises `UsageError` for a pattern unknown on this computer, and `FormatError` for damaged
-    settings.
+    Raises `UsageError` for a pattern unknown here, and `FormatError` for damaged settings.
     """
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna

@@ -14,17 +14,17 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 _APART_S = 1800.0
 """Longest pause between logs of one survey [s]; a battery is changed in less."""
 _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
-"""1 January 2000: earlier times come from a clock that was never set."""
+"""Earliest time from a clock that was set [ns since 1970]: 1 January 2000."""
 _SAME_PULSE_S = 0.1
 """Longest time between the records of one pulse in two logs [s]."""
 _LEAST_PULSES = 20
-"""Least number of a tag's pulses in both logs for a comparison of their clocks."""
+"""Minimum number of a tag's pulses in both logs for a comparison of their clocks."""
 _LEAST_ALIKE = 0.5
-"""Least share of simultaneous pulses in two logs whose clocks agree."""
+"""Minimum share of simultaneous pulses in two logs whose clocks agree."""
 _SAME_INTERVAL = 0.03
 """Largest relative difference between two measurements of one tag's interval."""
 _LEAST_REGULAR = 0.8
-"""Least share of regular intervals in a log; false pulses make them irregular."""
+"""Minimum share of regular intervals in a log; false pulses make them irregular."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:

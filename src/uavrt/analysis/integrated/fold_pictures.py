@@ -19,8 +19,7 @@ _ROWS: Final = 32
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
     """Write a picture of each tag's fold, named ``tag_2_fold.png``, and return the files.
 
-    Raises `UsageError` if matplotlib is not installed, and `RecordingError` if they cannot be
-    written.
+    Raises `UsageError` without matplotlib, and `RecordingError` if they cannot be written.
     """
     from uavrt.analysis.report.fold_page import draw_fold
     from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled

@@ -29,13 +29,13 @@ _REACH_S: Final = 0.009
 _WIDTH_STEPS_PER_S: Final = 2000.0
 """Rounding of measured pulse widths [1/s]: steps of 0.5 ms, as in specifications."""
 _LEAST: Final = 30.0
-"""Least ratio of a coded pulse's energy to the noise's mean energy: 15 dB."""
+"""Minimum ratio of a coded pulse's energy to the noise's mean energy: 15 dB."""
 _PEAKED: Final = 4.0
-"""Least ratio of a coded pulse's energy at its frequency to the median within 1 kHz."""
+"""Minimum ratio of a coded pulse's energy at its frequency to the median within 1 kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's time from whole burst intervals [s]."""
 _MOST_LOST: Final = 4
-"""Most burst intervals that the shortest time between two received bursts may contain."""
+"""Maximum number of burst intervals in the shortest time between two received bursts."""
 _WINDOW_HZ: Final = 1000.0
 
 

@@ -38,14 +38,14 @@ WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
 """Time cut out before and after a pulse's middle [s]; the outer halves contain only noise."""
 _MOST_SUSPECTS: Final = 8
-"""Most frequencies that are searched for coded tags; each takes 2 % of a core."""
+"""Maximum number of frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Frequency difference to a coded tag below which other short pulses are its own [Hz]."""
+"""Frequency difference to a coded tag below which short pulses count as the tag's [Hz]."""
 _SAME_INTERVAL_S: Final = 0.002
 """Difference in interval below which a beeping signal is part of a coded tag's bursts [s]."""
 _LEAST_ALIKE: Final = 0.6
-"""Least share of a signal's pulses that agree in width and frequency; else it is doubtful."""
+"""Minimum share of a signal's pulses that agree in width and frequency; else it is doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

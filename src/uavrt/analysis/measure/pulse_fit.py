@@ -22,7 +22,7 @@ IMPULSE_RATIO: Final = 30.0
 reaches it once in a million samples. At a pulse's edge, one side is as strong as the sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
-"""Least ratio of a steady carrier's peak to the median of the spectrum."""
+"""Minimum ratio of a steady carrier's peak to the median of the spectrum."""
 SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3

@@ -64,7 +64,7 @@ class SwitchedArray:
         return _METHODS[self.kind]
 
     def steering(self, frequency_hz: float) -> Steering:
-        """Response of each antenna to a wave from each direction."""
+        """Complex responses of the antennas to a wave, as a function of its direction."""
         size = self.size_m * frequency_hz / SPEED_OF_LIGHT_M_S
         if self.kind == "circle":
             return circle_steering(self.schedule.positions, size)

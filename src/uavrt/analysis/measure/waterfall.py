@@ -19,7 +19,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 COLUMNS: Final = 1024
 """Number of spectrogram columns, about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
-"""Most points in a level trace: 5.8 h for a 20 ms pulse before pairs are joined; 8 MiB."""
+"""Maximum number of points in a level trace; then pairs are joined: 5.8 h of 20 ms pulses."""
 
 _MOST_OFF: Final = 0.75
 """Largest time error of a spectrum frame, as a share of half a pulse."""

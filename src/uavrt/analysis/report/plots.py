@@ -33,9 +33,9 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
 }
 """Colour, marker shape and legend text of each pulse status."""
 CIRCLED: Final = 40
-"""Most pulses that are circled in a waterfall; more would hide the picture."""
+"""Maximum number of pulses that are circled in a waterfall; more would hide the picture."""
 TICKED: Final = 400
-"""Most pulses that are ticked singly above a waterfall; more would touch."""
+"""Maximum number of pulses that are ticked singly above a waterfall; more would touch."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0

@@ -31,13 +31,13 @@ SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Least ratio between the misfit of any clock offset 5 s away and that of the best."""
+"""Minimum ratio between the misfit of any clock offset 5 s away and that of the best."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
 """Largest heading error from an uncertain clock offset [deg]; a turn's own is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Least share of pulses that a track must cover; below it may be another flight's."""
+"""Minimum share of pulses that a track must cover; below it may be another flight's."""
 _MOST_LOST = 0.2
 """Largest share of coverable pulses that an offset may leave without a pose. Without a limit,
 an offset that drops misfits would win."""
@@ -65,7 +65,7 @@ class ClockOffset:
     """Standard deviation by a jackknife over eighths of the flight [s]; None for a given
     offset."""
     heading_sigma_deg: float | None = None
-    """Heading error caused by this uncertainty at the flown turn rate [deg]."""
+    """Heading error caused by the offset's error at the flown turn rate [deg]."""
 
 
 def attach_poses(
@@ -127,7 +127,8 @@ def estimate_offset(
     headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
-        raise UsageError("the track is empty", remedy="Give another log")
+        text = "the track has fewer than two positions or attitudes"
+        raise UsageError(text, remedy="Give the log of the whole flight")
     common = _Common(pulse_poses, track)
     misfit: Callable[..., float]
     if len(common.posed) >= _LEAST_PULSES:
@@ -222,7 +223,7 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Least sum of squared residuals near a position, on ever finer grids of positions.
+        """Minimum sum of squared residuals near a position, on ever finer grids of positions.
 
         The first grid is as wide as the polar grid's cells at that distance from its `middle`.
         """
@@ -307,8 +308,8 @@ class _Common:
         """Mean squared SNR residual [dB²] at a clock offset; each tag's position and level are
         fitted.
 
-        Power falls with the square of the distance. Candidate positions are a polar grid around
-        the path.
+        Power falls with the distance squared. Candidate positions: a polar grid around the
+        path.
         """
         heard = self._heard(offset_s, antenna, keep)
         if heard is None:
@@ -366,8 +367,7 @@ class _Common:
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
         """Exclude offsets at which the track covers far fewer pulses than at the best.
 
-        Raises `UsageError` if even the best covers too few to distinguish an offset from
-        chance.
+        Raises `UsageError` if the best covers too few to distinguish an offset from chance.
         """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)

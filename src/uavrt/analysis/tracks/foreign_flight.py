@@ -26,7 +26,7 @@ def flight_of_track(
 
     `tags` are the tags searched for, and `name` is the flight's name in messages. `offset_s` is
     the lead of the samples' clock [s], and is added to the track's times. `yaw_offset_deg` is
-    the antenna's boresight, clockwise from the nose. Raises `UsageError` if the track has no
+    the antenna's boresight, clockwise from the nose. Raises `UsageError` for a track without
     poses.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:

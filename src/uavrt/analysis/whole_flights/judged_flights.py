@@ -43,7 +43,7 @@ LEAST_PART = 0.05
 """Minimum probability of a separate possible position that is listed."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
-"""Most channels kept in memory at once; ten minutes of one are 36 MB."""
+"""Maximum number of channels kept in memory at once; ten minutes of one are 36 MB."""
 
 Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 

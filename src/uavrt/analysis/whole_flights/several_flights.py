@@ -44,7 +44,7 @@ MOST_APART_M = 2000.0
 _TOGETHER = 0.5
 """Share of the false-alarm probability used for the decision on all flights together."""
 _LISTED = 0.9
-"""Least probability that a flight's pulse train is the tag's, for its pulses to be listed."""
+"""Minimum probability that a flight's pulse train is the tag's, for its pulses to be listed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -71,8 +71,7 @@ Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
 """Tag frequency [Hz], with the limits of tag files; rejects megahertz typed by mistake."""
 PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
-"""Pulse width of a tag [s], with the limits of tag files; rejects milliseconds typed by
-mistake."""
+"""Pulse width [s] within the limits of tag files; rejects milliseconds given by mistake."""
 Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
 """Interval between a tag's pulses [s], with the limits of tag files."""
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]

@@ -12,7 +12,7 @@ import threading
 from typing import TextIO
 
 MOST_WAITING = 100_000
-"""Most lines queued: three hours of 10 pulses a second, some 20 MB."""
+"""Maximum number of lines queued: three hours of 10 pulses a second, some 20 MB."""
 LAST_S = 1.0
 """Longest wait for queued lines when the program ends [s]."""
 

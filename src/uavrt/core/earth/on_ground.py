@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from uavrt.core.messages import Health
 
 ARMED, LANDED = "autopilot_armed", "autopilot_landed"
-"""Names of the counters in health reports that hold these two states of the autopilot."""
+"""Names of the counters in health reports for the autopilot's armed and landed states."""
 GROUND_STATION = "ground station"
 """Process name in the ground station's own health reports."""
 EVER_NS = 2**62

@@ -1,7 +1,7 @@
 """Sum several bursts of a code to find those too weak to find singly.
 
-A seed is a single burst that stands out slightly. It waits until the following bursts have
-arrived; then the best sum of three, and of K bursts, that includes it is examined.
+A seed is a single burst slightly above the noise. It waits until the following bursts have
+arrived. Then the best sums of three bursts and of K bursts that include the seed are examined.
 """
 
 import math
@@ -34,7 +34,7 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log-likelihood ratio against unlisted codes that are in step by chance."""
+    """Log-likelihood ratio against unlisted codes with the same burst interval by chance."""
     also_possible: tuple[int, ...] = ()
 
 

@@ -324,7 +324,7 @@ class Overlaps:
         self.count: list[int] = self.pulses.sum(axis=1).tolist()
         """(claims,) number of overlapped pulses."""
         self.alone: list[int] = alone.sum(axis=1).tolist()
-        """(claims,) number of good pulses that remain."""
+        """(claims,) number of good pulses that are not overlapped."""
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )

@@ -1,8 +1,8 @@
 """Identify the sender of a burst from the bursts before and after it.
 
 A code and a burst interval define a tag; tags with the same code are distinguished by their
-intervals alone. A burst that may be of an unlisted code is the listed tag's if other bursts are
-in step and the joint evidence suffices.
+intervals alone. A burst that may be of an unlisted code is the listed tag's if other bursts lie
+whole burst intervals away and the joint evidence suffices.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Required sums for a given number of false identifications per hour and code.
 
-The sum of n cells of noise has Erlang's distribution. Of the sums tried in an hour only some
-are independent, a number that was measured (docs/explanation/coded-tags.md). Several bursts are
-tested by their sum of Rayleigh amplitudes; its tail is that of Lugannani and Rice (1980).
+The sum of n cells of noise has Erlang's distribution. Only some of the sums tried in an
+hour are independent; their number was measured (docs/explanation/coded-tags.md). Several bursts
+are tested by their sum of Rayleigh amplitudes, with the tail by Lugannani and Rice (1980).
 """
 
 import math

@@ -49,7 +49,7 @@ class SumTuning:
     columns_per_step: float = 2.0
     """Shift of the last burst from one tried interval to the next [columns]."""
     few_bursts: int = 3
-    """Number of bursts in the shorter of the two sums."""
+    """Number of bursts in the shorter sum of bursts."""
     examined_share: float = 0.88
     """Share of the minimum sum above which a sum is refined."""
     clear_lead: float = 20.0
@@ -174,7 +174,7 @@ class ShapeTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentityTuning:
-    """Constants for identifying a tag by bursts in step, and predicting its next burst."""
+    """Constants for identifying a tag by its burst interval, and predicting its next burst."""
 
     steps: int = 8
     """Number of intervals, before and after, over which bursts are compared."""
@@ -195,7 +195,7 @@ class IdentityTuning:
     own_error: float = 5e-6
     """Relative error of a measured interval: a crystal's drift with temperature."""
     same_burst_s: float = 0.02
-    """Maximum difference between the start times of one burst [s]."""
+    """Maximum difference between the start times in two reports of one burst [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

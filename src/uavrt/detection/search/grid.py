@@ -253,7 +253,7 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Factors that shift the tag to zero for each row of outputs, shape (count, 1).
+        """Factors that shift the tag to 0 Hz for each row of outputs, shape (count, 1).
 
         The shift within a row of outputs is in the filter.
         """
@@ -347,12 +347,8 @@ def half_transforms(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cosines and sines of the rows from the tag's frequency up, shared by all tags.
 
-    Returns (cosines, sines): (rows, length - length
-
-    2), for the pairs of samples from the middle outwards, an odd window's middle last; (rows,
-    length
-
-    2).
+    Returns cosines (rows, length - length // 2), for the pairs of samples from the middle
+    outwards, an odd window's middle last; and sines (rows, length // 2).
     """
     half = length // 2
     away = np.arange(half) + (1.0 if length % 2 else 0.5)

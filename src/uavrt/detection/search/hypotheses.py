@@ -48,8 +48,8 @@ class RateSearch(ABC):
     `uncertainty_s`, `jitter_s`: bounds of the interval's constant error and of each pulse's
     own.
 
-    `first_threshold`, `first_columns`: threshold for this number of first columns. It may be
-    lower, since few groups can have begun in the first decision interval.
+    `first_threshold`: threshold for the first `first_columns` columns. It may be lower, since
+    few groups can have begun in the first decision interval.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class RateSearch(ABC):
 
     @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add at most one piece of columns, shape (rows, columns)."""
+        """Add power (rows, columns) and noise; at most `piece` columns."""
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:

@@ -157,7 +157,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Replace each row's estimate by the median around it, unless the row stands out."""
+        """Replace each row's estimate by the median around it unless they differ too much."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))

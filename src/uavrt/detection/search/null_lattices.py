@@ -20,10 +20,10 @@ other pulses, and reduction of the tag's interval [columns]."""
 
 
 class NullLattices:
-    """Counts the groups of one search on lattices that no tag has.
+    """Counts the groups of one search at intervals that no tag has.
 
     `lows` (places, k - 1): columns from an anchor, as each of the K pulses, to the range of
-    each other pulse. `expected_per_column`: groups of white noise on one lattice at
+    each other pulse. `expected_per_column`: groups of white noise at one interval and
     `NULL.counted_share` of the threshold. `threshold`, `limit`: of a sum, of a cell in it.
     """
 

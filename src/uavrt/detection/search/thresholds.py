@@ -17,8 +17,8 @@ from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
 def decision_interval_s(tag: Tag, rate: int = 1) -> float:
     """Time between decisions of the original detector [s]; false-alarm rates refer to it.
 
-    With hops of half a pulse at 3750 S/s a segment has K (N + M) + J + 1 columns. Of these, 2
-    (K M + J) are used again: 3.567 s for the thesis's tag at K = 3.
+    With hops of half a pulse at 3750 S/s a segment has K (N + M) + J + 1 columns, of which
+    2 (K M + J) are used again. For the thesis's tag the interval is 3.567 s at K = 3.
     """
     k = tag.k
     window = math.ceil(tag.pulse_width_s * THRESHOLDS.original_rate_hz - 1e-9)

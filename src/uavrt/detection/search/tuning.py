@@ -227,7 +227,7 @@ class EvidenceTuning:
     tested_k: int = 3
     """K of the groups that are tested."""
     factor_log: float = -3.7
-    """Log of the number of noise groups at a bound of one per lattice, calibrated at K = 3."""
+    """Log of the noise groups at a bound of one per set of pulse times, calibrated at K = 3."""
     slope: float = 1.2
     """Exponent of the inverse bound in the tail of noise, calibrated."""
 

@@ -220,8 +220,7 @@ def _window(length: int) -> NDArray[np.float32]:
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Make orthonormal polynomials over a number of blocks.
 
-    Returns (values, changes), both (count, degree + 1): at the blocks' centres, and from block
-    to block.
+    Returns values at the blocks' centres and their changes, both (count, degree + 1).
     """
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre

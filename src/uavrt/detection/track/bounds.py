@@ -100,7 +100,7 @@ class Bounds:
     def leaves_open(self, track: Track) -> bool:
         """True if a long group's interval is uncertain enough to be another train's.
 
-        Of a train that began before the stream, the last pulses may fit a lattice 2 ms off.
+        The last pulses of a train that began before the stream may fit an interval 2 ms off.
         """
         if self.tag.k <= FOLLOW.most_alone:
             return False

@@ -252,8 +252,8 @@ def _leak(power: float, apart_bins: float) -> float:
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
     """True if pulses of a group are missing, such as every second one at the other rate.
 
-    Of few pulses each is compared with the strongest. Of many weak pulses some are always low:
-    then all second slots are tested together, a pulse of the same strength against none.
+    In a short group each pulse is compared with the strongest. In a long group some weak pulses
+    are always low. So all second slots are tested together for a pulse of the same strength.
     """
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:

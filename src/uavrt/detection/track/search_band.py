@@ -146,8 +146,8 @@ class SearchBand:
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
         """Transform and search the clean samples up to an index.
 
-        `last`: test incomplete hypotheses, too. Returns the best first; None while the noise is
-        unknown.
+        `last`: test incomplete hypotheses, too. Returns the best first; None: noise unknown
+        yet.
         """
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready

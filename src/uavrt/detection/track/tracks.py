@@ -1,7 +1,7 @@
 """Track a tag from pulse to pulse, also through missed pulses.
 
-A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
-slots of the lattice. The next pulse is expected within narrow limits of time and frequency, so
+A track holds the phase and the interval (Kalman filter), the frequency, and the last
+expected pulses. The next pulse is expected within narrow limits of time and frequency, so
 its threshold is far below that of the search: 1.3 dB or more at K = 3.
 """
 
@@ -27,7 +27,7 @@ class Slot:
     """One expected pulse of a track and the detection there."""
 
     number: int
-    """Number of the pulse in the lattice, from 0 at the track's first pulse."""
+    """Number of the expected pulse, from 0 at the track's first pulse."""
     time_s: float
     time_ns: int
     measured: Measured
@@ -60,7 +60,7 @@ class Track:
     steady_hz: float = 0.0
     """Frequency averaged over more pulses than `offset_hz` [Hz]."""
     placed: bool = False
-    """True once the alias of its frequency was chosen."""
+    """True once the alias of the track's frequency was chosen."""
     drift_hz: float = 0.0
     """Change of the frequency per pulse [Hz]."""
     time_s: float = 0.0
@@ -68,7 +68,7 @@ class Track:
     variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     """Covariance of phase and interval: phase, cross, interval [s^2]."""
     number: int = 0
-    """Number of the last slot in the lattice."""
+    """Number of the last expected pulse, counted from the track's first pulse."""
     slots: list[Slot] = field(default_factory=list)
     """Recent slots, oldest first."""
     past_ns: list[int] = field(default_factory=list)
@@ -90,7 +90,7 @@ class Track:
     """Number of slots tested since the group that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Sequence number of each group, by its lattice number divided by K."""
+    """Sequence number of each group, by the number of its expected pulses divided by K."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
@@ -98,7 +98,7 @@ class Track:
     in_doubt: bool = False
     """True if a series of bursts was ever more likely than reporting allows."""
     stands_out: bool = False
-    """True if noise alone is unlikely to have brought the track so far."""
+    """True if noise alone is unlikely to have given the track's pulses."""
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
@@ -108,7 +108,7 @@ class Track:
     settled_s: float = -math.inf
     """Time of the last pulse before which the rate is known [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at even, and at odd, lattice numbers; old evidence decays."""
+    """Log odds that the tag sends at even, and at odd, pulse numbers; old evidence decays."""
     certain_s: float = math.inf
     """Time until which the rate is certain [s]; later pulses are not reported yet."""
 
@@ -181,7 +181,7 @@ class Track:
     ) -> None:
         """Add the new pulses of a group that was found independently of this track.
 
-        `base`: lattice number of the group's first pulse. `around`: rates of bursts.
+        `base`: pulse number of the group's first pulse. `around`: rates of bursts.
         """
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])

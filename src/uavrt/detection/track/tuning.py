@@ -111,7 +111,7 @@ class BurstRateTuning:
     pair_s: float = 0.012
     """Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
     least_phases: int = 3
-    """Minimum number of phases with bursts an interval apart; fewer are a tag's."""
+    """Minimum number of phases with bursts an interval apart; a tag's pulses have fewer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +132,7 @@ class ChanceTuning:
     """Distance within which a stronger burst hides a pulse [pulse widths]."""
     quiet_per_s: float = 1e-4
     """Assumed rate of bursts at a frequency where none were received [1/s], and ten times that
-    in a band; two pulses on a lattice outweigh it."""
+    in a band; two pulses at the tag's interval outweigh it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,7 +189,7 @@ class FollowTuning:
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Share of the log odds of even, or odd, lattice numbers retained at each new pulse."""
+    """Share of the log odds of even, or odd, pulse numbers retained at each new pulse."""
     half_false: float = 0.01
     """Factor on the allowed number of false pulses where the tag does not send."""
     sure_power: float = 12.0
@@ -210,7 +210,7 @@ class FollowTuning:
     """Weight of a measured frequency while samples are being lost: a phase break shifts it by
     up to 20 Hz, which once made pulses count as bursts."""
     hiding_ratio: float = 2.0
-    """Ratio of another track's pulse power to a track's own above which it is subtracted."""
+    """Ratio of pulse powers above which the stronger track's pulse is subtracted."""
     hiding_bins: float = 0.8
     """Frequency difference below which another track may have the same pulses [bins]."""
 

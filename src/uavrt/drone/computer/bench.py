@@ -25,8 +25,7 @@ NOISE_RISE_DB = 6.0
 """Rise above the lowest noise of this check that counts as a fault [dB]; it halves the range.
 """
 NOISE_APART_DB = 10.0
-"""Noise difference between the tags' frequencies that is a fault [dB]; a receiver is flat to 3
-dB."""
+"""Noise difference between tag frequencies that is a fault [dB]; usual: at most 3 dB."""
 NOISE_LESS_DB = 10.0
 """Noise drop below past flights that is a fault [dB]: antenna disconnected, or lower gain."""
 CLOCK_OFF_S = 3.0

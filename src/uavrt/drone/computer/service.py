@@ -57,7 +57,7 @@ class ServicePlan:
     writable: tuple[Path, ...] = ()
     """Directories outside of `directory` that the settings name, for flights and saved logs."""
     prefix: Path | None = None
-    """Directory in which versions can be exchanged (`uavrt.drone.computer.versions`); None: no
+    """Directory of exchangeable versions (`uavrt.drone.computer.versions`); None: no
     updates."""
 
 
@@ -229,7 +229,7 @@ def rule_text() -> str:
 
 def _quoted(word: str) -> str:
     if any(c in word for c in "\n\r\0"):
-        raise UsageError(f"{word!r} cannot be written in a systemd unit")
+        raise UsageError(f"{word!r} has a line break", remedy="Give a path or name without one")
     escaped = (
         word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     )

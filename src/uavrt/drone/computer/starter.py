@@ -77,6 +77,6 @@ def _quoted(word: str) -> str:
     sign would begin a field code.
     """
     if any(letter in word for letter in "\n\r\0"):
-        raise UsageError(f"{word!r} cannot be written in a starter")
+        raise UsageError(f"{word!r} has a line break", remedy="Give a path without one")
     escaped = "".join(f"\\{letter}" if letter in '"`$\\' else letter for letter in word)
     return '"' + escaped.replace("\\", "\\\\").replace("%", "%%") + '"'

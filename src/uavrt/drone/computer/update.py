@@ -266,8 +266,7 @@ def restart_by(command: Sequence[str]) -> None:
 def restart_page() -> None:
     """Restart an image's page with the present version; does nothing elsewhere.
 
-    This separate service would otherwise use the files of the previous version until they are
-    removed.
+    This separate service would otherwise use the previous version's files until their removal.
     """
     with suppress(OSError):
         command = ["systemctl", "try-restart", PAGE_UNIT]

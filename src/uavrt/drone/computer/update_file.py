@@ -47,6 +47,7 @@ _VERSION = re.compile(
     r"(\d+(?:\.\d+)*)(?:(a|b|rc)(\d+))?(?:\.post(\d+))?(?:\.dev(\d+))?(?:\+([a-z0-9.]+))?"
 )
 COPY_AGAIN = "Copy the file once more, and compare its size with the original's"
+_MAKER = "Ask its maker for a corrected file"
 
 
 class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -249,9 +250,10 @@ def _manifest(text: bytes, path: Path) -> Manifest:
         text_ = f"{path} is an update of format {manifest.format}; this version reads {FORMAT}"
         raise FormatError(text_, remedy="Update to a version in between first")
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
-        raise FormatError(f"{path}: {MANIFEST} lists files that are not wheels")
+        text_ = f"{path}: {MANIFEST} lists files that are not wheels"
+        raise FormatError(text_, remedy=_MAKER)
     if manifest.keys is not None and not split_keys(manifest.keys):
-        raise FormatError(f"{path}: its new keys are invalid")
+        raise FormatError(f"{path}: its new keys are invalid", remedy=_MAKER)
     version_key(manifest.version)
     return manifest
 

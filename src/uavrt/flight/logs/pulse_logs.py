@@ -78,8 +78,7 @@ class PulseLogs:
     def complete_from(self, database: sqlite3.Connection) -> None:
         """Cut off unfinished lines, and append the database's pulses that a log lacks.
 
-        Raises `OSError` if a log cannot be written, and `sqlite3.Error` if the database cannot
-        be read.
+        Raises `OSError`: a log cannot be written; `sqlite3.Error`: the database cannot be read.
         """
         self._retry_at_s = monotonic_s() + _RETRY_S
         self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)

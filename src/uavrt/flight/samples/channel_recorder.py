@@ -44,14 +44,14 @@ FREE_SPACE_FACTOR = 1.2
 """Free space that channels need, over that of other recordings [ratio]: channels stop first, so
 that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
-"""Least rms of the noise's I and Q at the start of a file [steps], by bits per value."""
+"""Minimum rms of the noise's I and Q at the start of a file [steps], by bits per value."""
 FINER = math.sqrt(0.5)
 """Ratio of present to initial noise [amplitude] below which an 8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
 """Factor by which a scale is wider than the strong signal that required it."""
 WIDER_S = 20.0
-"""Least duration of a file whose scale was widened because of a strong signal [s]."""
+"""Shortest duration of a file whose scale was widened because of a strong signal [s]."""
 TIME_STEP_NS = 500_000
 """Clock step above which the metadata begin a new stretch of samples [ns]."""
 GAP_S = 0.05

@@ -94,8 +94,7 @@ def read_ulog(path: Path) -> VehicleTrack:
 class _Damaged:
     """A log file that reports its end after too many damaged bytes.
 
-    Without it, pyulog skips unknown data byte by byte, which takes hours for gigabytes of
-    zeros.
+    Without it, pyulog skips unknown data byte by byte: hours for gigabytes of zeros.
     """
 
     def __init__(self, file: BinaryIO) -> None:

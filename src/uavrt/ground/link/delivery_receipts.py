@@ -16,7 +16,7 @@ REPEATED = 6
 """Number of earlier hashes repeated in each receipt. At 20 % frame loss, 1 acknowledgement in
 25 is then lost."""
 REMEMBERED = 500_000
-"""Most pulses remembered for recognising repetitions: 17 hours at 8 a second, 50 MB."""
+"""Maximum number of pulses remembered to recognise repetitions: 17 hours at 8 a second."""
 
 
 class Receipts:

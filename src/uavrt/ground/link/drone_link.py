@@ -1,7 +1,6 @@
 """Ground side of the tunnel: find the drone, upload tags, start, stop, receive.
 
-`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
-MAVLink.
+`GroundProtocol` encodes and decodes messages; `GroundLink` exchanges them over MAVLink.
 """
 
 import asyncio

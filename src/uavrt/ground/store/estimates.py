@@ -40,8 +40,8 @@ from uavrt.localization.terrain.elevation_files import open_elevation
 SECTORS = 16
 """Number of sectors of the pulse rose, as in the original system's finest rotation."""
 LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
-"""Most results of each kind computed in one estimate of a flight in progress, after the first
-estimate. Each takes some 80 ms of a core; further tags follow in turn."""
+"""Maximum number of results of each kind computed in one estimate of a flight in progress,
+after the first estimate. Each takes some 80 ms of a core; further tags follow in turn."""
 Record = dict[str, Any]
 
 

@@ -14,10 +14,10 @@ from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
 log = get_logger()
 
 MOST_WAITING = 10_000
-"""Most pulses queued for a failing disk; the drone keeps all others and repeats them until
-acknowledged."""
+"""Maximum number of pulses queued for a failing disk; the drone keeps all others and repeats
+them until acknowledged."""
 MOST_RECORDS = 20_000
-"""Most poses, notes and similar records queued while the disk does not answer."""
+"""Maximum number of poses, notes and similar records queued while the disk does not answer."""
 RETRY_S = 1.0
 """Pause before a failed write is repeated [s]."""
 SLOW_S = 2.0

@@ -25,8 +25,8 @@ TIDY_S = 5.0
 SLOW_S = 0.03
 """Duration above which a garbage collection visibly delays a pulse on the page [s]."""
 MOST_FREEZES = 8
-"""Most times that all objects are exempted from garbage collection. Such objects are never
-freed, even if unused later."""
+"""Maximum number of times that all objects are exempted from garbage collection. Such objects
+are never freed, even if unused later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

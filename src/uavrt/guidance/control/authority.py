@@ -49,7 +49,7 @@ class Authority:
         self._writer, self.behaviour = writer, writer.behaviour
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self.reason = "nothing was confirmed"
-        """Reason why this drone is out of command, for the operator."""
+        """Reason why this program may not command the drone, for the operator."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
         """Shortest distance to the target reached on the previous leg [m]; None: no leg."""

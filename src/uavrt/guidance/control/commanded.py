@@ -34,7 +34,7 @@ class Commanded:
     turning_deg_s: InitVar[float]
     """Rate at which the drone's heading changed when the command was sent [°/s]."""
     previous: InitVar["Commanded | None"]
-    """Previous command of the same order; None for the first."""
+    """Previous command of the same order; None for the order's first."""
     left_m: float = field(init=False)
     """Shortest distance to the target since the command [m]."""
     slack_m: float = field(init=False)

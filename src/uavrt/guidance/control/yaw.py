@@ -45,7 +45,7 @@ class YawWatch:
     _turns: bool = False
     _settles: bool = False
     _on_deg: float = 0.0
-    """Angle by which the setpoint has continued its earlier turn since the command [°]."""
+    """Angle of the setpoint's turn since the command, in its direction before [°]."""
     _ended: bool = False
     _side_deg: float = 0.0
     """Angle from the heading to the aim at the last report [°], signed."""

@@ -197,8 +197,8 @@ class Sealer:
     def keepalives(self, links: int = 1, *, files: bool = False) -> list[bytes]:
         """Sealed messages due now: a keepalive, and a nonce for an unconfirmed session.
 
-        Of several announced sessions the one tried least often comes first, so that replayed
-        announcements do not delay the drone's session.
+        If several sessions are announced, the one tried least often comes first, so that
+        replayed announcements do not delay the drone's session.
 
         `links`: number of links that carry keepalives in turn, each as often as a single one.
         `files`: True while files are requested.

@@ -1,7 +1,6 @@
 """Estimate turns, bearings, strengths and positions of a flight, from its pulses and poses.
 
-Drone, page, report, batch and command line all call this module, so that they agree on a
-flight.
+Drone, page, report, batch and command line call this module, so that they agree.
 """
 
 import math
@@ -44,8 +43,7 @@ from uavrt.localization.tuning import FLIGHT
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Time before and after a turn in which pulses still belong to it [ns]; the antenna hardly
-moves."""
+"""Time before and after a turn in which pulses belong to it [ns]: the antenna hardly moves."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -500,8 +498,7 @@ def estimate(
     `cache`: for repeated calls: unchanged results are reused.
     `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
         `Cache.begin`.
-    Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the
-        pulses.
+    Raises `UsageError`: unknown method or antenna, or the method cannot use the pulses.
     """
     how, cache = how or ReadAs(), cache or Cache()
     cache.begin(at_once)

@@ -174,7 +174,7 @@ def _forwards_and_backwards(
 
 
 def _point_times(times: _Floats) -> list[float]:
-    """Times of the path's points: the first, the last, and about each step between [s]."""
+    """Times of the path's points [s]: the first, the last, and about one per step between."""
     ordered = np.sort(times)
     step = max(TRACK.point_step_s, float(np.ptp(times)) / TRACK.most_points)
     points_s = [float(ordered[0])]

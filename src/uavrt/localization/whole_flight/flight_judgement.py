@@ -320,10 +320,10 @@ def search_flight(
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag; the least likely in noise comes first.
 
-    All its rates are searched: weak pulses by their weighted energies, strong ones by their
-    number, since the energies exclude them. Of trains of strong pulses with the same pulses the
-    most central comes first. `most`: number of trains returned. `few_patterns`: number of
-    patterns above which fewer positions select the cells to examine in full.
+    All rates of the tag are searched: weak pulses by their weighted energies, and strong ones,
+    which the energies exclude, by their number. If several trains have the same strong pulses,
+    the most central train comes first. `most`: number of trains returned. `few_patterns`:
+    number of patterns above which fewer positions select the cells to examine in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
@@ -457,7 +457,8 @@ def _marks(
     """Marks of strong pulses: 1 each, plus less than a half in total for central slots.
 
     A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
-    have as many marks. The train through the middles, at the strongest frequency, has the most.
+    have equally many marks. The train through the middles, at the strongest frequency, has
+    most.
     """
     marks = np.zeros(energies.loud.shape, np.float32)
     most = math.ceil(energies.loud.shape[1] * energies.slot_s / shortest_s) + 1

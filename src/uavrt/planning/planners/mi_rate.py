@@ -57,9 +57,9 @@ class _PathRating:
     change_gain: float = 0.15
     """Relative gain required to change the target tag, near animals or drones."""
     turn_nats: float = 1.5
-    """Least information on a possibly near animal that justifies a turn [nats]."""
+    """Minimum information on a possibly near animal that justifies a turn [nats]."""
     near_probability: float = 0.25
-    """Least probability of a near animal at which the drone leaves instead of turning."""
+    """Minimum probability of a near animal at which the drone leaves instead of turning."""
     vague_factor: float = 1.5
     """Ratio of position spread to distance to keep above which a turn locates the tag."""
 

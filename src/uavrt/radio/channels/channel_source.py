@@ -32,8 +32,7 @@ RESTART_FRAMES: Final = 3
 """Number of consecutive early stamps that shows that the sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Maximum forward jump of the time stamp that counts as a loss [s]; a larger one is a clock
-change."""
+"""Maximum forward jump of time stamps that is a loss [s]; a larger one: a clock change."""
 
 log = get_logger()
 

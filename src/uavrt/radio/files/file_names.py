@@ -3,8 +3,7 @@
 Default names of programs: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``, HDSDR
 ``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc`` in
 UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` in local time. airspy_rx and
-hackrf_transfer (``-w``) use local time with a Z, too. rtl_433's ``g001_433.92M_250k`` has no
-time.
+hackrf_transfer (``-w``) use local time with a Z, too. rtl_433's ``g001_433.92M_250k``: no time.
 """
 
 import re

@@ -17,7 +17,7 @@ _NO_GAP_S = 0.001
 class JoinedRecording:
     """Samples of several SigMF recordings, with the gaps between them.
 
-    `paths`: in any order. Raises `FormatError` if there are no samples, or rates or frequencies
+    `paths`: in any order. Raises `FormatError` without samples, or if rates or frequencies
     differ.
     """
 

@@ -29,8 +29,7 @@ class Cpu:
 
     def __init__(self) -> None:
         self.first_sample_ns = self.last_sample_ns = 0
-        """Times of the flight's first and last sample [ns, UTC]; a receiver counts only its own
-        samples."""
+        """Times of the flight's first and last sample [ns, UTC], of this receiver only."""
         self._totals: dict[str, float] = {}
         self._radio_s = 0.0
         self._before: dict[str, float] = {}

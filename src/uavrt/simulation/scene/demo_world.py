@@ -24,8 +24,7 @@ CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
-"""ENR with the antenna pointed at a tag, from the centre of the three points, without fading
-[dB]."""
+"""ENR without fading, the antenna at the three points' centre pointed at a tag [dB]."""
 
 
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:

@@ -40,8 +40,7 @@ class Ledger(Generic[R]):
     A newer row of the same path replaces an older one with its tables. Rows are in the folder
     `name` below `output`, and their tables in the folders `tables`. With `thorough` all files
     are read; otherwise sizes and times are compared.
-    Raises `RecordingError` if a file cannot be read, and `OSError` if the directory cannot be
-    written.
+    Raises `RecordingError`: a file cannot be read; `OSError`: the directory cannot be written.
     """
 
     def __init__(

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Least number of new files that are copied by month; fewer are opened one by one."""
+"""Minimum number of new files that are copied by month; fewer are opened one by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
 """Longest wait for an interrupted query [s]; DuckDB cannot interrupt its functions."""
@@ -78,8 +78,7 @@ def gather_months(
     `index` has the present copies. `tables` has for each table the start time [ns] of its files
     by name without ending. Fewer than `least_files` new files are left as they are, unless
     copies were `lost`: missing or damaged.
-    Returns the new index for `write_index`. Raises `OSError` if the directory cannot be
-    written.
+    Returns the new index for `write_index`. Raises `OSError`: the directory is not writable.
     """
     kept = dict(index)
     for table, times in tables.items():

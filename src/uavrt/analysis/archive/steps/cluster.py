@@ -29,7 +29,7 @@ NO_WORKER_S = 3.0
 _CLOSE_S = 0.5
 _LOOK_S = 0.5
 _QUEUED_LEAST = 64
-"""Least number of queued tasks; an adaptive cluster grows with its queue."""
+"""Minimum number of queued tasks; an adaptive cluster grows with its queue."""
 
 
 class RunMarker:
@@ -66,8 +66,7 @@ def run_on_cluster(
     `scheduler` is ``tcp://HOST:PORT``. All workers see `folder` under the same name. A true
     result of `should_stop` ends the run. `on_done` receives the amount done since its last
     call, and `on_wait` a text while there is no worker.
-    Raises `UsageError` without the extra or if no scheduler answers, and `LinkError` if it is
-    lost.
+    Raises `UsageError` without the extra or without a scheduler, `LinkError` if it is lost.
     """
     if not tasks:
         return

@@ -1,7 +1,7 @@
 """Reject long groups that are another tag's pulses, by measuring their interval.
 
 A pulse half a width late still has a quarter of its power. If a tag's interval is some
-milliseconds off, a lattice of twenty expected pulses has ten such pulses and more. So the sum
+milliseconds off, a series of twenty expected pulses has ten such pulses and more. So the sum
 along the declared interval is compared with sums along other intervals that cross it.
 """
 

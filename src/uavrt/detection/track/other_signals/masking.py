@@ -1,7 +1,7 @@
 """Subtract pulses of a stronger tag that hide those of a weaker tag.
 
-A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz away. One
-20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. The stronger
+A rectangular pulse of length tp leaks up to 1 / (pi df tp)^2 of its power to df Hz away. A
+pulse 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. The stronger
 pulse's time, frequency and amplitude are known from its track, so it can be subtracted.
 """
 

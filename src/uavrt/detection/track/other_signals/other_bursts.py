@@ -1,9 +1,9 @@
 """Measure the rate of other transmitters' bursts: recent strong cells that no track explains.
 
 The anchors of the search are all cells strong enough to be a pulse; the search for long groups
-passes its strong cells on. Cells on no tag's lattice are bursts of other transmitters: a
-hopper, slots of a frame, speech. Their rate gives the chance that one lies where a tag's pulse
-is expected. In noise alone there are none.
+passes its strong cells on. Cells that no tag's pulses explain are bursts of other
+transmitters: a hopper, slots of a frame, speech. Their rate gives the chance that one lies
+where a tag's pulse is expected. In noise alone there are none.
 """
 
 import math
@@ -235,9 +235,9 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts in excess of the noise's expected number; 0 within a margin.
+    """Number of bursts above the number expected from noise; 0 within a margin.
 
-    Without the margin, half of the real single-pulse groups were held back.
+    Without the margin, half of the tags' single-pulse groups would not be reported at once.
     """
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

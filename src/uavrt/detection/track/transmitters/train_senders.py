@@ -205,8 +205,8 @@ class Senders(Generic[H]):
         """Drop tracks that were begun or just confirmed only by pulses of other tags.
 
         One strong pulse and the largest noise an interval before and after it make a group of
-        any tag. Another strong pulse on its lattice would confirm the group. `trains`: dropped
-        tracks are removed. `given`: those assigned. Returns whether there were any.
+        any tag. Another strong pulse at a multiple of the interval would confirm the group.
+        `trains`: dropped tracks are removed. `given`: assigned trains. True if any was dropped.
         """
         dropped: set[int] = set()
         unsettled = [

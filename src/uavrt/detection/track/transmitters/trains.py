@@ -147,10 +147,10 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
 
 
 def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
-    """Find the trains with hardly any pulse that is not another train's.
+    """Find the trains that consist almost only of other trains' pulses.
 
-    A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
-    1881 ms. Returns those that explain less than the confirmed trains whose pulses they share.
+    Trains of different intervals may share pulses: at 1254 ms, every third one coincides with
+    one at 1881 ms. Returns those that explain less than the confirmed trains they share with.
     """
     found: list[Train[H]] = []
     confirmed = sorted(

@@ -36,8 +36,7 @@ COMPUTER_NS = ns_from_s(10.0)
 """Time between two reports of the computer's load [ns]; 250 bytes: 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
 AGAIN_NS = ns_from_s(30.0)
-"""Time between two reports of a persisting fault [ns]; 200 bytes, below 1 % of the slowest
-link."""
+"""Time between two reports of a lasting fault [ns]: below 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Time between two search reports of a tag [ns]; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)

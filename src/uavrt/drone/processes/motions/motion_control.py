@@ -153,7 +153,7 @@ class MotionControl:
 
     @property
     def known(self) -> Authority:
-        """Return the authority; raises `CommandRefused` while the autopilot is unknown."""
+        """Return the `Authority`; raises `CommandRefused` while the autopilot is unknown."""
         if self.authority is None:
             raise CommandRefused("the autopilot has not reported yet")
         return self.authority

@@ -18,8 +18,7 @@ from uavrt.core.errors import UavrtError
 from uavrt.drone.ipc.parent import PARENT_VARIABLE, die_with_parent
 
 TIMEOUT_S = 7.5
-"""Longest wait for the radio test [s]. The ground station waits 8 s; a working radio answers in
-4 s."""
+"""Longest wait for the radio test [s]. The ground station waits 8 s; a radio takes 4 s."""
 
 
 class RadioTest:

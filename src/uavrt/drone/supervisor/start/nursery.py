@@ -35,8 +35,7 @@ MODULES = (
     "uavrt.drone.processes.connection",
     "uavrt.drone.processes.recorder",
 )
-"""Modules imported before the first fork, needed on every drone. The others are imported after
-the fork."""
+"""Modules imported before the first fork: those needed on every drone."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
@@ -53,8 +52,7 @@ class ForkedProcess:
     """Request of `Launcher` in JSON: module, name, arguments, environment, parent, descriptors.
     """
     fds: list[int]
-    """Received descriptors: one per requested number, then one to confirm the fork to the
-    supervisor."""
+    """Received descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int
     """Process id of the short-lived parent between the nursery and this process."""
 

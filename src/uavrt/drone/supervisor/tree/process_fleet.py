@@ -78,7 +78,7 @@ class Fleet:
 
     @property
     def instances(self) -> Iterable[Instance]:
-        """All instances that ever ran or had a record to receive."""
+        """All process instances that ever ran or had a record to receive."""
         return self._instances.values()
 
     def instance_of(self, row: ProcessRow) -> Instance:

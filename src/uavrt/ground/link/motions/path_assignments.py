@@ -13,8 +13,7 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import Course, Neighbour
 
 MOST_LAG = 100
-"""Largest lag of a sequence number that means a delayed message; a larger lag means a restarted
-drone."""
+"""Largest lag of a sequence number that means delay; a larger one means a restarted drone."""
 MOVED_M = 5.0
 """Distance by which a goal must move, without a request, to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
@@ -30,8 +29,7 @@ class _Member:
     granted: int = 0
     denied: int = 0
     path: tuple[tuple[float, float], ...] = ()
-    """Points of the path that is assigned but not flown yet, [latitude, longitude] in
-    degrees."""
+    """Points of the path that is assigned, not flown: [latitude, longitude] in degrees."""
 
 
 class PathAssignments:

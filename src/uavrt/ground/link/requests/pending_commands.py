@@ -19,11 +19,9 @@ from uavrt.link.tunnel.own_messages.private import MOTION_TYPE
 ACK_WAIT_S = 2.0
 TRIES = 4
 STOP_WAIT_S = 0.4
-"""Time after which an unanswered stop is sent again [s]; over a radio an answer takes at least
-0.3 s."""
+"""Time after which an unanswered stop is sent again [s]; a radio's answer takes 0.3 s."""
 CONFIRMS_WITHIN_NS = ns_from_s(1.0)
-"""Longest delay between the operator's confirmation and its sending [ns]; a later one is
-dropped."""
+"""Longest delay between confirmation and sending [ns]; a later order is dropped."""
 
 
 class Exchange:

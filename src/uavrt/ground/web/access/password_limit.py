@@ -9,7 +9,7 @@ from uavrt.core.clock import monotonic_s
 TRIES = 5
 WINDOW_S = 60.0
 LEAST_PASSWORD = 8
-"""Least length of a password. Guesses from many addresses are limited only by the server's
+"""Minimum length of a password. Guesses from many addresses are limited only by the server's
 speed, 3000 a second. At 10 000 a second, half of all passwords of eight random letters and
 digits (36⁸) last 4 years."""
 

@@ -26,7 +26,7 @@ from uavrt.core.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Most requests queued for the process; moving a tiled map sends some twenty."""
+"""Maximum number of requests queued for the process; moving a tiled map sends some twenty."""
 WALL_S = 60.0
 """Longest time for one answer [s]; enough for a busy computer."""
 _NICE = 10

@@ -15,7 +15,7 @@ MAX_SKEW = 0.025
 """Largest rate difference of the clocks; PX4 1.17 in simulation runs 1.1 to 2 % slow."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
-"""Least time span of round trips for a reliable skew, even on a slow link [s]."""
+"""Minimum time span of round trips for a reliable skew, even on a slow link [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
 """Largest uncertainty of a skew that is used from a shorter time span: 2 ms in a second."""

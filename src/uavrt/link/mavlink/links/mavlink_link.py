@@ -6,8 +6,7 @@ itself: a lost serial adapter or TCP peer is tried again every second. Meanwhile
 are dropped and counted. Received frames go to one callback, at once, in the loop's thread.
 Links use no thread and no blocking call.
 
-No input ends the reading: a frame whose handler fails is counted and logged, and the next frame
-is read.
+No input ends the reading: a frame whose handler fails is counted and logged.
 """
 
 from collections.abc import Callable

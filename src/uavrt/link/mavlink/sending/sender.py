@@ -107,8 +107,7 @@ class PacedSender:
     def _pump(self) -> None:
         """Send the messages that may be sent now; set a timer for the next one.
 
-        Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
-        messages.
+        Timers cost less than a task's wake-ups, which cost more than 200 messages a second.
         """
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:

@@ -3,8 +3,7 @@
 A wrong compass or a walking animal turns all bearings of a flight together, so that none of
 them alone is conspicuous. With four stations around the tag three explanations can be compared:
 a resting tag, a walking one, and a common heading error. Each is fitted to the bearings (with
-outliers) and compared by its evidence (Laplace's approximation; MacKay, Information Theory, ch.
-27).
+outliers) and compared by its evidence (Laplace's approximation; MacKay 2003, ch. 27).
 """
 
 from dataclasses import dataclass

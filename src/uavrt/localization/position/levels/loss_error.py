@@ -54,7 +54,7 @@ class LossError:
         return cls(mean=columns[:, 0], variance=columns[:, 1], with_level_db=columns[:, 2])
 
     def columns(self) -> NDArray[np.float32]:
-        """(n, 3) columns: mean, variance, covariance with the tag's strength."""
+        """(n, 3) the error's mean, variance, and covariance with the tag's strength."""
         return np.stack((self.mean, self.variance, self.with_level_db), axis=1)
 
     def after(

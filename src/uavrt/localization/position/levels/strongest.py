@@ -121,7 +121,7 @@ def signal_section(
     """
     heard = ~np.isnan(track.snr_db)
     if len(height_bands(track.height_m[heard])) < 2:
-        raise UsageError("the survey was flown at one height", remedy="Fly at two heights")
+        raise UsageError("a side view needs pulses at two heights", remedy="Fly at two heights")
     plane = TangentPlane(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
     east, north = plane.to_local(track.latitude_deg[heard], track.longitude_deg[heard])
     distance, height = np.hypot(east, north), track.height_m[heard]

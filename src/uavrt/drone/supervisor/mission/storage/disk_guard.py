@@ -117,8 +117,7 @@ class DiskGuard:
     def _removable_flights(self) -> list[Path]:
         """Removable flights, oldest first: neither newest, starred nor in progress.
 
-        A flight counts together with its copies, which are removed first because they contain
-        less.
+        A flight counts with its copies, which are removed first because they contain less.
         """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name
