@@ -20,7 +20,7 @@ def left_m(flown: Flown) -> float:
     return math.hypot(target.north_m - north, target.east_m - east)
 
 
-@pytest.mark.parametrize("near_m", [7.0, 5.6, 5.0])
+@pytest.mark.parametrize("near_m", [11.0, 10.0, 9.0])
 def test_a_pause_metres_before_a_corner_ends_the_order_and_no_command_follows(
     near_m: float,
 ) -> None:
