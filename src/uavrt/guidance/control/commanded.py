@@ -1,7 +1,7 @@
 """Monitor the last command: the drone must fly this command and nothing else. Pure."""
 
 from dataclasses import InitVar, dataclass, field
-from math import cos, hypot, radians, sin
+from math import cos, hypot, nan, radians, sin
 
 from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.core.units import wrap_degrees_180
@@ -256,7 +256,8 @@ class Commanded:
         if seen.yaw_deg is None:
             return place, up
         asked = None if yaw is None else yaw.wanted_deg
-        off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
+        ahead = bearing if left > SAFETY.frozen_m else nan
+        off = wrap_degrees_180((ahead if asked is None else asked) - seen.yaw_deg)
         stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
         heading = Left(
             now=abs(off),
