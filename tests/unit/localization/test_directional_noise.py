@@ -44,6 +44,17 @@ def test_a_surveys_energies_are_the_same_whatever_the_noise() -> None:
     assert limits[~heard].min() > limits[0] + 10.0
 
 
+@pytest.mark.parametrize(
+    "noise_db",
+    [np.where(np.arange(COUNT) < COUNT // 2, 0.0, 12.0), np.linspace(0.0, 12.0, COUNT)],
+    ids=["begins in a moment", "grows along the flight"],
+)
+def test_noise_that_lasts_for_half_a_flight_changes_no_energy(noise_db: np.ndarray) -> None:
+    heard = flight(noise_db, every_s=10).pulses[2]
+    assert np.ptp(heard.snr_db) > 10.0
+    assert np.ptp(heard.snr_db + heard.noise_db) == pytest.approx(0.0, abs=1e-6)
+
+
 def test_another_gain_of_the_receiver_changes_no_energy() -> None:
     """It raises noise and pulses alike, so the SNR stays."""
     gain_db = np.where(np.arange(COUNT) < COUNT // 2, 0.0, 12.0)
