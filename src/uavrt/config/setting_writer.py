@@ -121,7 +121,7 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
     if _without_empty(found) != _without_empty(wanted):
         names = ", ".join(f"[{table}] {key}" for table, key in changes)
         raise ConfigError(
-            f"uavrt cannot change {names} in the layout of {path.name}",
+            f"{names} cannot be changed by uavrt in the layout of {path.name}",
             remedy="Change it with an editor, or move the file away and start again",
         )
 

@@ -96,7 +96,7 @@ class LimitTuning:
     per_refinement: float = 14.0
     """Number of independent sums in a refinement."""
     expected_false: float = 1e-6
-    """Probability of noise in a cell where a burst of an identified tag is expected."""
+    """Probability that noise reaches the limit in a cell where a known tag's burst is due."""
     expected_log: float = 6.0
     """Log odds of an identified tag's burst at its expected time against any other time."""
     least_energy: float = 0.25

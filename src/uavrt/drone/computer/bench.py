@@ -46,7 +46,7 @@ LEVEL_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFacts:
-    """Facts in addition to the records; None if unknown."""
+    """Values that a bench check judges beside its records; None if unknown."""
 
     tags: tuple[Tag, ...]
     state: SystemState | None

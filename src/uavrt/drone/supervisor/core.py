@@ -224,8 +224,8 @@ class Supervisor:
         if self.mission.flights.flight is not None:
             self._publish("flight_end", self.mission.flights.flight)
             if not await self._fleet.taken("flight_end", CLOSE_S):
-                flight = self.mission.flights.flight.directory
-                log.warning("recorder has not yet closed the flight", flight=flight)
+                directory = self.mission.flights.flight.directory
+                log.warning("recorder has not yet closed the flight", flight=directory)
         flight = self.mission.flight_ended()
         self._output.close_flight()
         self._disk.flying(None)

@@ -176,8 +176,8 @@ class SurveyTuning:
     height_sigma_m: float = 7.0
     """Default standard deviation of a stated height above the tag [m]."""
     height_share: float = 0.25
-    """Maximum standard deviation of a height, as a share of the height; a person carries a
-    receiver at 1.5 m on any ground. Larger ones take a shadow for a wrong height."""
+    """Maximum standard deviation of a height, as a share of the height. With a larger one, a
+    signal weakened by an obstacle is taken for a wrong height."""
     far_wrong_share: float = 0.1
     """Prior share of heights with a far greater error."""
     far_wrong_sigmas: float = 4.0
@@ -300,15 +300,15 @@ class LossErrorTuning:
     """Constants for the error of losses behind hills, relative to those by the map."""
 
     mean: float = 0.4
-    """Mean of the error: round tops lose up to twice as much (P.526-15, 4.2), woods more."""
+    """Mean relative error: round tops lose up to twice as much (P.526-15, 4.2), woods more."""
     sigma: float = 0.5
-    """Standard deviation of the error before any pulse."""
+    """Standard deviation of the relative error before any pulse."""
     correlation_m: float = 800.0
     """Length of the drone's path over which the error's correlation falls to 1 / e [m]."""
     pulse_share: float = 0.05
     """Standard deviation of each pulse's own part, as a share of the loss."""
     limits: tuple[float, float] = (-0.7, 2.5)
-    """Minimum and maximum mean of the error after pulses."""
+    """Minimum and maximum mean of the relative error after pulses."""
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0

@@ -101,7 +101,7 @@ class HeardTrain:
 
     pulses: TrainPulses
     mean_noise_energy: float
-    """Mean energy of a slot in noise, which determines the number of exponentials."""
+    """Mean energy of a slot that has only noise [noise energies of a window]."""
     places: Places
     log_trains: float | None = None
     """Logarithm of the number of trains from which this was chosen as the best; None: it is the
