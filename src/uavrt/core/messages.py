@@ -384,8 +384,8 @@ class Delivered:
 
     time_ns: int
     store: int
-    """Number of that store (`uavrt.link.tunnel.own_messages.private`); 0: the pulses were sent
-    once, without receipt."""
+    """Number of the store that received the pulses (`uavrt.link.tunnel.own_messages.private`);
+    0: they were sent once, without receipt."""
     pulses: tuple[PulseKey, ...]
 
 

@@ -312,7 +312,7 @@ class LossErrorTuning:
     grazing_db: float = 6.0
     """Change of loss by some metres of height where a path grazes a hill [dB]."""
     grazing_fall_db: float = 3.0
-    """Loss over which the change by some metres decreases to 1 / e [dB]."""
+    """Loss at which the change `grazing_db` has decreased to 1 / e of itself [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
