@@ -72,7 +72,8 @@ class MapFile:
                 else _mbtiles_tile(self.path, z, x, y)
             )
         except _DAMAGED as error:
-            raise FormatError(f"{self.path.name} cannot be read: {error}") from error
+            text = f"{self.path.name} cannot be read: {error}"
+            raise FormatError(text, remedy="Download it again") from error
 
     def covers(self, west: float, south: float, east: float, north: float) -> bool:
         """True if the file's bounds contain an area."""

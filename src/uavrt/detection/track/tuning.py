@@ -158,7 +158,7 @@ class FollowTuning:
     most_trust: float = 15.0
     """Maximum log odds of a track; ten missing pulses end the track, as `most_missed`."""
     trust_lost: float = 1.4
-    """Maximum loss of log odds by a missing pulse: one pulse in four is faded."""
+    """Maximum decrease of the log odds by a missed pulse; one in four is lost to fading."""
     trust_won: float = 4.0
     """Maximum gain of log odds by a pulse."""
     joint_trust: float = 6.0
