@@ -54,11 +54,7 @@ def _picture(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write coverage maps of tags not found as GeoTIFF and PNG, and remove outdated ones.
-
-    `maps` come from `silent_maps`, by tag id. Files of the other tags in `tag_ids` are removed.
-    Raises `RecordingError` if they cannot be written.
-    """
+    """Write coverage maps of tags not found as GeoTIFF and PNG; remove outdated ones."""
     for tag_id in set(tag_ids) - set(maps):
         for ending in ("tif", "png"):
             (directory / f"{_map_name(tag_id)}.{ending}").unlink(missing_ok=True)

@@ -141,10 +141,7 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
-    """Number of batteries and charge used, over all vehicles.
-
-    Of a flight's copies, the one with most battery reports counts.
-    """
+    """Number of batteries and charge used, over all vehicles; a flight's copies count once."""
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
     for flight in flights:

@@ -85,11 +85,7 @@ TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 
 
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
-    """Read a whole file from outside.
-
-    Raises `OSError`, or `FormatError` if it is too large, mostly sparse, or an endless pipe or
-    device.
-    """
+    """Read a whole file from outside; refuses sparse, endless and too large ones."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
         about = os.fstat(handle)
@@ -129,11 +125,7 @@ def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) ->
 
 
 def open_zip(path: Path, limit: Limit) -> "ZipFile":
-    """Open a zip file; its members are stored or deflated.
-
-    Raises `OSError`, or `ValueError` if it is not a zip file or exceeds the limit, or the
-    errors of `zipfile`.
-    """
+    """Open a zip file; its members must be stored or deflated."""
     from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
     size = size_of(path)

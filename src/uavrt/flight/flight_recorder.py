@@ -94,10 +94,7 @@ class FlightRecorder:
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
-        """Begin a flight in `info.directory`, with its folders, configurations and database.
-
-        Raises `RecordingError` if the directory cannot be written or already contains a flight.
-        """
+        """Begin a flight in `info.directory`, with its folders, configurations and database."""
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
             raise RecordingError(
@@ -227,10 +224,7 @@ class FlightRecorder:
         return full or gone or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, checkpoint the write-ahead log and close, even if the commit fails.
-
-        Raises `RecordingError` if the commit failed.
-        """
+        """Commit, checkpoint the write-ahead log and close, even if the commit fails."""
         try:
             self.commit()
             self.database.fold_all()

@@ -47,10 +47,7 @@ def text_of_cell(cell: str) -> str:
 
 
 def csv_cells(line: str) -> list[str]:
-    """Split one CSV line into cells; an unclosed quote reaches to the line's end.
-
-    Raises `ValueError` for a carriage return, or a cell above 131 072 characters.
-    """
+    """Split one CSV line into cells; an unclosed quote reaches to the line's end."""
     try:
         return next(csv.reader([line]), [])
     except csv.Error as error:

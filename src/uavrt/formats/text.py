@@ -125,10 +125,7 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert lines to commas between cells, and points in decimals.
-
-    Spreadsheets of many countries write semicolons or tabs, and decimal commas.
-    """
+    """Convert lines of a spreadsheet to commas between cells, and points in decimals."""
     separator = separator_of(lines)
     if separator == ",":
         return list(lines)

@@ -313,10 +313,7 @@ class SearchArea:
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Reason why excluded areas forbid a path or the return from it; None if they do not.
-
-        The path is given by points, beginning with its start; segments are checked, too.
-        """
+        """Reason why excluded areas forbid a path or the return from it; None if allowed."""
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
         return next((reason for _, reason in self._entered_areas(x[None], y[None], here)), None)
@@ -324,10 +321,7 @@ class SearchArea:
     def _entered_areas(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Numbers of legs that enter an excluded area, each with the reason.
-
-        A drone blown into the margin by a gust may leave the margin, but not come closer.
-        """
+        """Numbers of legs that enter an excluded area, each with the reason."""
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
         for zone in self.excluded:
@@ -357,10 +351,7 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Reason why a path may not be flown at a height above home; None if it may.
-
-        The path is given by points; the segments between them are checked, too.
-        """
+        """Reason why a path may not be flown at a height above home; None if it may."""
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
         faults = self._faults(x[None], y[None], height_m, here)

@@ -113,10 +113,7 @@ def flights_in(archive: Path) -> list[str]:
 
 
 def survey_of(archive: Path, flight: str) -> Survey:
-    """Gather a flight's data from the tables, and its track if the flight still exists.
-
-    Raises `FormatError` if there is no archive.
-    """
+    """Gather a flight's data from the tables, and its track if the flight still exists."""
     which = f"WHERE flight = {quoted(flight)}"
     pulses = _pulse_poses(
         ask(

@@ -92,11 +92,7 @@ def flown_path(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[AntennaPath, tuple[str, ...]]:
-    """Positions and heights above ground at which a flight could receive a tag, one for each
-    pulse interval.
-
-    If the times with samples are known, only these are used.
-    """
+    """Positions and heights above ground at which a flight could receive a tag, by interval."""
     poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
     interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND

@@ -165,10 +165,7 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Map where a tag would have been detected, by default with the flight's antenna.
-
-        Raises `UsageError` if the flight is too long, or the antenna is unknown.
-        """
+        """Map where a tag would have been detected, by default with the flight's antenna."""
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)
@@ -348,11 +345,7 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance from a path within which a tag is detected with .9 or more everywhere [m].
-
-    None means nowhere. Terrain of unknown height counts as not detected, and the map's extent
-    is the maximum. `east_m` and `north_m` (n,) are the path in the map's plane.
-    """
+    """Distance from a path within which p ≥ 0.9 everywhere [m]; None means nowhere."""
     from scipy.spatial import KDTree
 
     ground = coverage.ground

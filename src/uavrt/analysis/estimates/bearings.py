@@ -58,10 +58,7 @@ class Recorded:
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the directional antenna for bearings; RA-23K for a log that names none.
-
-        Raises `UsageError` if the antenna is a whip or unknown.
-        """
+        """Name of the directional antenna for bearings; RA-23K for a log that names none."""
         if self.flight is None:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:

@@ -68,10 +68,7 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Rows of bearings for the original system's ``bearings.csv``.
-
-    Turns without a clear direction are left out, since the format has no column to mark them.
-    """
+    """Rows of bearings for the original's ``bearings.csv``, without ambiguous turns."""
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 

@@ -118,11 +118,7 @@ def export_bag(
 
 
 def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
-    """Write messages in order of time into one MCAP file.
-
-    Returns rosbag2's description of the file, which is also inside it, and the number of
-    messages by topic. Raises `UsageError` without the extra ``uavrt[analysis]``.
-    """
+    """Write messages into one MCAP file; returns rosbag2's description and message counts."""
     with needs_extra("analysis", "MCAP"):
         from mcap.writer import CompressionType, Writer
     counts: Counter[str] = Counter()

@@ -91,12 +91,7 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure a code from bursts with the same gaps, one per row; None without a regular
-    interval.
-
-    A pulse's middle is measured more accurately than its start. The n-th pulses of all bursts
-    are equally long.
-    """
+    """Measure a code from bursts with equal gaps, one per row; None if not regular."""
     beat = _beat(middles_s[:, 0])
     if beat is None:
         return None

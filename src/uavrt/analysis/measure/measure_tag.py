@@ -213,11 +213,7 @@ def _search(
     frequency_hz: float | None,
     window_hz: float,
 ) -> tuple[Points, int, float]:
-    """Search the whole band, or a part, for pulses; frequencies are relative to the band's
-    centre.
-
-    Returns the pulses, their time reference [ns], and the duration of the samples.
-    """
+    """Search the band, or a part; returns pulses, time reference [ns], duration [s]."""
     rate_hz = source.sample_rate_hz
     if frequency_hz is None:
         low_hz, high_hz = -rate_hz / 2, rate_hz / 2

@@ -102,11 +102,7 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Give pulses the antenna's poses of a flight, in order of time and tag.
-
-    A pulse outside of the flight has no pose. `flight` has the vehicle's poses and the
-    antenna's mounting.
-    """
+    """Give pulses the antenna's poses of a flight, in order of time and tag."""
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
     for pulse in pulses:

@@ -39,10 +39,7 @@ class MaximumHold:
         return self._values[: -(-self._end // self.frames_per_column)]
 
     def put(self, first: int, frames: NDArray[np.float32]) -> None:
-        """Add consecutive frames of shape (n, rows), the first of number `first`.
-
-        Frames that are never added stay zero.
-        """
+        """Add consecutive frames of shape (n, rows); frames that are never added stay zero."""
         if not len(frames):
             return
         self._end = max(self._end, first + len(frames))

@@ -87,10 +87,7 @@ class DetectionPlots:
             self._pulses[pulse.tag_id].append(pulse)
 
     def write(self) -> list[Path]:
-        """Draw the pictures of every tag that has samples, and return their files.
-
-        Raises `RecordingError` if they cannot be written.
-        """
+        """Draw the pictures of every tag that has samples, and return their files."""
         written = []
         for tag in self._tags:
             known = self._waterfalls.get(tag.tag_id)

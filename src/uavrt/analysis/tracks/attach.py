@@ -180,11 +180,7 @@ def estimate_offset(
 def _sigma_s(
     misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
 ) -> float:
-    """Standard deviation of the best offset by a jackknife over consecutive eighths [s].
-
-    Errors of neighbouring pulses are correlated, so whole time spans are left out (Künsch 1989,
-    The jackknife and the bootstrap for general stationary observations).
-    """
+    """Standard deviation of the best offset by a jackknife over consecutive eighths [s]."""
     counted = np.cumsum(covered) - 1
     part_of = np.where(covered, counted * _PARTS // int(np.count_nonzero(covered)), -1)
     best = []
@@ -317,12 +313,7 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Make a function like `power_misfit` for nearby offsets, with positions to the metre.
-
-        The cells of the polar grid are tens of metres wide, but a turn's bearing is more
-        accurate. Without this step, the best offset would be one that turns all bearings to a
-        cell's middle.
-        """
+        """Make a function like `power_misfit` for nearby offsets, with positions to a metre."""
         heard = self._heard(offset_s, antenna) or {}
         cells = [int(np.argmin(one.squares(*self._grid))) for one in heard.values()]
         starts = {
@@ -364,11 +355,7 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude offsets at which the track covers far fewer pulses than at the best.
-
-        Raises `UsageError` if even the best covers too few to distinguish an offset from
-        chance.
-        """
+        """Exclude offsets at which the track covers far fewer pulses than at the best."""
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"

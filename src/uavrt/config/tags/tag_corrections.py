@@ -124,11 +124,7 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Common frequency offset of the tags, due to the receiver [ppm]; or None.
-
-    Two tags, or three of four, must agree. Trains that may be of two tags, or of another rate,
-    are ignored.
-    """
+    """Common frequency offset of two tags, or three of four [ppm]; None if they disagree."""
     off = {
         one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
         for one in found

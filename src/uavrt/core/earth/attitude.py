@@ -16,10 +16,7 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 def normalised(q: Quaternion) -> Quaternion:
-    """Scale a quaternion to length 1; raises `ValueError` if it is zero or not finite.
-
-    A vehicle with unknown attitude may send zeros.
-    """
+    """Scale a quaternion to length 1; raises `ValueError` if it is zero or not finite."""
     length = math.hypot(*q)
     if not (1e-6 < length < math.inf):
         raise ValueError(f"{q} is not an attitude")

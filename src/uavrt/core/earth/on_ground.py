@@ -52,10 +52,7 @@ class GroundStates:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add a report of both states; returns False if neither has changed.
-
-        `armed`, `landed`: 0 for no; None if not reported.
-        """
+        """Add a report of both states (0: no, None: not reported); False if unchanged."""
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._reports[-1][1:] if self._reports else (None, None)
         if now == last:

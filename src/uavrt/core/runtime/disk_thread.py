@@ -125,11 +125,7 @@ class DiskThread:
 
 
 class DiskBatches(Generic[T, R]):
-    """Collects items in the loop, and writes them in the disk thread batch by batch.
-
-    `write` writes a batch in the thread. `then` receives each batch and the result of `write`,
-    in the loop.
-    """
+    """Collects items in the loop; `write` runs in the thread, then `then` in the loop."""
 
     def __init__(
         self,

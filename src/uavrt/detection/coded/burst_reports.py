@@ -17,10 +17,7 @@ from uavrt.detection.signal.sample_buffer import Counters
 
 
 class BurstReporter:
-    """Makes one record for each burst of a tag.
-
-    `tracks`: predictions of bursts; confirmed bursts are added.
-    """
+    """Makes one record for each burst of a tag; confirmed ones are added to `tracks`."""
 
     def __init__(
         self,
@@ -160,10 +157,7 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Offset of the pulses from the columns of their largest cells [columns].
-
-    The filter of a rectangular pulse decays linearly: amplitudes on both sides give the offset.
-    """
+    """Offset of the pulses from the columns of their largest cells [columns]."""
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)
     left = np.sqrt(cells.recent[row, np.maximum(at - reach, 0)])

@@ -91,10 +91,7 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log-likelihood ratio of bursts in step against one unlisted code's, also in step.
-
-    `alone` (bursts, pulses): as in `Evidence`.
-    """
+    """Log-likelihood ratio of bursts in step against one unlisted code's, also in step."""
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(LIKELIHOOD.coincidence)
 

@@ -286,10 +286,7 @@ class AcceptedBursts:
 
 
 class Overlaps:
-    """Overlap of possible bursts with accepted bursts, and the remaining pulses.
-
-    `guard`: columns on either side of a pulse that belong to it.
-    """
+    """Overlap of possible bursts with accepted ones, and the remaining pulses."""
 
     def __init__(self, claims: list[Burst], guard: int) -> None:
         shape = len(claims), max((len(one.columns) for one in claims), default=0)

@@ -157,10 +157,7 @@ class CodedDetector:
         self._stamps: tuple[list[int], list[int]] = ([], [])
 
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
-        """Process a block of samples; return a record for each burst since the last call.
-
-        `time_ns`: time at the antenna of the first sample [ns, UTC].
-        """
+        """Process a block of samples; return a record for each burst since the last call."""
         samples = np.ascontiguousarray(samples, np.complex64)
         if len(samples):
             after = self._clean + self._cleaner.margin

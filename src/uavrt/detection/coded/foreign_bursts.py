@@ -32,10 +32,7 @@ class Foreign:
         return FOREIGN.least_per_hour + 3600.0 * self._count / received_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
-        """Find the foreign pulses among the recent cells; count their bursts before `upto`.
-
-        `explained`: bursts of listed codes.
-        """
+        """Find the foreign pulses among the recent cells; count their bursts before `upto`."""
         cells = self._cells
         loudest = cells.recent.max(axis=0)
         reach = 2 * cells.pulse

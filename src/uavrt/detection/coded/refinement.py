@@ -62,10 +62,7 @@ def refine(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Cumulative sums of samples from some columns on, at a row's frequency and both sides.
-
-    Shape (turns, bursts, pulses, n + 1); the flags mark pulses with all samples.
-    """
+    """Cumulative sums of samples (turns, bursts, pulses, n + 1), and which are complete."""
     count = 2 * REFINE.margin_columns * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
     within = (first >= 0) & (first + count <= (cells.end - cells.base) * cells.hop)
@@ -84,10 +81,7 @@ def _prefix(
 def _energies(
     cells: Cells, sums: NDArray[np.complex128], at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Energies of pulses that begin between samples.
-
-    Shape (turns, moves, stretches, bursts, pulses).
-    """
+    """Energies (turns, moves, stretches, bursts, pulses) of pulses between samples."""
     begin = np.clip(at * cells.hop, 0.0, sums.shape[-1] - 2 - cells.length)
     low = np.floor(begin).astype(np.int64)
     over = begin - low

@@ -79,10 +79,7 @@ class Cells:
         return self.end - self.recent.shape[1]
 
     def push(self, samples: NDArray[np.complex64]) -> int:
-        """Add samples and compute the complete columns; return their number.
-
-        `samples` (n,): from the first sample of column `end` on.
-        """
+        """Add samples and compute the complete columns; return their number."""
         count = (len(samples) - self.length) // self.hop + 1
         if count <= 0:
             return 0

@@ -196,11 +196,7 @@ class AnchorSearch(RateSearch):
     def candidates(
         self, due: "_Due", hits: list[tuple[int, float, float, int]], shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the anchors that the compiled kernel found above the threshold.
-
-        `hits`: their indices, best sums, strengths, and intervals, shortened by `shorter`
-        columns.
-        """
+        """Make candidates of the anchors that the compiled kernel found above the threshold."""
         hits = sorted(hits, key=lambda hit: -hit[2])[: GROUPS.candidates_at_once]
         which, score, strength, interval = zip(*hits, strict=True)
         place = np.array([due.places[index] for index in which])

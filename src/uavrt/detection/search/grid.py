@@ -253,10 +253,7 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Factors that shift the tag to zero for each row of outputs, shape (count, 1).
-
-        The shift within a row of outputs is in the filter.
-        """
+        """Factors (count, 1) that shift the tag to zero for each row of outputs."""
         grid = self.grid
         turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
         if count > len(self._turns):
@@ -269,11 +266,7 @@ class Spectrogram:
 def make_grid(
     *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float, half_width_hz: float
 ) -> Grid:
-    """Make the grid around one tag.
-
-    `offset_hz`: middle of the search from the centre of the channel [Hz]. `half_width_hz`:
-    half-width of the search [Hz]; infinite or large: the whole channel.
-    """
+    """Make the grid around one tag; an infinite `half_width_hz` is the whole channel."""
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
     circular = half_width_hz >= nyquist_hz
@@ -387,19 +380,13 @@ def _band_filter(
 def _windows(
     samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
 ) -> NDArray[np.complex64]:
-    """View of overlapping windows of contiguous samples, without a copy.
-
-    Much faster than `numpy.lib.stride_tricks.as_strided`, and checks that they fit the buffer.
-    """
+    """View of overlapping windows of contiguous samples, without a copy."""
     size = samples.itemsize
     return np.ndarray(shape, np.complex64, samples, first * size, (step * size, size))
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Maximum over ± `reach` columns, for columns where all of these exist.
-
-    Returns (columns - 2 * reach, rows). The work grows with the logarithm of `reach`.
-    """
+    """Maximum over ± `reach` columns, for the columns - 2 * reach with all of these."""
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous
     # As one long row: values that cross into the next row are cut off with the margins.

@@ -231,10 +231,7 @@ class RowNoise:
 
 
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
-    """Run `RowNoise.update` for several bands with equal rows.
-
-    `power` (noises, columns, rows): new columns, at least one.
-    """
+    """Run `RowNoise.update` for several bands with equal rows; `power` (n, columns, rows)."""
     long = np.stack([noise._long for noise in noises if noise._long is not None])
     exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])
     mean, kept = _truncated(power, long)

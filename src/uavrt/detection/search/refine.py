@@ -329,10 +329,7 @@ class Refiner:
         return pulse.power / max(mean, 0.05)
 
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
-        """True if the energy of a pulse is in a quarter of its window, or in many rows.
-
-        `floor`: mean power of a sample without pulses, used if larger than around the pulse.
-        """
+        """True if a pulse's energy is in a quarter of its window, or in many rows."""
         if not self._looks_like_impulse(pulse, floor):
             return False
         around = self._floor_around(pulse)

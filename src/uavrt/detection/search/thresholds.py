@@ -137,10 +137,7 @@ def young_margin(threshold: float, noise_error: float) -> float:
 
 
 def weakest_enr_db(k: int, threshold: float) -> float:
-    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB].
-
-    A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
-    """
+    """ENR of K equal pulses whose sum reaches a threshold in nine groups of ten [dB]."""
     # With x = 1 + 2 E: K (x + 1) / 2 - z sqrt(K x) = threshold, a square equation in sqrt(x).
     half = THRESHOLDS.nine_of_ten / math.sqrt(k)
     root = half + math.sqrt(max(0.0, half**2 + 2.0 * threshold / k - 1.0))

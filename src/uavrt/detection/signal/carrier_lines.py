@@ -42,10 +42,7 @@ class LineCanceller:
         return max(self._length, round(CARRIERS.fit_s * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Find carriers in the newest samples.
-
-        `before`: stored earlier samples, as `subtract` left them.
-        """
+        """Find carriers in the newest samples and in the stored ones `before`."""
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
         if len(newest) < self._length:
@@ -123,10 +120,7 @@ class LineCanceller:
         return np.asarray(np.median(powers, axis=0) > 0.3 * powers.mean(axis=0))
 
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Remove the carriers from new samples, in place.
-
-        `before`: stored earlier samples. `samples` (n,): those after the last call's.
-        """
+        """Remove carriers in place from new samples (n,), which follow those `before`."""
         if not self.frequencies_hz.size:
             self._past = None
             return

@@ -114,10 +114,7 @@ class SampleBuffer:
         return self._data[first - self.start : last - self.start]
 
     def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
-        """Add blocks while each continues the last; return the number of blocks added.
-
-        With a hundred tags nearly all of a thousand blocks a second are added here.
-        """
+        """Add blocks while each continues the last; return the number of blocks added."""
         if not self._stamp_index:
             return 0
         data, used, step_ns = self._data, self.end - self.start, self._ns_per_sample

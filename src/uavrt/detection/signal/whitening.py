@@ -49,10 +49,7 @@ class Whitener:
         return self._taps is not None
 
     def learn(self, samples: Samples) -> None:
-        """Update the noise density with new samples, and make the filter for these samples.
-
-        `samples` (n,): without carriers, not filtered; lost samples are zero.
-        """
+        """Update the noise density with new samples without carriers; make their filter."""
         self._steps += 1
         rests = self._taps is None and self._seen_s > WHITENING.young_s
         if rests and self._steps % WHITENING.check_every:

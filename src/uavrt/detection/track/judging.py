@@ -200,10 +200,7 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if the pulses between those of a group show the tag's other rate.
-
-        Every second pulse of a rate is a train of twice the interval.
-        """
+        """True if the pulses between those of a group show the tag's other rate."""
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
         nominal = self._tag.pulse_intervals_s
@@ -250,11 +247,7 @@ def _leak(power: float, apart_bins: float) -> float:
 
 
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
-    """True if pulses of a group are missing, such as every second one at the other rate.
-
-    Of few pulses each is compared with the strongest. Of many weak pulses some are always low:
-    then all second slots are tested together, a pulse of the same strength against none.
-    """
+    """True if pulses of a group are missing, such as every second one at the other rate."""
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:
         return min(powers) < JUDGE.uniformity * min(60.0, max(powers))

@@ -87,10 +87,7 @@ class Tracking:
     def conclude(
         self, results: list[tuple[RateSearch, list[Candidate]]], upto: int, *, floor: float
     ) -> None:
-        """Test the candidates of the band, follow the tracks and report pulses.
-
-        `upto`: index up to which it was searched. `floor`: mean power of the noise.
-        """
+        """Test the candidates up to index `upto`, follow the tracks and report pulses."""
         window = self._window
         self._bursts = None
         for search, found in results:

@@ -162,10 +162,7 @@ class Track:
         self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
     def continue_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
-        """Continue from a pulse of a known transmitter with another interval.
-
-        `share`: uncertainty of the interval, as a share of the tag's.
-        """
+        """Continue from a pulse of a known transmitter with another interval."""
         self.interval_s = interval_s
         self._reset_phase(slot.measured.power, share)
         self.slots = [replace(slot, number=0, state="reported")]
@@ -449,11 +446,7 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Minimum power of a group's pulse that stands out from noise.
-
-    A pulse far weaker than the others and not certain by itself counts as noise. In a long
-    group most may be noise, so the strongest quarter is the reference.
-    """
+    """Minimum power of a group's pulse that stands out, from the strongest quarter."""
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))
 

@@ -128,20 +128,14 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio of a pulse, against noise, in each of some slots.
-
-    The largest of V cells replaces the mean of their likelihoods: hence the logarithm of V.
-    """
+    """Log-likelihood ratio of a pulse, against noise, in each of some slots."""
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
     )
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the recent accepted pulses, limited to 8 to 30 because pulses fade.
-
-    Uses the stronger half of the last four: at the longer interval every second is noise.
-    """
+    """Mean ENR of the stronger half of the last pulses, limited to 8 to 30."""
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]
     level = sum(strongest) / max(1, len(strongest))

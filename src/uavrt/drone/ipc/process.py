@@ -65,10 +65,7 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Queue a record that the supervisor passes on; it is sent with the next report.
-
-        All records of a turn of the loop go together: each sending wakes the supervisor.
-        """
+        """Queue a record that the supervisor passes on; it is sent with the next report."""
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:

@@ -223,11 +223,7 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Tags of a channel that are still searched.
-
-        A tag belongs to the channel with the nearest centre. A process receives the channels of
-        its own tags only.
-        """
+        """Tags of a channel that are still searched, by the nearest centre."""
         half_spacing_hz = block.sample_rate_hz / 4
         return [
             tag

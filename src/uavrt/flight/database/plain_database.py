@@ -53,10 +53,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
 
 def _odd_name(database: sqlite3.Connection) -> str | None:
-    """Name of a view, generated column or long default, whose values are not in the file.
-
-    Raises `sqlite3.Error` if the database is damaged.
-    """
+    """Name of a view, generated column or long default, whose values are not in the file."""
     made = "SELECT name, type, sql FROM sqlite_master WHERE sql IS NOT NULL"
     hidden = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden > 1"
     for name, kind, text in database.execute(made):

@@ -219,10 +219,7 @@ class GroundLink:
         gain: int = 0,
         name: CommandName = "start_detection",
     ) -> str:
-        """Start detection, or a raw capture by its `name`; return the flight directory.
-
-        A frequency of None: automatic.
-        """
+        """Start detection, or a raw capture by its `name`; return the flight directory."""
         payload = self.writing.start(center_frequency_hz, gain, name)
         return (await self.command(payload)).message
 

@@ -151,10 +151,7 @@ class Component:
         return "ready"
 
     def has_number(self, now_ns: int) -> bool:
-        """True once the system number is known; no frame is sent before that.
-
-        After `ALONE_NS` without an autopilot, the component takes the usual number.
-        """
+        """True once the system number is known, or after `ALONE_NS` without an autopilot."""
         if self._own_system_id is not None or self.discovery.autopilot is not None:
             return True
         return self._started_ns is not None and now_ns - self._started_ns >= ALONE_NS

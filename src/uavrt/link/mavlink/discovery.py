@@ -119,10 +119,7 @@ class Discovery:
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Ground stations present now; without any, the last one received.
-
-        An absent heartbeat seldom means an absent station, and sending to it costs nothing.
-        """
+        """Ground stations present now; without any, the last one received."""
         present = [
             peer
             for peer, heard_ns in self._stations.items()

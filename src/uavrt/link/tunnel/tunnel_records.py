@@ -256,10 +256,7 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 
 
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
-    """Number, from 1, of the tag's interval that agrees with the predicted next pulse.
-
-    The message has the start of the predicted window: the interval less its uncertainty.
-    """
+    """Number, from 1, of the tag's interval that agrees with the predicted next pulse."""
     if message.tag_id == tag.tag_id + 1:
         return 2
     if message.predict_next_start_s == 0.0 or len(tag.pulse_intervals_s) == 1:

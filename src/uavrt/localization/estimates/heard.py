@@ -132,10 +132,7 @@ class PulseColumns:
 
     @property
     def noise_db(self) -> _Floats:
-        """(n,) noise at each pulse over that usual at the time [dB]; 0 if any is unknown.
-
-        SNR plus this noise is a pulse's energy, which noise from one direction does not change.
-        """
+        """(n,) noise at each pulse over that usual at the time [dB]; 0 if any is unknown."""
         noise = self.noise_psd
         if not np.all(np.isfinite(noise) & (noise > 0.0)):
             return np.zeros(len(noise))

@@ -94,10 +94,7 @@ class Cells:
         return ellipse_of(covariance + sigma_m**2 * np.eye(2), share)
 
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
-        """Probability on a regular grid around most of it: east (x,), north (y,), map (y, x).
-
-        Each cell's probability is spread by its width and by a shift that all share.
-        """
+        """Probability on a regular grid around most of it: east (x,), north (y,), (y, x)."""
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
         sigma = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
         across, along = (

@@ -197,10 +197,7 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 def distinct(
     weights: _Floats, alike_from: float = SEARCH.same_place_correlation
 ) -> NDArray[np.intp]:
-    """Choose positions whose weights (places, times) represent all other positions.
-
-    `alike_from`: correlation above which one position represents another.
-    """
+    """Choose positions whose weights (places, times) represent all other positions."""
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
     alike = unit @ unit.T
     uncovered = np.ones(len(unit), bool)

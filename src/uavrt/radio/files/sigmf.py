@@ -146,10 +146,7 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Number of samples missing between two captures, by global indices or else by times.
-
-    A smaller index than before means that the radio was opened again.
-    """
+    """Number of samples missing between two captures, by global indices or else by times."""
     kept = capture.first - previous.first
     if previous.global_index is not None and capture.global_index is not None:
         passed = capture.global_index - previous.global_index

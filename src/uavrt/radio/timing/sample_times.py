@@ -237,10 +237,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Return the number of samples lost according to arrival times, and reset the number.
-
-        The caller adds it to its index, as a gap.
-        """
+        """Number of samples lost according to arrival times since the last call."""
         lost = round(self._lost_s * self._nominal_hz)
         if lost:
             self._given_s += lost / self._nominal_hz
@@ -298,10 +295,7 @@ class TimeKeeper:
         self._follow = False
 
     def _fit(self) -> None:
-        """Fit the lower envelope by least squares with decreasing weights for late points.
-
-        The slope has a prior for real clocks, so the fit is usable from the second point on.
-        """
+        """Fit the lower envelope by least squares, with a prior for real clocks' slope."""
         if self._fit_in > 0:
             self._fit_in -= 1
             return

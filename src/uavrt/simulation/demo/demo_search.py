@@ -155,10 +155,7 @@ class SearchDemo:
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
-        """Fly once; return the result.
-
-        Raises `UavrtError` with the reason if a program ended, or nothing was searched.
-        """
+        """Fly once; return the result. Raises `UavrtError` if a program ended."""
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:
             self._start(work)

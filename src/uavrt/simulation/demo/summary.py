@@ -135,10 +135,7 @@ def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tupl
 
 
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
-    """Combine the pulses of each complete burst into one, with their mean strength.
-
-    `sent`: pulses of one coded tag, in order of time. `pulses`: number in a burst.
-    """
+    """Combine the pulses of each complete burst of a tag into one of their mean strength."""
     bursts: dict[int, list[TruePulse]] = {}
     for pulse in sent:
         bursts.setdefault(pulse.pulse_index // pulses, []).append(pulse)

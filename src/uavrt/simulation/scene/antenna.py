@@ -79,10 +79,7 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 def transverse_axes(
     direction: geometry.Vector, down: geometry.Vector
 ) -> tuple[geometry.Vector, geometry.Vector]:
-    """Unit vectors perpendicular to a ray, horizontal and upright, for a frame's down axis.
-
-    For a vertical ray, the horizontal vector is perpendicular to the frame's first axis.
-    """
+    """Unit vectors perpendicular to a ray, horizontal and upright, for a frame's down axis."""
     horizontal = geometry.cross(down, direction)
     if geometry.length(horizontal) < 1e-9:
         horizontal = geometry.cross((1.0, 0.0, 0.0), direction)

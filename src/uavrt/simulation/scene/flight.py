@@ -91,10 +91,7 @@ def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> 
 
 
 def vehicle_state(flight: Flight, elapsed_s: float) -> VehicleState:
-    """Compute the drone's state at a time after the start of the flight [s].
-
-    Roll and pitch are those of a multirotor that needs thrust against acceleration and drag.
-    """
+    """Compute the drone's state, tilted as a multirotor, at a time of the flight [s]."""
     place = (flight.north_m, flight.east_m, flight.height_m)
     heading = flight.heading_deg
     velocity = acceleration = (0.0, 0.0, 0.0)

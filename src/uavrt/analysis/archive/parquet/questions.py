@@ -158,11 +158,7 @@ def in_archive(
 
 
 def keep_answers(archive: Path, index: Index) -> Index:
-    """Cache the results of slow queries until a pulse table changes.
-
-    `index` has the copies, as written by `write_index`. Returns the new index. Raises `OSError`
-    if the directory cannot be written.
-    """
+    """Cache results of slow queries until a pulse table changes; returns the new index."""
     import pyarrow.parquet as pq
 
     if not any(name.startswith(f"{MONTHS}/{PULSES}/") for name in index):

@@ -105,10 +105,7 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> BurstRates:
-        """Rates of bursts around an expected pulse of a track.
-
-        `found`: the strongest signal at that time. The track's own pulses are excluded.
-        """
+        """Rates of bursts of others around an expected pulse of a track."""
         time_s, row, power = self._kept
         if not len(time_s):
             return QUIET
@@ -235,9 +232,6 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts in excess of the noise's expected number; 0 within a margin.
-
-    Without the margin, half of the real single-pulse groups were held back.
-    """
+    """Number of bursts above the noise's expected number; 0 within a margin."""
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

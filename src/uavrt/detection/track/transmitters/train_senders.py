@@ -143,10 +143,7 @@ class ConfirmedPulses:
 
 
 class Senders(Generic[H]):
-    """Assigns trains to the tags of detectors with overlapping bands.
-
-    `detectors`: the detectors, in any order.
-    """
+    """Assigns trains to the tags of detectors with overlapping bands."""
 
     def __init__(self, detectors: Sequence[H]) -> None:
         self.detectors = sorted(detectors, key=lambda detector: detector.tag.tag_id)
@@ -335,10 +332,7 @@ class Senders(Generic[H]):
         return sorted(near, key=lambda detector: detector.tag.tag_id)
 
     def _assign_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
-        """Assign an uncertain train to the likeliest tag that has no train.
-
-        `owned`: tags with a train; True if no other tag is possible for it.
-        """
+        """Assign an uncertain train to the likeliest tag that has no train."""
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
         if not free:

@@ -119,10 +119,7 @@ class KnownPulse:
 
 
 def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
-    """Merge the tracks of the same pulses into trains.
-
-    A fast tag's track comes before those of twice its interval, which share its pulses.
-    """
+    """Merge the tracks of the same pulses into trains, a fast tag's tracks first."""
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
     """Tracks by frequency, each with the index of its train."""

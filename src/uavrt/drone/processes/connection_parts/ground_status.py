@@ -191,10 +191,7 @@ class GroundStatus:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
     def _report_computer(self) -> None:
-        """Report load and free space: the last measured space while the disk does not answer.
-
-        A pending query is not repeated, because many queries would delay file transfers later.
-        """
+        """Report load and free space: the last measured one while the disk is not answering."""
         asked = not self._asking
         if asked:
             self._asking = True

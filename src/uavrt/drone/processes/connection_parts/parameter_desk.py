@@ -123,10 +123,7 @@ class ParameterDesk:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer: send the present value, and the reason if refused.
-
-        Changed settings arrive before the reply, so the value is the new one.
-        """
+        """Send the present value of a parameter, and the supervisor's reason if refused."""
         name, peer = self._pending.pop(reply.request_id, (None, None))
         if name is None or peer is None:
             return

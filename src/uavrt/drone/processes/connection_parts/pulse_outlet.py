@@ -63,10 +63,7 @@ class PulseOutlet:
         self.receipts = 0
 
     def flight(self, directory: str, *, resumed: bool = False) -> None:
-        """Begin a flight, or resume it after a restart of this process.
-
-        A new flight is not read yet, because the recorder is creating its database.
-        """
+        """Begin a flight, or resume it after a restart of this process."""
         if directory not in self._flights:
             self._flights.append(directory)
         if resumed:

@@ -69,10 +69,7 @@ class AwaitedPoses:
 def pose_from_records(
     pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings
 ) -> PulsePose:
-    """Compute a pulse's antenna pose from recorded vehicle poses near it; None without any.
-
-    `poses`: around the pulse's centre, in the order of time. `antenna`: its mounting.
-    """
+    """Compute a pulse's antenna pose from recorded vehicle poses near it, if any."""
     ring = PoseRing(antenna, capacity=MOST_POSES)
     for pose in poses:
         ring.add_pose(pose)

@@ -68,10 +68,7 @@ def new_flight(
     center_frequency_hz: float,
     capture_s: float | None = None,
 ) -> FlightInfo:
-    """Create a flight's directory and description; with `capture_s`, those of a raw capture.
-
-    Raises `RecordingError` if the directory cannot be made.
-    """
+    """Create a flight's directory and description; with `capture_s`, those of a capture."""
     start_ns = clock.now_ns()
     return FlightInfo(
         directory=str(_make_directory(Path(settings.recording.directory), start_ns)),

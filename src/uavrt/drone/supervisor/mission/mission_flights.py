@@ -125,11 +125,7 @@ class Flights:
         return SystemState.DETECTING
 
     def begin(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Begin a flight at the operator's, the configured or the computed radio frequency.
-
-        Raises `TunerError` if no radio frequency receives all tags, `RecordingError` if the
-        flight's directory cannot be made.
-        """
+        """Begin a flight at the operator's, the configured or the computed radio frequency."""
         self._check_free()
         settings = self._settings.now
         tags = tags_with_overrides(settings, self._upload.tags.values())
@@ -165,11 +161,7 @@ class Flights:
         return words
 
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
-        """Begin recording the band at the given, the configured or the computed frequency.
-
-        Raises `UavrtError` if no frequency is known, the disk is nearly full, or flights are
-        being copied.
-        """
+        """Begin recording the band at the given, the configured or the computed frequency."""
         self._check_free()
         settings = self._settings.now
         radio, recording = settings.radio, settings.recording

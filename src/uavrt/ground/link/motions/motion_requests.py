@@ -43,10 +43,7 @@ def motion_request(
 
 
 async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Request a motion; return the drone's proposed order. Nothing moves yet.
-
-    Raises `CommandRefused` with the drone's reason, `LinkError` without an answer.
-    """
+    """Request a motion; return the drone's proposed order. Nothing moves yet."""
     return await link.motion(encode_request(request), request.request_id)
 
 

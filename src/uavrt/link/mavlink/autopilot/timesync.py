@@ -174,10 +174,7 @@ class TimeSync:
         return remote_ns + self._least_offset(remote_ns + bound[-1][1])
 
     def _least_offset(self, at_ns: int) -> int:
-        """Offset at a time, by the lower bound of the messages' offsets.
-
-        The slope follows from the messages of smallest delay in the first and second half.
-        """
+        """Offset at a time, by the lower bound of the messages' offsets and its slope."""
         points = list(self._one_way)
         half = len(points) // 2
         early = min(points[:half], key=lambda point: point[1])

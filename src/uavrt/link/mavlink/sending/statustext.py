@@ -79,10 +79,7 @@ class TextLimiter:
 
 
 class TextAssembler:
-    """Joins the pieces of texts; a text also ends when its sender begins another.
-
-    A missing piece becomes an ellipsis.
-    """
+    """Joins the pieces of texts; a missing piece becomes an ellipsis."""
 
     def __init__(self) -> None:
         self._parts: dict[tuple[int, int], tuple[int, int, dict[int, str]]] = {}

@@ -115,11 +115,7 @@ class DiskGuard:
         return None
 
     def _removable_flights(self) -> list[Path]:
-        """Removable flights, oldest first: neither newest, starred nor in progress.
-
-        A flight counts together with its copies, which are removed first because they contain
-        less.
-        """
+        """Removable flights, oldest first: neither newest, starred nor in progress."""
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name
         return [

@@ -141,10 +141,7 @@ def words(name: CommandName) -> str:
 
 
 def save_directory(settings: RecordingSettings) -> Path:
-    """Directory to copy flights to: the configured one, or one on the only removable drive.
-
-    Raises `RecordingError` if there is no drive, or several.
-    """
+    """Directory to copy flights to: the configured one, or one on the only removable drive."""
     if settings.save_directory is not None:
         path = Path(settings.save_directory)
         if not path.is_dir():
