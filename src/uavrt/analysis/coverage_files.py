@@ -18,12 +18,7 @@ from uavrt.planning.detectability.detection_coverage import Coverage
 def write_maps(
     directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a coverage map as GeoTIFF (probabilities) and PNG (picture).
-
-    The picture looks as in a report; without matplotlib it shows only the map's cells. `name`
-    is the file name without ending, and `path` the longitude and latitude of the flown path
-    [deg]. Raises `RecordingError` if they cannot be written.
-    """
+    """Write a coverage map as GeoTIFF (probabilities) and PNG (as in a report)."""
     ground = coverage.ground
     grid = PositionGrid(
         latitude_deg=ground.plane.latitude_deg,

@@ -58,7 +58,10 @@ class UavrtError(Exception):
 
 
 def listed_faults(source: str, faults: Sequence[str], number: int | None = None) -> str:
-    """Text with the number of faults in a file and a line for each listed one."""
+    """Text with the number of faults in a file and a line for each.
+
+    `number`: total number, if `faults` lists only some.
+    """
     number = len(faults) if number is None else number
     count = "1 fault" if number == 1 else f"{number} faults"
     return "\n  ".join((f"{source} has {count}:", *faults))

@@ -153,10 +153,7 @@ _GZIP_BITS = 31
 
 
 def unpack(pieces: Iterable[bytes], most: int) -> bytes:
-    """Unpack gzip data; returns at most a little more than `most` bytes.
-
-    Raises `zlib.error` or `EOFError` if they are damaged or incomplete.
-    """
+    """Unpack gzip data; returns at most a little more than `most` bytes."""
     content = bytearray()
     unpacker = zlib.decompressobj(_GZIP_BITS)
     for piece in pieces:
@@ -226,11 +223,7 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML from outside, starting at the element `root` if it exists.
-
-    The XML declaration is skipped, because the text is decoded already. Raises `ValueError` for
-    entities or beyond the limit, `xml.etree.ElementTree.ParseError` if it is not XML.
-    """
+    """Parse XML from outside, starting at the element `root`; refuses entities."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("the content declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
@@ -256,11 +249,7 @@ _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
 def check_toml(text: str, limit: Limit) -> None:
-    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse.
-
-    The parser's time increases with the square of the parts of a dotted key, its stack with
-    each level of brackets.
-    """
+    """Raise `ValueError` for TOML text that `tomllib` would take minutes to parse."""
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
     bare = _TOML_QUIET.sub(lambda found: "" if found[0][0] == "#" else "x", text)

@@ -20,11 +20,7 @@ def energy_of(hover_w: float | None) -> EnergyModel:
 
 
 class EnergyLearning:
-    """Power estimate of one drone, updated over all its orders.
-
-    `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery [Wh]; None: nothing
-    is learned.
-    """
+    """Power estimate of one drone, updated over all its orders if the battery is known."""
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)

@@ -23,11 +23,7 @@ _MOST_SQUARES = 300
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundAround:
-    """Heights of the ground around home, on a grid.
-
-    `above_home_m` gives the highest of the four corners around a position, which is never less
-    than the ground between them.
-    """
+    """Heights of the ground around home: the highest of four grid corners."""
 
     home_amsl_m: float
     """Height of home above sea level by the map [m]."""

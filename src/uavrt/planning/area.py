@@ -313,7 +313,10 @@ class SearchArea:
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Reason why excluded areas forbid a path or the return from it; None if allowed."""
+        """Reason why excluded areas forbid a path or the return from it; None if they do not.
+
+        The path is given by points, beginning with its start; segments are checked, too.
+        """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
         return next((reason for _, reason in self._entered_areas(x[None], y[None], here)), None)
@@ -351,7 +354,10 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Reason why a path may not be flown at a height above home; None if it may."""
+        """Reason why a path may not be flown at a height above home; None if it may.
+
+        The path is given by points; the segments between them are checked, too.
+        """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
         faults = self._faults(x[None], y[None], height_m, here)
@@ -424,11 +430,7 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Reject an unreachable search before anything moves.
-
-    `farthest_m`: reach from home, including the return and the reserve. Raises `PlanError`: the
-        whole area is beyond the battery's reach.
-    """
+    """Raise `PlanError` for an area that lies wholly beyond `farthest_m` from home."""
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
         return

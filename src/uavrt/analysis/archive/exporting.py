@@ -113,7 +113,10 @@ def flights_in(archive: Path) -> list[str]:
 
 
 def survey_of(archive: Path, flight: str) -> Survey:
-    """Gather a flight's data from the tables, and its track if the flight still exists."""
+    """Gather a flight's data from the tables, and its track if the flight still exists.
+
+    Raises `FormatError` if there is no archive.
+    """
     which = f"WHERE flight = {quoted(flight)}"
     pulses = _pulse_poses(
         ask(
@@ -218,11 +221,7 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
 
 
 def with_points(rows: "pa.Table") -> "pa.Table":
-    """Add a column `geometry` of points, and the metadata of GeoParquet 1.1.
-
-    `rows` have latitude_deg and longitude_deg. Without `crs`, coordinates are longitude and
-    latitude of WGS 84 (https://geoparquet.org/releases/v1.1.0/).
-    """
+    """Add a column `geometry` of points on WGS 84, and the metadata of GeoParquet 1.1."""
     import pyarrow as pa
 
     longitude, latitude = (

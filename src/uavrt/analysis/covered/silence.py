@@ -125,12 +125,7 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Make a map's grid around a flight, by default of 120 cells, and read its noise.
-
-        Stored whole-flight results are read unless `verdicts` are given. Raises
-        `RecordingError` without poses, `FormatError` for damaged elevation files or results,
-        and `UsageError` if the map would be too large.
-        """
+        """Make a map's grid around a flight, by default of 120 cells, and read its noise."""
         plane, east, north = flight_plane(flight)
         if cell_m is None:
             extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * margin_m
@@ -306,11 +301,7 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Coverage maps of the tags that the flight just analysed does not show, by tag.
-
-    These are the maps of `uavrt coverage FLIGHT`, made before the verdicts are saved. Tags that
-    were or may have been received have none. Parameters and errors are as in `silent_map`.
-    """
+    """Coverage maps, by tag, of the tags that the flight just analysed does not show."""
     silent = [
         (tag, one)
         for tag, one in zip(tags, verdicts, strict=True)

@@ -221,12 +221,7 @@ def check_bearing_method(method: str) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct an antenna pattern by the turns of a flight or log, to include the airframe's
-    effect.
-
-    `offset_deg` is the antenna's direction, clockwise from the heading in the poses [deg].
-    Raises `UsageError` for fewer than three turns in which a tag was received.
-    """
+    """Correct an antenna pattern by at least three turns, to include the airframe's effect."""
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(

@@ -118,11 +118,7 @@ def sensorgnome_text(survey: Survey) -> str:
 
 
 def detections_csv(survey: Survey) -> str:
-    """Write confirmed bursts and beeps with their runs, in the columns of ``find_tags``.
-
-    ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. ``freqsd`` stays empty,
-    since all pulses of a burst share one measured frequency.
-    """
+    """Write confirmed bursts and beeps with their runs, in the columns of ``find_tags``."""
     stream = io.StringIO(newline="")
     writer = TableWriter(stream)
     writer.writerow(DETECTION_COLUMNS)

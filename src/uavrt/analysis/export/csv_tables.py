@@ -150,11 +150,7 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Write positions as events in the terms of Movebank's attribute dictionary.
-
-    A resting tag has one event, at the end of its last bearing. A moving tag has one for each
-    time on its path. Movebank recognises the column names at the upload.
-    """
+    """Write positions as events of Movebank, one for a resting tag, a path for a moving one."""
     events = [
         (one.tag_id, one.position, place)
         for one in survey.positions

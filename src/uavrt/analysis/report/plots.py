@@ -43,12 +43,7 @@ LOWEST_SPAN_DB: Final = 15.0
 
 
 class DetectionPlots:
-    """Collects the data for plots during a detection run, in almost constant memory.
-
-    `directory` is created if missing. `frequency_window_hz` is the half-width of the search,
-    drawn with a margin. Raises `UsageError` without matplotlib, and `RecordingError` if the
-    directory cannot be made.
-    """
+    """Collects the data for plots during a detection run, in almost constant memory."""
 
     def __init__(
         self, directory: Path, tags: Sequence[Tag], *, frequency_window_hz: float = 500.0

@@ -203,10 +203,7 @@ class _TagOnTrack:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) sum of squared SNR residuals for a tag at each place [dB²].
-
-        The model is antenna pattern and distance; the level is fitted.
-        """
+        """(places,) sum of squared SNR residuals for a tag at each place [dB²]."""
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))
@@ -218,10 +215,7 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Least sum of squared residuals near a position, on ever finer grids of positions.
-
-        The first grid is as wide as the polar grid's cells at that distance from its `middle`.
-        """
+        """Least sum of squared residuals near a position, on ever finer grids of positions."""
         (east, north), best = start, np.inf
         half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
         steps = np.linspace(-1.0, 1.0, 9)
@@ -300,12 +294,7 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean squared SNR residual [dB²] at a clock offset; each tag's position and level are
-        fitted.
-
-        Power falls with the square of the distance. Candidate positions are a polar grid around
-        the path.
-        """
+        """Mean squared SNR residual [dB²] at a clock offset, with each tag's place fitted."""
         heard = self._heard(offset_s, antenna, keep)
         if heard is None:
             return np.nan

@@ -74,11 +74,7 @@ def yaw_deg(q: Quaternion) -> float:
 
 
 def slerp(a: Quaternion, b: Quaternion, fraction: float) -> Quaternion:
-    """Interpolate between two attitudes along the shorter arc, at constant rate of turn.
-
-    `b` and `-b` are the same attitude; autopilots send either. `fraction` outside [0, 1]
-    continues the rotation. Shoemake, "Animating rotation with quaternion curves", 1985.
-    """
+    """Interpolate between two attitudes along the shorter arc, at constant rate of turn."""
     dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = 1.0 if dot >= 0.0 else -1.0
     angle = math.acos(min(1.0, abs(dot)))

@@ -126,10 +126,7 @@ def sighting_of(
     tags: Mapping[int, Tag],
     required: float,
 ) -> Sighting:
-    """Measure a burst: its time, frequency, energies.
-
-    `time_ns`: gives a column's time. `tags`: by id. `required`: needed log-likelihood ratio.
-    """
+    """Measure a burst: its time, frequency, energies."""
     good = burst.good
     tag = burst.book.tags[burst.code]
     columns = burst.columns[good]

@@ -28,11 +28,7 @@ def in_step(
     timing_s: float,
     most: int = IDENTITY.steps,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Find bursts at whole multiples of the burst interval before and after a burst.
-
-    `tag`: gives the interval. Returns (expected_s, gains, which), each (2 most,): expected
-    times; log odds that a burst found there is the tag's, 0 for none; the nearest other burst.
-    """
+    """Find bursts at whole multiples of the burst interval before and after a burst."""
     steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]
     expected_s: NDArray[np.float64] = np.asarray(at_s + steps * interval_s, np.float64)
@@ -123,11 +119,7 @@ class Sightings:
     def identify(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
-        """Add new bursts; return those to be reported, with their senders.
-
-        `now_ns`: time up to which bursts were searched. Each comes with the ids of other
-        possible tags; `Sighting.tag_id` is set if it is confirmed.
-        """
+        """Add new bursts; return those to be reported, with sender and other possible ids."""
         self._begun_ns = self._begun_ns or now_ns
         concerned = self._waiting
         for tag in {tag for one in new for tag in one.tags}:

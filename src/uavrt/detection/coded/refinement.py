@@ -17,11 +17,7 @@ from uavrt.detection.coded.tuning import REFINE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """Refined times and energies of several bursts.
-
-    `energies` (bursts, pulses) [noise energies]: a hidden pulse has the usual energy of noise;
-    a pulse outside of the stored samples has 0.
-    """
+    """Refined times and energies (bursts, pulses) of several bursts [noise energies]."""
 
     begins: NDArray[np.float64]
     columns: NDArray[np.float64]
@@ -31,10 +27,7 @@ class Refined:
 def refine(
     cells: Cells, tag: Tag, *, row: int, part: float, begins: NDArray[np.float64], most: float
 ) -> Refined:
-    """Find the largest sum at positions between the cells.
-
-    `part`: stretch of all gaps [shares of the tolerance]. `most`: limit on a pulse's energy.
-    """
+    """Find the largest sum at positions between the cells."""
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
     parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(REFINE.stretches)) / starts_s[-1]
     offsets = starts_s * parts[:, None] / cells.column_s

@@ -22,10 +22,7 @@ UNIT = 16.0
 
 
 class Cells:
-    """Computes and stores the energy cells of one channel.
-
-    `kept_s`, `recent_s`: durations for which cells are stored as bytes, and in full precision.
-    """
+    """Computes and stores the energy cells of one channel."""
 
     def __init__(
         self,

@@ -260,12 +260,7 @@ class _Tested:
 def search_together(
     searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
-    """Add new columns to several searches; test every hypothesis that they complete.
-
-    `searches`: with equal rows, K, reach, number of intervals and number of `fresh` columns
-    after these; their ring buffers share one memory. `power` (searches, rows, columns): at most
-    one piece of columns. Returns the candidates of each search, best first.
-    """
+    """Add columns to several alike searches; return the candidates of each, best first."""
     if kernels() is not None:
         return [
             _search_by_kernel(search, columns, level)

@@ -360,11 +360,7 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,).
-
-    Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
-    decimation; the rows of the transform are folded alike.
-    """
+    """Band-pass around the tag with aliases outside of ± `pass_hz`, shape (odd,)."""
     stop_hz = sample_rate_hz / decimation - pass_hz
     width = max(stop_hz - pass_hz, 0.02 * sample_rate_hz / decimation) / sample_rate_hz
     side = math.ceil((GRID.stopband_db - 7.95) / (2.285 * 2.0 * math.pi * width) / 2.0)

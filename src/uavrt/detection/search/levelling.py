@@ -140,10 +140,7 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Divide new columns (rows, columns) by their level, in place.
-
-        `noise` (rows,): noise at a level of one. `whole` (columns,): True without lost samples.
-        """
+        """Divide new columns (rows, columns) by their level, in place."""
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
     def _keep_steady(
@@ -370,11 +367,7 @@ def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
 def _longest(
     common: NDArray[np.float32], weights: NDArray[np.float32], scale: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Mean over the longest stretch before each slot that agrees with all shorter stretches.
-
-    Returns (mean, begin, least), each (slots,): the mean; the first slot of the stretch; the
-    largest of the agreeing means less their errors.
-    """
+    """Mean over the longest stretch before each slot that agrees with all shorter ones."""
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
     mean, first = np.asarray(common, np.float64), end - 1

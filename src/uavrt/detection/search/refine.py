@@ -150,11 +150,7 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse with missing samples in its middle, where its phase breaks.
-
-        Parameters as in `search`. Returns the pulse at the given frequency, since its own
-        cannot be measured, with its power reduced by the gain from the free phase.
-        """
+        """Find a pulse with missing samples in its middle, where its phase breaks."""
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
         length = window + 2 * lead + 1
@@ -205,12 +201,7 @@ class Refiner:
         half_band_hz: float,
         frequencies: int,
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
-        """Matched-filter power of pulses at many start times and some frequencies.
-
-        `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
-        frequencies, count), or None if fewer samples are stored than needed for one pulse;
-        (pulses,), number of samples by which each start was moved to available samples.
-        """
+        """Matched-filter power (pulses, frequencies, starts), and shifts of the starts."""
         length = self._window + count - 1
         latest = self.upto - length
         if latest < self._buffer.start:
@@ -288,11 +279,7 @@ class Refiner:
 
     @contextmanager
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
-        """Remove known pulses from the samples within this context.
-
-        Each is subtracted with the best-fitting amplitude at its time and frequency. A start
-        off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
-        """
+        """Remove known pulses from the samples within this context, as best fitted."""
         buffer = self._buffer
         before = []
         for pulse in pulses:
@@ -376,11 +363,7 @@ class Refiner:
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
-        """Frequency and power of the strongest row in the whole channel at a pulse's time.
-
-        Windows half a pulse earlier and later are included: the leakage of a strong pulse cut
-        by them is as large as that of the whole. Power is in units of the noise at the pulse.
-        """
+        """Frequency and power of the strongest row in the whole channel at a pulse's time."""
         window, buffer = self._window, self._buffer
         half = window // 2
         size = 2 * window

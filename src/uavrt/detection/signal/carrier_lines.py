@@ -148,11 +148,7 @@ class LineCanceller:
 
 
 class _Waves:
-    """Sinusoids at given frequencies whose amplitudes follow polynomials.
-
-    All are fitted together by conjugate gradients, since neighbours share a part of their
-    power: a few products of small matrices. Within a block an amplitude is linear.
-    """
+    """Sinusoids at given frequencies whose amplitudes follow polynomials, fitted jointly."""
 
     def __init__(
         self,
@@ -212,11 +208,7 @@ def _window(length: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=8)
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Make orthonormal polynomials over a number of blocks.
-
-    Returns (values, changes), both (count, degree + 1): at the blocks' centres, and from block
-    to block.
-    """
+    """Make orthonormal polynomials over blocks: values and changes (count, degree + 1)."""
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre
     values, mixed = np.linalg.qr(legendre.legvander(at, degree))

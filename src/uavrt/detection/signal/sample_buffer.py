@@ -198,10 +198,7 @@ class SampleBuffer:
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """Factors on the power of windows that compensate their lost samples.
-
-        One over each received share; 0 below `CHANNEL.least_received`. None: all received.
-        """
+        """Factors on the power of windows that compensate their lost samples; None: no loss."""
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None
         share = np.ones(first.shape)

@@ -177,10 +177,7 @@ class Judge:
         return None
 
     def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Reason why a pulse is caused by something stronger; None if it may be the tag's.
-
-        The second value is the excess over the noise allowed at its frequency [noise powers].
-        """
+        """Reason why a pulse has a stronger cause, or None; and excess over the noise there."""
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
         offset, power = self._refiner.strongest(pulse)
@@ -239,10 +236,7 @@ class Judge:
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance.
-
-    At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
-    """
+    """Upper bound of the leakage of a rectangular pulse, or a part of one, at a distance."""
     return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
 
 

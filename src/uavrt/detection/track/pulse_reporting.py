@@ -97,10 +97,7 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if bursts alone form such tracks more often than the false-alarm rate allows.
-
-        A track once in doubt waits for confirmation: all its pulses are reported as confirmed.
-        """
+        """True if bursts alone form such tracks more often than the false-alarm rate allows."""
         if track.confirmed:
             return False
         doubtful = track.odds < self._doubt

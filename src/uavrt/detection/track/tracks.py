@@ -115,10 +115,7 @@ class Track:
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
     ) -> None:
-        """Start from a detected group.
-
-        `pulses`: each (number among the K, time_s, time_ns, Measured), in order of time.
-        """
+        """Start from a detected group of pulses, each with its number among the K."""
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
         self.interval_s = nominal
@@ -176,10 +173,7 @@ class Track:
         base: int,
         around: Around = lambda *_: QUIET,
     ) -> None:
-        """Add the new pulses of a group that was found independently of this track.
-
-        `base`: lattice number of the group's first pulse. `around`: rates of bursts.
-        """
+        """Add the new pulses of a group that was found independently of this track."""
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
         for place, time_s, time_ns, measured in pulses:

@@ -56,11 +56,7 @@ def lags(track: Track, other: Track) -> bool:
 
 
 def decide_rate(track: Track) -> Track | None:
-    """Decide between the rates if one leads; both must be evaluated to the same time.
-
-    `track`: drops the tracks at the other rate that it beats, and updates the time until which
-    its rate is certain. Returns the track at the other rate that wins.
-    """
+    """Decide between the rates if one leads; returns the track at the other, if it wins."""
     upto_s = track.time_s + _margin_s(track)
     enr = strength(track)
     leads: list[tuple[float, Track]] = []
@@ -91,11 +87,7 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate depends on the time of the switch.
-
-    The switch is certain, but a noise peak where only one rate expects a pulse can make a wrong
-    pulse the likelier one. `starts_s`: times of pulses that may be the last before the switch.
-    """
+    """Mark the pulses whose rate depends on the time of the switch."""
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
     for slot in track.slots:

@@ -97,12 +97,7 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Needed value of every relevant parameter.
-
-    `px4`: True for PX4, False for ArduPilot. `port`: where the companion is connected; None: no
-    serial port. `baud`: rate of our serial port. Raises `ConfigError` for an unknown port, or
-    if no MAVLink instance is free for it.
-    """
+    """Needed value of every relevant parameter; `ConfigError` without a usable port."""
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
 

@@ -24,11 +24,7 @@ def data_home() -> Path:
 
 
 def install_starter(program: Path, place: Path) -> list[Path]:
-    """Write the menu entry and its icon; can be repeated.
-
-    `program`: the ``uavrt`` command. `place`: directory, usually `data_home`. Returns the files
-    written. Raises `UsageError` if the program is missing, or the directory cannot be written.
-    """
+    """Write the menu entry and its icon; returns the files written; can be repeated."""
     if not program.exists():
         raise NotFound(
             f"there is no {program}", remedy="Install uavrt, and call its own uavrt command"

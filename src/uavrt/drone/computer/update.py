@@ -82,12 +82,7 @@ def _require_room(place: Installation, present: Path) -> None:
 def install_beside(
     update: Update, place: Installation, *, config: Path, directory: Path
 ) -> Path:
-    """Install and test the new version next to the present one; return its directory.
-
-    `config`: settings that it must be able to read, if they exist. `directory`: working
-    directory of the service. Raises `UavrtError` if it cannot be installed or does not run; the
-    present version is unchanged then.
-    """
+    """Install and test the new version next to the present one; return its directory."""
     made = place.version_directory(update.name)
     try:
         if not (made / COMPLETE).exists():

@@ -89,11 +89,7 @@ class ProcessFrame:
         last: bool = False,
         reason: str = "",
     ) -> None:
-        """Send a health report if it is due, the last one, or changed.
-
-        Call it in each turn of the loop: it also sends all queued records. `counters` is called
-        only when the health is sent.
-        """
+        """Send a health report if it is due, the last one, or changed; and queued records."""
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
             self.link.flush()

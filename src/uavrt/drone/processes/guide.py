@@ -220,11 +220,7 @@ def in_thread(work: Callable[[], None]) -> None:
 
 
 class Guide:
-    """Plans and flies orders, with all input from the supervisor.
-
-    `frame`: link to the supervisor. `in_background`: runs the planning of an order. `planner`:
-    creates the thread of a search.
-    """
+    """Plans and flies orders, with all input from the supervisor."""
 
     def __init__(
         self,

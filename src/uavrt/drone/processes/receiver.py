@@ -66,10 +66,7 @@ _RECORDED_AGAIN_S = 10.0
 
 
 class Receiver:
-    """Processes the radio's samples for the detectors.
-
-    `sinks`: one for each detector process; by default the sockets of the assignment.
-    """
+    """Processes the radio's samples for the detectors."""
 
     makes_channels = True
     """True if this receiver makes channels, whose samples are then recorded, too."""

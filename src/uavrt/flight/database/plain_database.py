@@ -30,11 +30,7 @@ queries_ended = threading.Event()
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are allowed, and queries have a time limit.
-
-    With `mode` ``"rw"``, SQLite may checkpoint the write-ahead log; use it only for a copy.
-    Raises `sqlite3.Error` if it cannot be opened, is damaged, or is not a flight's.
-    """
+    """Open a database for reading; only tables are allowed, and queries are limited."""
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=5.0)

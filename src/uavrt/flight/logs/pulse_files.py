@@ -97,11 +97,7 @@ def _finite_or_nan(value: Any) -> float:
 
 
 class PulseWriter:
-    """Writes pulses to a text stream line by line, so that a reader can follow.
-
-    The caller opens and closes `stream` (open files with ``newline=""``). With `bursts` a CSV
-    gets columns for the single pulses of coded tags' bursts.
-    """
+    """Writes pulses to a text stream line by line, so that a reader can follow."""
 
     def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:
         self._stream = stream

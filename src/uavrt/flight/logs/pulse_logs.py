@@ -73,11 +73,7 @@ class PulseLogs:
             PulsePoseLog(self._layout.pulse_pose_log).sync()
 
     def complete_from(self, database: sqlite3.Connection) -> None:
-        """Cut off unfinished lines, and append the database's pulses that a log lacks.
-
-        Raises `OSError` if a log cannot be written, and `sqlite3.Error` if the database cannot
-        be read.
-        """
+        """Cut off unfinished lines, and append the database's pulses that a log lacks."""
         self._retry_at_s = monotonic_s() + _RETRY_S
         self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)
         for (tag_id,) in database.execute("SELECT DISTINCT tag_id FROM pulses").fetchall():

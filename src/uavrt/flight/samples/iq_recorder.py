@@ -87,11 +87,7 @@ class IQRecorder:
         return self.file.written_samples
 
     def put(self, block: IQBlock) -> bool:
-        """Queue a copy of a block, and return at once; false if it was dropped.
-
-        After an overflow, blocks are dropped until the queue is half empty. This causes few
-        long gaps instead of many short ones.
-        """
+        """Queue a copy of a block, and return at once; false if it was dropped."""
         size = len(block.samples)
         with self._condition:
             if self._overflowing and self._waiting_samples <= self._most_waiting // 2:

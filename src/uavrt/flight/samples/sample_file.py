@@ -82,12 +82,7 @@ class SampleFile:
     def append_stored(
         self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
     ) -> None:
-        """Write scaled and rounded samples completely or not at all.
-
-        `values` are I and Q interleaved, contiguous. `sample_index` and `time_ns` are the first
-        sample's number in the radio's stream and its time [ns, UTC]; a jump begins a new
-        stretch. Raises `OSError` if nothing was written; then the next samples begin a stretch.
-        """
+        """Write scaled, rounded, interleaved I and Q completely or not at all."""
         count = values.size // 2
         try:
             if sample_index != self._next_index:
@@ -130,10 +125,7 @@ class SampleFile:
         return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
-        """Write a stretch to the metadata before its samples are written.
-
-        So a power cut leaves at worst a capture without samples, never samples at a wrong time.
-        """
+        """Write a stretch to the metadata before its samples, in case of a power cut."""
         stretch = Stretch(
             sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns
         )

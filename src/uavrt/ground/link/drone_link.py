@@ -181,11 +181,7 @@ class GroundLink:
     async def upload_tags(
         self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
     ) -> None:
-        """Send the tag list; each message is acknowledged.
-
-        `tags`: tags that replace those on the drone.
-        `progress`: called with the number of acknowledged messages and their total.
-        """
+        """Send the tag list, which replaces the drone's; each message is acknowledged."""
         payloads = self.writing.upload(tags)
         coded = [False, *(tag.coded for tag in tags), False]
         for count, (payload, is_coded) in enumerate(zip(payloads, coded, strict=True), start=1):

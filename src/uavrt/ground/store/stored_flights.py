@@ -167,11 +167,7 @@ class FlightLibrary:
         self._quiet = FlightCache(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
-        """List all flights, newest first, without unreadable ones.
-
-        Flights recorded by the drone are in the order of the drone's order file, others in
-        order of time.
-        """
+        """List all readable flights, newest first, the drone's by its order file."""
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
             for entry in entries:

@@ -84,11 +84,7 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Add a heading; return a text on its deviation, or None.
-
-        `bearing_deg`, `away_m`: bearing and distance of the target from the drone.
-        `course_deg`: direction of motion, if the heading follows it.
-        """
+        """Add a heading; return a text on its deviation from course or target, or None."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg
         if self.turn_deg is not None:
@@ -160,11 +156,7 @@ class YawWatch:
             self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
 
     def _pass_aim(self, time_s: float, side_deg: float, step_deg: float) -> None:
-        """Let a setpoint brake that turns past its aim, because the aim came to meet it.
-
-        `side_deg`: angle from the heading to the aim, signed. A heading that begins to turn at
-        its aim does not pass it.
-        """
+        """Let a setpoint brake that turns past its aim, because the aim came to meet it."""
         before_deg, self._side_deg = self._side_deg, side_deg
         turned_deg, self._step_deg = self._step_deg, step_deg
         gap_s = time_s - self._seen_s
@@ -263,11 +255,7 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
-    """Monitors the heading of a drone that rests without an order.
-
-    A turn in progress may finish and be reversed as after a command. Times are the autopilot's
-    since its start, because reports are processed late after a stall of this process.
-    """
+    """Monitors the heading of a drone that rests without an order."""
 
     start_boot_s: float
     yaw_deg: float

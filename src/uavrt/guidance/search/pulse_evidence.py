@@ -87,11 +87,7 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
 
 
 class PulseEvidence:
-    """Converts pulses, search reports and positions to evidence.
-
-    `k`: number of pulses in a group; 0: as set for each tag. `codes`: number of listed coded
-    tags, searched or not; with many, reports are less frequent.
-    """
+    """Converts pulses, search reports and positions to evidence."""
 
     def __init__(
         self,
@@ -218,11 +214,7 @@ def _pulse_search(tag: Tag, k: int) -> _TagSearch:
 
 
 def _coded_search(tag: Tag, codes: int) -> _TagSearch:
-    """Search state of a coded tag: a burst below its own threshold may still be found later.
-
-    A strong burst is reported within two seconds. One found only together with nine others is
-    up to eighteen intervals late; the drone is then far away.
-    """
+    """Search state of a coded tag: a burst found by ten in all is 18 intervals late."""
     (interval,) = tag.pulse_intervals_s
     return _TagSearch(
         slot_s=interval + tag.interval_uncertainty_s,

@@ -59,11 +59,7 @@ class _Course:
 
 
 class Seeker:
-    """Runs one search.
-
-    `listed`: tags that the detectors search for. `behaviour`: the autopilot's. Raises
-    `PlanError`, with reason and remedy, if the search cannot be flown.
-    """
+    """Runs one search; raises `PlanError`, with reason and remedy, if it cannot be flown."""
 
     def __init__(
         self,

@@ -403,11 +403,7 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Estimate bearings of a receiver, and strengths of tags without a bearing.
-
-    A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
-    turn. The other parameters are those of `bearings_of`.
-    """
+    """Estimate bearings of a receiver, and strengths of tags without; `theirs` replace."""
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
         return with_strengths(heard, how, [], cache)

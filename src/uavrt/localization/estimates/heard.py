@@ -179,11 +179,7 @@ class PulseColumns:
         )
 
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
-        """Times of expected pulses that were not received [ns].
-
-        They lie between two pulses whose distance is a multiple of the tag's interval. A gap of
-        more than a day's pulses counts as a jump of the clock.
-        """
+        """Times of expected pulses that were not received, between received ones [ns]."""
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
         number = np.clip(self.rate[:-1], 1, len(rhythm.intervals_s)) - 1
@@ -223,12 +219,7 @@ class FlightGround:
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
     ) -> "FlightGround | None":
-        """Build the ground model around a flight; None if no pose has position and height.
-
-        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` makes
-        the ground model, or returns an earlier one.
-        Raises `FormatError`: an elevation file is damaged.
-        """
+        """Build the ground model around a flight; None if no pose has position and height."""
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
         if not len(known):
             return None

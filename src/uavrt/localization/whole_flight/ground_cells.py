@@ -50,11 +50,7 @@ class Cells:
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Cells that hold a given probability, whichever path loss exponent is true.
-
-        For each exponent they are the smallest such region. After one pass the exponents cannot
-        be distinguished, and a joint region would ignore the less probable ones.
-        """
+        """Cells that hold a given probability, whichever path loss exponent is true."""
         area = self.area
         inside = np.zeros(len(area), bool)
         for probability in self.by_fall:

@@ -61,10 +61,7 @@ class Track:
     """Ground model in the plane; None: level ground."""
 
     def gain_db(self, east_m: _Floats, north_m: _Floats, turn_deg: float = 0.0) -> _Floats:
-        """(places, times) level of pulses [dB]; 0 is boresight at 1 m.
-
-        `turn_deg`: error of all headings, by which the antenna pointed farther clockwise.
-        """
+        """(places, times) level of pulses [dB]; 0 is boresight at 1 m."""
         cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         gain_db = np.empty((len(east_m), len(self.east_m)))
         rise: NDArray[np.floating[Any]] = np.zeros(len(east_m))
@@ -98,11 +95,7 @@ class Track:
         )
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
-        """(places, parts) path length in decibels [dB]: 10 for each factor of ten.
-
-        `east_m`, `north_m`: shape (places,).
-        `part` (parts,): indices among the times, whole or between two.
-        """
+        """(places, parts) path length in decibels [dB]: 10 for each factor of ten."""
         times = np.arange(len(self.east_m))
         east, north, height = (
             np.interp(part, times, each) for each in (self.east_m, self.north_m, self.height_m)

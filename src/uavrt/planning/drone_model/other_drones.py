@@ -21,11 +21,7 @@ Strip = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """Distance between drones: over ground between their paths, and in height.
-
-    `margin`: factor on the distance when a planner chooses; closer paths are flown only if
-        there is no other.
-    """
+    """Distance between drones over ground, with a margin for planning, and in height."""
 
     distance_m: float = 25.0
     height_m: float = 10.0

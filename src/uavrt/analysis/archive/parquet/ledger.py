@@ -99,11 +99,7 @@ class Ledger(Generic[R]):
         }
 
     def record(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
-        """Write a finished row, and remove the rows and tables that it replaces.
-
-        `files` are its tables, already on the disk; None: those of the previous row. Raises
-        `OSError` if the directory cannot be written.
-        """
+        """Write a finished row with its `files`; remove rows and tables that it replaces."""
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)
         entry = _Entry(row=msgspec.Raw(msgspec.json.encode(row)), files=held)
@@ -163,11 +159,7 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables without a row, which an interrupted run left.
-
-        If this or an interrupted run set damaged rows aside, the tables stay, since they may
-        belong to those rows. Files of other programs stay.
-        """
+        """Remove tables without a row, unless rows were set aside that may own them."""
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}
         for table in self._tables:

@@ -70,12 +70,7 @@ class Bursts:
         begin_column: int,
         known: Sequence[Known],
     ) -> None:
-        """Update the bursts with the newest cells.
-
-        `fresh`: columns, rows and powers of the search's open anchors. `now_column`,
-        `begin_column`: last searched column, and the stream's first. `known`: pulses of
-        confirmed tags.
-        """
+        """Update the bursts with the newest cells of the search's open anchors."""
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
         oldest_s = max(self._begin_s, begin_s, self._now_s - BURSTS.memory_s)

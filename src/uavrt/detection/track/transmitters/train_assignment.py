@@ -18,11 +18,7 @@ from numpy.typing import NDArray
 
 
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
-    """Find the connected groups of trains that compete for tags.
-
-    `able`: value of each train for each tag that it may be. Returns the indices of each group's
-    trains, in order; trains without a tag are in none.
-    """
+    """Find the connected groups of trains that compete for tags, by their indices."""
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):
         for to in worth:

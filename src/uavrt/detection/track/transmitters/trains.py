@@ -144,11 +144,7 @@ def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
 
 
 def made_of_other_trains(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
-    """Find the trains with hardly any pulse that is not another train's.
-
-    A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
-    1881 ms. Returns those that explain less than the confirmed trains whose pulses they share.
-    """
+    """Find the trains with hardly any pulse that is not another train's."""
     found: list[Train[H]] = []
     confirmed = sorted(
         (train for train in trains if train.confirmed), key=lambda train: train.frequency_hz

@@ -54,11 +54,7 @@ UNKNOWN_U32 = 0xFFFFFFFF
 
 
 class GroundStatus:
-    """Sends the status messages that are due.
-
-    `exchange`: encodes payloads for the ground station's protocol version. `root`: directory
-    whose free space is reported. `disk`: runs disk queries; inline by default.
-    """
+    """Sends the status messages that are due."""
 
     def __init__(
         self, exchange: Exchange, sender: TunnelSender, root: Path, disk: Disk = at_once
@@ -149,11 +145,7 @@ class GroundStatus:
         *,
         newcomer: bool,
     ) -> None:
-        """Repeat lasting faults, for stations that missed the first report or a part of it.
-
-        `processes`: those that are not ok report why. `others`: other lasting faults.
-        `newcomer`: a station has just appeared; it gets all faults at once.
-        """
+        """Repeat lasting faults, for stations that missed the first report or are new."""
         if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):

@@ -54,12 +54,7 @@ def _missing_text(missing: str) -> StatusText:
 
 
 class PoseDesk:
-    """Collects attitude and position samples; computes the poses of pulses.
-
-    `settings`: antenna, and source of the pose. `clock`: clock of this process; the flight's
-    differs by `shift_ns`. `record`: gets poses to record. `say`: gets texts for the operator.
-    Raises `ConfigError`: see `uavrt.drone.processes.connection_parts.own_pose.pose_address`.
-    """
+    """Collects attitude and position samples; computes the poses of pulses."""
 
     def __init__(
         self,

@@ -35,12 +35,7 @@ REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """All pulses that are still to be sent to the ground.
-
-    `encode`: makes a pulse's payload in the ground's protocol version. `note`: gets deliveries,
-    for the recorder. `disk`: runs disk work; inline by default. `first_refill_ns`: time before
-    which nothing is read from disk.
-    """
+    """All pulses that are still to be sent to the ground."""
 
     def __init__(
         self,
@@ -80,11 +75,7 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a ground station's receipt.
-
-        Returns (acknowledged, round_trip_s): True if the station has ever acknowledged a pulse,
-        and the measured round trip, if any.
-        """
+        """Handle a receipt; return if it acknowledged, and the round trip [s], if known."""
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:

@@ -48,11 +48,7 @@ class Outlets:
 
 
 class MotionControl:
-    """The authority over the present autopilot, and the commands of its order.
-
-    `own_place`: own system and component id; the vehicle has the same system id. `changed`:
-    called with the time [s] after each change of state.
-    """
+    """The authority over the present autopilot, and the commands of its order."""
 
     def __init__(
         self,

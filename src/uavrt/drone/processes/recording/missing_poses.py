@@ -19,11 +19,7 @@ MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Pulses that wait for a pose, and a check for poses that will never arrive.
-
-    Poses of a tag's pulses arrive in the order of the pulses. A pose counts as lost once the
-    pose of a later pulse has arrived, or after `patience_s`.
-    """
+    """Pulses that wait for a pose, and a check for poses that will never arrive."""
 
     def __init__(self, patience_s: float) -> None:
         self._patience_s = patience_s

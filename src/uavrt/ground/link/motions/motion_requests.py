@@ -25,11 +25,7 @@ def new_number() -> int:
 def motion_request(
     action: str, places: Sequence[tuple[float, float]] = (), **values: object
 ) -> MotionRequest:
-    """Encode a request for a motion; raises `UsageError` for an unknown one.
-
-    `places`: latitude and longitude [deg] of a goal, or of an outline's corners.
-    `**values`: further fields of `MotionRequest`.
-    """
+    """Encode a request for a motion; raises `UsageError` for an unknown one."""
     if action not in MOTION_ACTIONS:
         raise UsageError(f"{action[:40]!r} is not a motion")
     named: MotionAction = action

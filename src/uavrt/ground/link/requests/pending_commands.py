@@ -27,11 +27,7 @@ dropped."""
 
 
 class Exchange:
-    """Sends one command or order at a time, and waits for its answer.
-
-    Raises `CommandRefused` with the drone's reason, or `LinkError` without an answer.
-    `ack_wait_s`: wait for an acknowledgement before the command is repeated [s].
-    """
+    """Sends one command or order at a time, and waits for its answer."""
 
     def __init__(
         self,

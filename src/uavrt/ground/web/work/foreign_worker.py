@@ -214,11 +214,7 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Limit this process's CPU time and memory by the kernel.
-
-    Windows has no such limits, and macOS none for memory; there only the timer of `_asked` ends
-    the process.
-    """
+    """Limit this process's CPU time and memory by the kernel, except on Windows."""
     try:
         import resource
     except ImportError:

@@ -44,12 +44,7 @@ async def keep_open(
     opened: Callable[[Link | None], None],
     failed: Callable[[UavrtError], None],
 ) -> NoReturn:
-    """Read a receiver until cancelled; reopen it when it fails.
-
-    `address`: the receiver's address. `take`: called with each frame of the parser. `opened`:
-    called with the link once it is open, and with None when it is closed. `failed`: called with
-    the reason after each failed attempt to open the link.
-    """
+    """Read a receiver until cancelled; reopen it when it fails."""
     link = None
     try:
         while link is None:

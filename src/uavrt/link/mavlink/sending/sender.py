@@ -105,11 +105,7 @@ class PacedSender:
             self._pump()
 
     def _pump(self) -> None:
-        """Send the messages that may be sent now; set a timer for the next one.
-
-        Timers cost less than a task, whose wake-ups at 200 messages a second cost more than the
-        messages.
-        """
+        """Send the messages that may be sent now; set a timer for the next one."""
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
             if wait_ns == 0 and self._may_send():
@@ -141,11 +137,7 @@ class PacedSender:
 
 
 class LinkView:
-    """One link's view of a source that several links share: only the link in use takes from it.
-
-    `source`: source shared by all links. `link`: number of this link. `group`: returns the
-    number of the link in use. `views`: the views of all links, this one among them.
-    """
+    """One link's view of a source that several links share: only the used link takes."""
 
     def __init__(
         self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]

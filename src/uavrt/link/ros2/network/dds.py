@@ -168,11 +168,7 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 
 
 def reach_of(environment: Mapping[str, str]) -> Reach:
-    """Network reach that ROS 2's variables allow, limited to that of `interfaces`.
-
-    ROS_LOCALHOST_ONLY (Humble) overrides ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
-    `ConfigError` if the latter is invalid.
-    """
+    """Network reach that ROS 2's variables allow, limited to that of `interfaces`."""
     if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":
         return "computer"
     text = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").strip()
@@ -393,11 +389,7 @@ class Participant:
                 time.sleep(READ_PAUSE_S)
 
     def _read_once(self) -> None:
-        """Take the messages of all readers, with those arriving meanwhile, in sending order.
-
-        Without this order, the end of an upload could overtake some of its tags, and a start
-        command the end.
-        """
+        """Take the messages of all readers, with those arriving meanwhile, in sending order."""
         for _ in range(PASSES):
             found = self._take_all()
             self._learn_senders()

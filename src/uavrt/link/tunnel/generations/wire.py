@@ -27,11 +27,7 @@ Ids = tuple[int, int]
 
 
 class Fixed:
-    """Base of messages with a fixed length; the fields are in the order of the layout.
-
-    A text is the last field: NUL-terminated, cut to its size. Where several commands have the
-    same layout, the command is the first field.
-    """
+    """Base of messages with a fixed length; the fields are in the order of the layout."""
 
     __slots__: tuple[str, ...] = ()
     COMMAND: ClassVar[CommandId | None] = None

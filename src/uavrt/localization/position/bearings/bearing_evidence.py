@@ -62,11 +62,7 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned) density of each bearing for each position and heading error.
-
-        `east_m`, `north_m` (places,): the positions.
-        `cell_m` (places,): width of the cell that a position represents.
-        """
+        """(n, places, turned) density of each bearing for each position and heading error."""
         out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
         count = self._tables.shape[2]
         for station, table in enumerate(self._tables):

@@ -234,11 +234,7 @@ class LevelBelief:
         return np.asarray(np.log(mixed))
 
     def _learn(self, behind: GroundEffect | None, moved: _Floats, shrunk: _Floats) -> None:
-        """Update the level's mean and variance with a received level.
-
-        `moved`: deviation from the expected level over its variance [1/dB].
-        `shrunk`: reduction of the variance, over its square [1/dB²].
-        """
+        """Update the level's mean and variance with a received level."""
         error, with_pulse = self.error, self.variance_db2
         if error is not None and behind is not None:
             with_pulse = with_pulse - behind.doubtful_db * error.with_level_db

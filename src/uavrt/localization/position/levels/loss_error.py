@@ -70,12 +70,7 @@ class LossError:
         )
 
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """Distribution after a pulse; see `LevelBelief.update`.
-
-        `doubtful`: additional loss [dB] if the error is 1.
-        `moved`: deviation of the level [dB], over its variance.
-        `shrunk`: reduction of that variance, over its square.
-        """
+        """Distribution after a pulse; see `LevelBelief.update`."""
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,

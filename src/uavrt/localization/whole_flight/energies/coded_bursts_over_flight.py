@@ -105,11 +105,7 @@ class SinglePulses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sender:
-    """Sender of a train of bursts, as identified by its pulses.
-
-    `shift_s`: delay of this code's bursts after the train's; None if the code is another.
-    `pulses_s` (m,): positions of another code's pulses from the start of this code's bursts.
-    """
+    """Sender of a train of bursts, as identified by its pulses."""
 
     shift_s: float | None
     pulses_s: NDArray[np.float64]

@@ -112,11 +112,7 @@ class SlotEnergies:
 
 
 def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
-    """Join energies of consecutive parts of a flight, and standardise them as a whole.
-
-    `parts`: of one tag, each beginning where the previous one ends. Columns left out around a
-        part's slots are counted with it. Raises `ValueError` without parts.
-    """
+    """Join energies of consecutive parts of a flight, and standardise them as a whole."""
     first = parts[0] if parts else None
     if first is None:
         raise ValueError("there are no energies to join")
@@ -407,10 +403,7 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Divide by the noise of each row and time, in place.
-
-    Returns: True for strong columns, and the noise of each column [dB].
-    """
+    """Divide by the noise of each row and time; returns strong columns and noise [dB]."""
     columns = power.shape[1]
     loud, noise_db = np.zeros(columns, bool), np.zeros(columns)
     side = ENERGY.level_rows // 2

@@ -46,11 +46,7 @@ class DiskGuard:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Measure free space, remove flights if needed, check the card. Blocks: call it in a
-        thread.
-
-        Returns (severity, text) pairs for the operator.
-        """
+        """Measure free space, remove flights if needed, check the card; blocks."""
         self._note()
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []

@@ -70,11 +70,7 @@ class Operations:
             raise UavrtError(f"busy: {words(self.running.name)} in progress")
 
     def begin(self, name: CommandName, source: str = "") -> str:
-        """Begin to copy or remove flights; return the answer for the operator.
-
-        `source`: the sender, who must confirm a removal by a second request. Raises
-        `UavrtError` if another job runs, no drive is plugged in, or confirmation is needed.
-        """
+        """Begin to copy or remove flights; return the answer for the operator."""
         self.check_free()
         root = Path(self._settings.directory)
         flights = flights_in_order(root)
