@@ -23,11 +23,7 @@ _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Read the lines of a text file without their ends, byte order mark and NULs.
-
-    Files packed with gzip, such as SensorGnome's, are unpacked. Raises `FormatError` if the
-    file is unreadable, no text, or hundreds of megabytes.
-    """
+    """Read the lines of a text file, also gzipped, without ends, byte order mark and NULs."""
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -170,11 +166,7 @@ def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert seconds since 1970, as text, to nanoseconds without rounding; raises
-    `ValueError`.
-
-    A float of today's seconds resolves only 240 ns, so decimals are read as digits.
-    """
+    """Convert seconds since 1970, as text, to nanoseconds without rounding."""
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():
         value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))

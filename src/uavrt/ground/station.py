@@ -61,10 +61,7 @@ class StationSettings:
 
 
 class Station:
-    """The ground station without a page; `PageStation` adds one.
-
-    `show`: called with a dictionary for each event; ``event`` has the event's name.
-    """
+    """The ground station without a page; `show` gets each event as a dictionary."""
 
     def __init__(
         self, settings: StationSettings, show: Callable[[dict[str, Any]], None]

@@ -58,10 +58,7 @@ def _waits(step: Step, now: VehicleNow) -> bool:
 
 
 class Pilot:
-    """Flies one order.
-
-    `plan`: its steps. `waits`: True to wait for further steps by `redirect` at the end.
-    """
+    """Flies the steps of one order; with `waits` further ones come by `redirect`."""
 
     def __init__(
         self, order: Order, plan: Plan, limits: Limits, *, waits: bool = False

@@ -455,10 +455,7 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Corners of parallel lines over a polygon, back and forth along its longer side.
-
-    Raises `PlanError`: the spacing is not positive, or there are more lines than `most`.
-    """
+    """Corners of parallel lines over a polygon, back and forth along its longer side."""
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

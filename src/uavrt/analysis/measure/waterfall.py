@@ -53,12 +53,7 @@ class MaximumHold:
 
 
 class Waterfall:
-    """Spectrogram around one tag's frequency, and the strongest level at each time.
-
-    `offset_hz` is the tag's frequency relative to the channel's centre. `half_width_hz` is the
-    displayed range on either side, limited by the channel. `pulse_width_s` sets the Hann window
-    to one and a half pulses, so that it covers a whole pulse.
-    """
+    """Spectrogram around one tag's frequency, and the strongest level at each time."""
 
     def __init__(
         self,

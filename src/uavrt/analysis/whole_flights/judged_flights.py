@@ -107,11 +107,7 @@ class JudgeAs:
 def integrate_flight(
     flight: Flight, source: SampleSource, tags: Sequence[Tag], how: JudgeAs
 ) -> list[IntegratedTag]:
-    """Search a whole flight for each tag in its recording, which the caller closes.
-
-    Raises `ConfigError` without tags, `RecordingError` for too short or all-zero a recording or
-    a flight without poses, and `UsageError` if recording and poses are of different times.
-    """
+    """Search a whole flight for each tag in its recording, which the caller closes."""
     if not tags:
         raise ConfigError("there are no tags to search for", remedy="Name a tag file")
     if len(flight.poses) < 2:

@@ -29,10 +29,7 @@ class Evidence:
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
-    """Log-likelihood ratio required of a listed code's burst.
-
-    `false_per_hour`: allowed false identifications per code [1/h].
-    """
+    """Log-likelihood ratio required of a listed code's burst, for a rate of errors [1/h]."""
     return math.log(LIKELIHOOD.alignments * foreign_per_hour / false_per_hour)
 
 
@@ -95,10 +92,7 @@ def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> f
 def evidence_of_sums(
     energies: NDArray[np.float64], *, foreign_per_hour: float, in_step: float
 ) -> NDArray[np.float64]:
-    """Log-likelihood ratio against unlisted codes of bursts that are found only together.
-
-    `energies` (n, bursts, pulses). `in_step`: chance of an unlisted tag with this interval.
-    """
+    """Log-likelihood ratio of bursts found only together, against unlisted codes."""
     # Either one unlisted tag is in step by chance, or pulses of several tags are.
     by_one, by_several = (
         evidence(

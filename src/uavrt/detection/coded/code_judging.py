@@ -69,10 +69,7 @@ def measure(
     *,
     prior: float = 0.0,
 ) -> list[Burst]:
-    """Measure the pulses of seeds among the recent cells; drop seeds that are no burst.
-
-    `seeds` (n, 5): with all pulses among the recent cells. `prior`: log odds of a burst now.
-    """
+    """Measure the pulses of seeds among the recent cells; drop seeds that are no burst."""
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)

@@ -95,10 +95,7 @@ class AnchorSearch(RateSearch):
         return self.rows * self.width
 
     def move_to(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Move the ring buffer into `memory` (n,), from index `base` on.
-
-        Its beginning is repeated behind its end, to make every stretch of a row contiguous.
-        """
+        """Move the ring buffer into `memory` (n,); its beginning is repeated at its end."""
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
         if len(self.cells):
             cells[:] = self.cells
@@ -171,10 +168,7 @@ class AnchorSearch(RateSearch):
     def collect(
         self, tested: "_Tested", part: slice, least: float, shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the tested anchors in `part`, all of this search.
-
-        `least`: minimum sum of a candidate. `shorter`: reduction of the intervals [columns].
-        """
+        """Make candidates of the tested anchors in `part`, all of this search."""
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
         hits = np.flatnonzero(best >= least)

@@ -79,11 +79,7 @@ class Grid:
         return (start + (self.decimation - 1) / 2.0) / self.hop
 
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power of every cell, shape (columns, rows), each row contiguous in memory.
-
-        `samples` (n,): contiguous narrow-band samples. In noise the mean power is that of one
-        channel sample; for a pulse it is ENR + 1 times as much.
-        """
+        """Power of every cell (columns, rows), in units of a channel sample's in noise."""
         hop = self.hop // self.decimation
         count = max(0, (len(samples) - self.length) // hop + 1)
         result = np.empty((self.rows, count), np.float32)

@@ -71,11 +71,7 @@ def _noise_near_edge(
 
 
 class RowNoise:
-    """Tracks the noise power of each row.
-
-    `independent_per_s`: independent cells of a row per second, the inverse of the pulse width.
-    `circular`: the last row is adjacent to the first.
-    """
+    """Tracks the noise power of each row, from some independent cells per second."""
 
     def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
         self._column_s = column_s

@@ -14,11 +14,7 @@ from uavrt.detection.signal.whitening import Whitener
 
 
 class Cleaner:
-    """Cleans the samples of one stream, stretch by stretch.
-
-    `band_hz`: offset from the channel's centre and half-width of the searched band [Hz]. The
-    noise is made white and steady there, and impulses are searched in white noise.
-    """
+    """Cleans the samples of one stream; the noise is made white in the searched band."""
 
     def __init__(
         self,

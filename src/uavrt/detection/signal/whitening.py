@@ -20,10 +20,7 @@ from uavrt.detection.signal.tuning import WHITENING
 
 
 class Whitener:
-    """Tracks the noise density of a channel and filters the samples to make it flat.
-
-    `offset_hz`, `half_width_hz`: the searched band; higher densities are reduced to its lowest.
-    """
+    """Tracks a channel's noise density, and filters the samples to make it flat."""
 
     def __init__(
         self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float

@@ -15,11 +15,7 @@ from uavrt.detection.track.tuning import BOUNDS, FOLLOW
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """Limits within which groups and tracks may belong to one tag.
-
-    `half_width_hz`: half-width of the search [Hz]; at or above half the sample rate: the whole
-    channel. `excluded_hz`: bands without the tag, from the channel's centre [Hz].
-    """
+    """Limits of frequency and time within which groups and tracks may be of one tag."""
 
     tag: Tag
     home_hz: float

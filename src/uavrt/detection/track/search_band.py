@@ -73,10 +73,7 @@ class _LostColumns:
 
 
 class SearchBand:
-    """Search of one stream in one band of frequencies.
-
-    `batch_s`: longest piece of samples [s].
-    """
+    """Search of one stream in one band of frequencies, in pieces of at most `batch_s`."""
 
     def __init__(
         self, *, grid: Grid, buffer: SampleBuffer, bounds: Bounds, batch_s: float

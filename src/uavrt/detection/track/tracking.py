@@ -23,10 +23,7 @@ from uavrt.detection.track.unlocked import drop_old, join_group
 
 
 class SearchWindow:
-    """Search around one frequency: its band, test of candidates, following of tracks.
-
-    `batch_s`: longest piece in which samples come [s].
-    """
+    """Search around one frequency: its band, test of candidates, following of tracks."""
 
     def __init__(self, bounds: Bounds, buffer: SampleBuffer, batch_s: float) -> None:
         self.bounds, self._buffer, self._batch_s = bounds, buffer, batch_s

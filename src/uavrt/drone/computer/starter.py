@@ -67,11 +67,7 @@ Keywords=radio;telemetry;wildlife;drone;
 
 
 def _quoted(word: str) -> str:
-    r"""Quoted word for ``Exec=``: first for the shell's reserved characters, then for a value.
-
-    A backslash is ``\\`` within quotes, and each of those again ``\\`` in a value; a per cent
-    sign would begin a field code.
-    """
+    r"""Quoted word for ``Exec=``: for the shell's reserved characters, then for a value."""
     if any(letter in word for letter in "\n\r\0"):
         raise UsageError(f"{word!r} cannot be written in a starter")
     escaped = "".join(f"\\{letter}" if letter in '"`$\\' else letter for letter in word)

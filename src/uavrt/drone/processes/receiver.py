@@ -342,10 +342,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
 def receive(
     frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo, last_reason: str
 ) -> None:
-    """Process samples until the radio fails, its settings change or the process stops.
-
-    `last_reason`: reason of the radio's last failure; reported until samples arrive again.
-    """
+    """Process samples until the radio fails, its settings change or the process stops."""
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
     flowing = False

@@ -81,10 +81,7 @@ def require_plain_files(path: Path) -> None:
 
 
 def limit_queries(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
-    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C.
-
-    The limit counts this thread's CPU time, so a busy computer ends no query early.
-    """
+    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C."""
     until_s = time.thread_time() + longest_s
     database.set_progress_handler(
         lambda: int(queries_ended.is_set() or time.thread_time() > until_s), STEPS

@@ -24,10 +24,7 @@ _UNDELIVERED = (
 
 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Number of confirmed pulses of each tag in the flight, and end of the newest one [ns].
-
-    Tags without pulses are left out. Raises `RecordingError` if the database cannot be read.
-    """
+    """Number of confirmed pulses of each tag received, and end of the newest one [ns]."""
     with _opened(directory) as database:
         # The recorder makes the tables after the file: there are no pulses yet.
         made = database.execute(_MADE).fetchone()[0]

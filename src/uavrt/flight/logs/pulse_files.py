@@ -135,12 +135,7 @@ def pulse_format(name: str) -> PulseFormat:
 def read_pulse_file(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read pulses that `PulseWriter` wrote; damaged lines are skipped.
-
-    `warn` receives a sentence about skipped lines; by default they are logged. An unfinished
-    last line and a byte order mark are ignored. Raises `FormatError` if the file is unreadable,
-    or most lines are no pulses.
-    """
+    """Read pulses that `PulseWriter` wrote; damaged lines are skipped and reported."""
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         content = read_file(path, TEXT_LOG)

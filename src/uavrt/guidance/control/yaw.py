@@ -125,10 +125,7 @@ class YawWatch:
         )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """True if the heading turns from its old direction towards the recent course.
-
-        A drone that reverses its course stands for a moment; this time does not count.
-        """
+        """True if the heading turns from its old direction towards the recent course."""
         if self._courses and course_deg is None:
             stood_s = self._stood_s + time_s - self._seen_s
             self._stood_s = min(stood_s, SAFETY.course_follow_s)
@@ -179,10 +176,7 @@ class YawWatch:
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """Largest angle by which an earlier turn may still turn away from the aim [°].
-
-        A setpoint completes the earlier turn first; then it turns to its aim.
-        """
+        """Largest angle by which an earlier turn may still turn away from the aim [°]."""
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)
         if not self._turns_on:

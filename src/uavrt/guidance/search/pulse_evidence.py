@@ -65,10 +65,7 @@ class _TagSearch:
     missed: int = 0
 
     def set_noise(self, measured_by: str, psd: float) -> None:
-        """Record the noise, which may change with the heading; a pulse's energy does not.
-
-        Reports measure a channel, pulses one frequency: each has a first value of its own.
-        """
+        """Record the noise of a channel or of one frequency, which may change with heading."""
         if isfinite(psd) and psd > 0.0:
             before = 10.0 ** (self.noise_db / 10.0)
             first = self.first_psds.setdefault(measured_by, psd / before)

@@ -105,10 +105,7 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Text on an excluded area that an action crosses; None if there is none.
-
-        The path is checked from the present position and from the stopping point.
-        """
+        """Text on an excluded area that an action crosses, from here or the stopping point."""
         goal = goal_of(action)
         if goal is None:
             return None

@@ -73,11 +73,7 @@ def is_station(heartbeat: Heartbeat) -> bool:
 
 
 class Discovery:
-    """Tracks the autopilot (first heartbeat of component 1) and every ground station.
-
-    Ground stations are recognised by their heartbeat, whatever their numbers: QGroundControl is
-    255/190, MAVSDK 245/190, MAVProxy 255/230, uavrt 254/190.
-    """
+    """Tracks the autopilot (first heartbeat of component 1) and every ground station."""
 
     def __init__(self) -> None:
         self.autopilot: Peer | None = None

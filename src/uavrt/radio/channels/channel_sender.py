@@ -56,11 +56,7 @@ class ChannelDatagramSender:
         """Number of datagrams dropped because the system's buffer was full."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add the next block of a channel; send the frames that it completes.
-
-        A gap within a frame is filled with zeros to the frame's end; the next frame begins
-        where samples continue.
-        """
+        """Add the next block of a channel; send the frames that it completes, gaps as zeros."""
         frame = self._frames.get(block.channel)
         if frame is None:
             return

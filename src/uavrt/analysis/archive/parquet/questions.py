@@ -116,12 +116,7 @@ def check_archive(archive: Path) -> None:
 def in_archive(
     archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
 ) -> T:
-    """Run `query` with a DuckDB connection to an archive; DuckDB's errors become uavrt's.
-
-    `limits` are DuckDB settings such as `threads` and `memory_limit`. Raises `FormatError` if
-    no batch has written there or a file is damaged, and `UsageError` if the query is wrong or
-    the extra is missing.
-    """
+    """Run `query` with a DuckDB connection to an archive; DuckDB's errors become uavrt's."""
     with needs_extra("batch", "An archive"):
         import duckdb
     check_archive(archive)

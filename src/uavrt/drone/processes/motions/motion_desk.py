@@ -90,10 +90,7 @@ class MotionDesk:
             self.control.watch(now_s)
 
     def tick(self, silent_s: Mapping[Asker, float]) -> None:
-        """End or continue control, and send requests and reports that are due.
-
-        `silent_s`: silence of each ground station.
-        """
+        """End or continue control, and send requests and reports that are due."""
         now_s = monotonic_s()
         self.control.wake(now_s, turn=True)
         self._reports.stations_silent(silent_s)

@@ -41,10 +41,7 @@ _ENDS = {
 
 
 class ForeignWorker:
-    """Calls functions in another process, one at a time, with limits on time and memory.
-
-    Functions must be on module level; arguments and results must be picklable.
-    """
+    """Calls module-level functions in another process, with limits on time and memory."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None

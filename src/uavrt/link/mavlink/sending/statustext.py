@@ -43,10 +43,7 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Limits the rate of texts: ten at once, then one every 2 s, no repetition within 10 s.
-
-    A fault that repeats must not fill the radio link. Critical and worse texts always go.
-    """
+    """Limits uncritical texts: ten at once, then one in 2 s, no repetition within 10 s."""
 
     def __init__(self) -> None:
         self._tokens = float(TEXT_BURST)

@@ -190,11 +190,7 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
 def cyclone_config(
     interfaces: tuple[str, ...], reach: Reach = "interfaces", warnings_path: str = ""
 ) -> str:
-    """Make Cyclone DDS's configuration for the loopback and the given interfaces.
-
-    The loopback is always included, and named as a peer, so that ROS 2 bound to it is found.
-    Only participants with the same tag find each other.
-    """
+    """Make Cyclone DDS's configuration for the loopback and the given interfaces."""
     wanted = interfaces if reach == "interfaces" else ()
     named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
     tracing = (

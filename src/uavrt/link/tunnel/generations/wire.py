@@ -70,10 +70,7 @@ Decoders = dict[tuple[int, int], Decoder]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandMessage:
-    """A command with the fields of its row (`uavrt.core.commands`), aligned as in C.
-
-    Older senders lack fields at the end.
-    """
+    """A command with the fields of its row (`uavrt.core.commands`), aligned as in C."""
 
     GENERATION: ClassVar[Generation]
     HEAD: ClassVar[tuple[str, ...]] = ("command",)
