@@ -83,13 +83,7 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading; each row has its cells in the order of
-    `columns`.
-
-    A last row that cannot be parsed was cut off while being written, and is left out. `cells`
-    splits a line, and `names` reads the heading's column names. Raises `FormatError` if the
-    file is unreadable, with a wrong row's number.
-    """
+    """Parse the rows of a table with a heading; a last row that was cut off is left out."""
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
         found = cells(line)

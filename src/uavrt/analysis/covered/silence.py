@@ -274,12 +274,8 @@ def silent_map(
 ) -> SilentMap:
     """Map where a flight would have detected a tag, with the link budget of `uavrt coverage`.
 
-    `directory` has the flight, its noise and stored results. `tag_power_dbm` is the tag's
-    radiated power. Without `elevation` the ground is level. `antenna` is a pattern's name; the
-    default is the flight's. `on_pulse` receives the number of computed pulses, and the total.
-    Raises `UsageError` for a tag that the flight does not list, an unknown antenna, or too long
-    a flight; `RecordingError` without poses; `FormatError` for damaged elevation files or
-    results.
+    Without `elevation` the ground is level; without `antenna` the flight's is used. `on_pulse`
+    receives the number of computed pulses, and the total.
     """
     tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
     if tag is None:

@@ -168,10 +168,7 @@ def past_turns(
 ) -> list[list[HeardInTurn]]:
     """Pulses of turns in the same drone's past flights with the same antenna.
 
-    Flights in the same folder are read, newest first, until there are enough turns. Unreadable
-    flights and those of other drones are skipped.
-    `offset_deg` is the boresight, clockwise from the heading in the poses [deg]. Flights in
-    `excluded` are skipped, since the caller has their turns already.
+    Flights in the same folder are read, newest first, until there are enough turns.
     """
     place = Path(flight.info.directory).resolve()
     names = {Path(one.info.directory).resolve().name for one in excluded}

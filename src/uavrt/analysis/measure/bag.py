@@ -80,8 +80,6 @@ def export_bag(
 
     Playing a recording must not command a drone, so orders are under `RECORDED` unless
     `as_sent`. Pulses from ``uavrt integrate`` are under `HINDSIGHT`.
-    Raises `FormatError` if there is no flight or it is damaged, and `UsageError` without the
-    extra ``uavrt[analysis]`` or if `target` cannot be made.
     """
     flight = read_flight(flight_directory)
     _, integrated = read_integrated(flight_directory)

@@ -21,14 +21,7 @@ from uavrt.radio.source import SampleSource
 
 
 class FlightWriter:
-    """Writes a new flight of pulses found again in a recording, with the poses of the old
-    flight.
-
-    `flight` is the flight whose recording `source` is searched again. `directory` is the
-    output; None makes a new directory next to the old flight's. `searched` has window and
-    operating mode for the new flight's settings.
-    Raises `RecordingError` if the place cannot be written, or already contains a flight.
-    """
+    """Writes a flight of pulses found again in a recording, with the poses of the old one."""
 
     def __init__(
         self,

@@ -76,10 +76,8 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose by the track; None where the track has none.
 
-    Poses that pulses already have are replaced. `offset_s` is added to the track's times, and
-    `antenna` is the antenna's mounting on the vehicle. While the log says landed or disarmed,
-    the height is set to 0, despite barometer drift. This distinguishes turns of a carried drone
-    from turns in flight.
+    While the log says landed or disarmed, the height is set to 0, despite barometer drift. This
+    distinguishes turns of a carried drone from turns in flight.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))
@@ -118,13 +116,10 @@ def estimate_offset(
 ) -> ClockOffset:
     """Estimate the offset between the clocks of a track and a log of pulses.
 
-    If the pulses have poses, even coarse ones, headings and positions are matched. Without,
-    SNR along the track is matched with the antenna's pattern and the distance, at the best
-    position of each tag. A lone turn at a constant rate cannot separate offset from bearing;
-    starts, stops and several turns can.
-    Raises `UsageError` if the logs share too little: fewer than 12 pulses, or a quarter
-    of them. It is also raised if two offsets fit nearly as well, or the uncertainty moves the
-    headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
+    If the pulses have poses, even coarse ones, headings and positions are matched; otherwise
+    SNR with pattern and distance. A lone turn at a constant rate cannot separate offset from
+    bearing; starts, stops and several turns can. Raises `UsageError` if the offset is
+    uncertain.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError("the track is empty", remedy="Give another log")

@@ -145,9 +145,7 @@ def power_by_halves(
     """Compute rows at ± f together, with a quarter of the multiplications, all real.
 
     Around a window's middle, let e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n). The transform at
-    ± f is A ∓ jB, with A the sum of e cos and B that of o sin. `parts` (2, tags, samples): real
-    and imaginary parts. `power` (tags, rows, columns): the result from column `first` on.
-    `take`: allocates arrays by name and shape.
+    ± f is A ∓ jB, with A the sum of e cos and B that of o sin.
     """
     assert grid.halves is not None
     cosines, sines = grid.halves

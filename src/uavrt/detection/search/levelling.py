@@ -414,9 +414,7 @@ def _segments(
     """Split the bands where their levels differ, and widen the stronger side by one band.
 
     The likeliest split comes first: fitting two means of exponentials instead of one raises the
-    log-likelihood by the sum of cells × ln(mean). `ratio` (bands, slots): mean of each band
-    over the common level. `n` (slots,): number of slots in each mean. `circular`: the last band
-    is adjacent to the first. Returns (bands, slots): the mean of each band's segment.
+    log-likelihood by the sum of cells × ln(mean).
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))

@@ -93,12 +93,9 @@ class Refiner:
         climb: bool = False,
         spread: float = math.inf,
     ) -> list[Measured] | None:
-        """Find pulses of one common frequency near expected starts.
+        """Find pulses of one common frequency near expected starts; None without the samples.
 
-        `starts` (pulses,): expected index of the first sample of each, searched ± `half_width`.
-        `offset_hz`, `half_band_hz`: middle and half-width of the frequencies searched. `climb`:
-        follow a peak beyond these limits. `spread`: standard deviation of the starts [samples],
-        by which peaks are weighted. Returns None if the samples are not available.
+        `climb`: follow a peak beyond the limits. `spread`: deviation of the starts [samples].
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)

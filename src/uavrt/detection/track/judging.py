@@ -116,13 +116,10 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Distinguish a tag's group from other signals, and find the tag's pulses in it.
+        """Distinguish a tag's group from other signals: its own pulses, or why it is none.
 
         Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: it is excluded, and the group must suffice without it. If this
-        affects more than one pulse in four, or one without which the group fails, the group is
-        rejected. `places`: pulses and their numbers, in order of time. `floor`: mean power of
-        noise. Returns (own, reason): the tag's pulses; why the group is rejected.
+        signal is stronger: it is excluded, and the group must suffice without it.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:

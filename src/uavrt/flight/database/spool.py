@@ -35,12 +35,9 @@ def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
 def undelivered(
     directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
 ) -> tuple[list[PulsePose], bool]:
-    """Recorded pulses that a ground station lacks, the newest first, and whether there are
-    more.
+    """Recorded pulses that a ground station lacks, the newest first, and if there are more.
 
-    `store` is the station's number. With 0, only pulses not yet sent to any station are
-    returned: stations without receipts get no old pulses after a restart. Pulses in `without`
-    (tag id, start time) are excluded. Raises `RecordingError` if the database cannot be read.
+    For `store` 0, a station without receipts, only pulses not sent to any station.
     """
     with _opened(directory) as database:
         schema.read_older(database)

@@ -25,13 +25,7 @@ SETTLED_AFTER_S = 12.0
 
 
 class IQRecorder:
-    """Writes blocks as ``NAME.sigmf-data`` (cs16) and ``NAME.sigmf-meta``.
-
-    The metadata describes all samples of the data file at any moment, also after a power cut.
-    `base` is directory and NAME, without a suffix; the directory is made. Nothing is written
-    while the disk has less than `minimum_free_mb` free. Raises `RecordingError` if the files
-    cannot be made, or already exist.
-    """
+    """Writes blocks as SigMF (cs16), valid at any moment, while enough disk space is free."""
 
     def __init__(
         self,

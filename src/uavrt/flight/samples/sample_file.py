@@ -21,15 +21,11 @@ _LEAST_MOVE_NS = 1_000_000
 
 
 class SampleFile:
-    """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``.
+    """Writes ``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``, valid at any moment.
 
-    The metadata describes all samples of the data file at any moment, also after a kill and,
-    with `sync`, after a power cut. `base` is directory and NAME, without a suffix; the
-    directory is made. `description` and `hardware` are texts of the metadata. An input of
-    `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which need
-    `append_stored`. A new radio's clock is corrected during `settled_after_s`. Afterwards, or
-    when a stretch ends, the stretch's time is corrected. Raises `FileExistsError` for another
-    recording's file, and `OSError` if the files cannot be made.
+    An input of `full_scale` is stored as 32 768 for 16 `bits`, and as 128 for 8 bits, which
+    need `append_stored`. A new radio's clock is corrected during `settled_after_s`. Afterwards,
+    or when a stretch ends, the stretch's time is corrected.
     """
 
     def __init__(

@@ -17,11 +17,6 @@ class YawWatch:
     The heading may stay as it was or come nearer to its aim: the requested heading or, while
     the target is not near, its bearing. It may turn away only towards the drone's recent
     course.
-
-    `start_s`: time of the command [s]. `yaw_deg`: heading at that time [°]. `tolerance_deg`:
-    for gusts and overshoot. `wanted_deg`: requested heading. `turn_deg`, `rate_deg_s`: angle,
-    clockwise, and rate of a turn in place instead. `turning_deg_s`: rate of turn when the
-    command was sent. `exact`: the heading is a setpoint, without gusts.
     """
 
     start_s: float

@@ -75,10 +75,8 @@ class _TagSearch:
 def threshold_db(k: int, *, coded: bool = False) -> float:
     """ENR at which half of the groups of K equal pulses, or of K coded bursts, are found [dB].
 
-    Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags with exact and usual
-    intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. That function
-    would need scipy.stats, twice the guide's memory. One coded burst of four pulses takes 9.7
-    dB per pulse, three 6.0, ten 2.7.
+    Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags, which would need
+    scipy.stats, twice the guide's memory.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 

@@ -183,9 +183,6 @@ class Sealer:
 
         Of several announced sessions the one tried least often comes first, so that replayed
         announcements do not delay the drone's session.
-
-        `links`: number of links that carry keepalives in turn, each as often as a single one.
-        `files`: True while files are requested.
         """
         now_s, due = monotonic_s(), []
         if self._session is not None and now_s - self._alive_s >= ALIVE_S / links:

@@ -321,9 +321,6 @@ class Heard:
         """Sort pulses by tag and time, without those that have no position or power.
 
         Times are rounded to 256 ns, as columns of floating-point numbers hold them.
-
-        `tag_id` (n,): tag of each pulse.
-        `poses`: of the vehicle, in any order; None for a log (poses of pulses only).
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)

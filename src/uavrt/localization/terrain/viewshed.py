@@ -27,13 +27,7 @@ def terrain_loss_map(
     tag_m: float,
     frequency_hz: float,
 ) -> NDArray[np.float32]:
-    """Loss beyond that of level ground, from a drone to tags at all cells [dB].
-
-    `ground`: grid that contains the drone's position.
-    `antenna_m`, `tag_m`: heights of drone and tags above the ground beneath them.
-    Returns: shape (rows, columns).
-    Raises `UsageError`: the drone is not over the grid.
-    """
+    """Loss beyond that of level ground, from a drone to tags at all cells [dB]."""
     height = ground.height_m
     rows, columns = height.shape
     column = (east_m - ground.west_m) / ground.cell_m

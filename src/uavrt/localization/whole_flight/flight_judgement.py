@@ -300,9 +300,7 @@ def search_flight(
     """Find the likeliest trains of a tag; the least likely in noise comes first.
 
     All its rates are searched: weak pulses by their weighted energies, strong ones by their
-    number, since the energies exclude them. Of trains of strong pulses with the same pulses the
-    most central comes first. `most`: number of trains returned. `few_patterns`: number of
-    patterns above which fewer positions select the cells to examine in full.
+    number, since the energies exclude them.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)

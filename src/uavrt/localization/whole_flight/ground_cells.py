@@ -152,10 +152,7 @@ class Cells:
     ) -> list[float]:
         """Radii of circles around a position that hold given probabilities [m].
 
-        They allow for an error that all positions of the drone share.
-
-        Each cell's probability is spread evenly over its ground, as in `region`; otherwise a
-        single cell would have no radius. `cells`: cells whose probability counts; None is all.
+        Each cell's probability is spread evenly over its ground, as in `region`.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points

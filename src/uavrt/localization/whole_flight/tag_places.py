@@ -113,14 +113,7 @@ def places_around(
     hills: HillLosses | None = None,
     plane: TangentPlane | None = None,
 ) -> Places:
-    """Lay out possible positions around a drone's path.
-
-    `poses`: of the antenna, at least two.
-    `start_ns`, `end_ns`: times of the first and last sample [UTC].
-    `hills`: ground model; None is level ground.
-    `plane`: plane whose origin the positions surround; None is the middle of the poses.
-    Raises `UsageError`: the poses do not cover the time of the samples.
-    """
+    """Lay out possible positions around a drone's path, or around a plane's origin."""
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
     if np.count_nonzero(inside) < 2:
         raise UsageError(

@@ -25,10 +25,7 @@ class _Frame:
 class ChannelDatagramSender:
     """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
 
-        Sending never waits; frames are dropped and counted if the system's buffer is full.
-
-    `ports`: ports of each channel; blocks of other channels are ignored. `style`: format of the
-    time stamp.
+    Sending never waits; frames are dropped and counted if the system's buffer is full.
     """
 
     def __init__(

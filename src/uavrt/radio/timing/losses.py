@@ -167,13 +167,7 @@ class SourcePace:
 
 
 class LossFinder:
-    """Finds losses from the lateness of arrivals.
-
-    Lateness is the delay above the lower envelope of all arrivals, in nominal seconds (samples
-    divided by the nominal rate). The caller adds losses to later nominal seconds.
-
-    `may_be_slow`: the sender may be slower than real time; False for a radio.
-    """
+    """Finds losses from the delay of arrivals above their lower envelope [nominal s]."""
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
         self.pace = SourcePace() if may_be_slow else None

@@ -139,10 +139,8 @@ class TimeKeeper:
     def arrived(self, end_index: int, now_ns: int, *, catching_up: bool = False) -> None:
         """Register that all samples before `end_index` had arrived at `now_ns`.
 
-        `end_index`: index after the newest sample, lost ones included. `now_ns`: time [ns,
-        UTC]. `catching_up`: samples came faster than real time, because the writer had been
-        waiting. In the first 2 s the start time is then corrected, once, when the writer has
-        caught up.
+        `catching_up`: the writer had been waiting. In the first 2 s the start time is then
+        corrected, once, when the writer has caught up.
         """
         if self._start_ns is None:
             self._start_ns = now_ns - _duration_ns(end_index, self._nominal_hz)

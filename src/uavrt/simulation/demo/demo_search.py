@@ -131,12 +131,7 @@ class _Seen:
 
 
 class SearchDemo:
-    """One search on this computer, by the real processes.
-
-    `scenario`: world in which the drone hovers until commanded. `limit_s`: longest duration of
-    the search [s]. `flight_dir`: parent of the drone's flight directory. `say`: gets lines for
-    the terminal. `among`: place among other drones; None if alone.
-    """
+    """One search on this computer, by the real processes; `say` gets lines to print."""
 
     def __init__(
         self,

@@ -90,11 +90,7 @@ def transverse_axes(
 def polarization_db(
     antenna: Antenna, direction_body: geometry.Vector, field_body: geometry.Vector
 ) -> float:
-    """Level change by the angle between the electric fields of wave and antenna [dB, ≤ 0].
-
-    `direction_body`: unit vector to the source in the antenna's frame. `field_body`: unit
-    vector of the wave's electric field in the antenna's frame, perpendicular to the ray.
-    """
+    """Level change by the angle between the electric fields of wave and antenna [dB, ≤ 0]."""
     if antenna.polarization == "any":
         return 0.0
     horizontal, upright = transverse_axes(direction_body, (0.0, 0.0, 1.0))

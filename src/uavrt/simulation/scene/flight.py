@@ -61,11 +61,7 @@ class VehicleState:
 
 
 def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
-    """Fraction of a leg's path, its first and second derivative, with smooth ends.
-
-    The speed rises as 3x² - 2x³ during the first fraction `ease` of the time, and falls in the
-    same way in the last.
-    """
+    """Fraction of a leg's path, its first and second derivative, with smooth ends."""
     top = 1.0 / (1.0 - ease)
     if time_share <= 0.0:
         return 0.0, 0.0, 0.0

@@ -176,12 +176,9 @@ def link(
 ) -> Link:
     """Compute the link from a tag to the antenna, without fading.
 
-    `antenna`: pattern and polarization; the mounting is already in the quaternion. `tag_ned_m`,
-    `antenna_ned_m`: positions from home [m], down positive, both at least 0.1 m above level
-    ground. `antenna_quaternion_wxyz`: antenna frame to north-east-down. `polarization_deg`:
-    tilt of the tag's field from vertical, perpendicular to the ray; 90 is horizontal.
-    `frequency_hz`: carrier frequency [Hz]. `heights_m`: heights of antenna and tag above the
-    ground beneath them, where it is not level.
+    Positions are from home [m], both at least 0.1 m above level ground. `polarization_deg`:
+    tilt of the tag's field from vertical; 90 is horizontal. `heights_m`: above the ground, if
+    not level.
     """
     tag, place = tag_ned_m, antenna_ned_m
     if heights_m is None:

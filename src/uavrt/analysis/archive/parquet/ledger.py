@@ -37,11 +37,7 @@ class _Entry(msgspec.Struct, frozen=True):
 class Ledger(Generic[R]):
     """Rows of all finished recordings, or of all finished flights, and their tables.
 
-    A newer row of the same path replaces an older one with its tables. Rows are in the folder
-    `name` below `output`, and their tables in the folders `tables`. With `thorough` all files
-    are read; otherwise sizes and times are compared.
-    Raises `RecordingError` if a file cannot be read, and `OSError` if the directory cannot be
-    written.
+    With `thorough` all files are read; otherwise sizes and times are compared.
     """
 
     def __init__(

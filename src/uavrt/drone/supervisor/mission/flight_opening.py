@@ -19,15 +19,11 @@ _CHEAP_SHARE_TAGS = 16
 def share_tags(
     tags: Sequence[Tag], workers: int, *, window_hz: float, receiver: Receiver | None = None
 ) -> tuple[tuple[Tag, ...], ...]:
-    """Distribute the tags over detector processes.
+    """Distribute the tags over detector processes, evenly.
 
     Tags with overlapping bands share pulses and must be compared, so one process gets them all.
-    Each such group goes to the process with the fewest tags. Tags that may appear as receiver
-    ghosts (image or harmonic) of each other are also kept together, up to an equal share or 16
-    tags.
-
-    `window_hz`: half-width of the search around each tag. `receiver`: determines the ghosts.
-    Returns at least one list, which is empty only without tags.
+    Tags that may be receiver ghosts of each other are kept together, up to an equal share or
+    16.
     """
     together = tags_by_band(tags, window_hz)
     if receiver is not None and workers > 1:

@@ -34,12 +34,9 @@ SILENCE_REPORT_S = 4.0
 
 
 class Fleet:
-    """All instances of the rows in the table of processes.
+    """All instances of the rows in the table of processes, in start order.
 
-    `rows`: in start order. `mission`: source of state, tags, flight, settings and clock.
-    `launcher`: starts processes; its nursery is restarted here. `workers`: most detector
-    processes. `notify`: sends (severity, text) to the operator. `on_line`, `on_output`: called
-    with each record and printed line. `wake`: called when a process has ended.
+    `mission`: source of state, tags, flight, settings and clock. `wake`: a process has ended.
     """
 
     def __init__(

@@ -84,11 +84,8 @@ class Exchange:
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
         """Send a motion order, a confirmation or a stop; return the drone's answer.
 
-        An order and a stop are repeated until they are answered, a stop every 0.4 s. A
-        confirmation is sent once, since its nonce is valid once; it is dropped after a delay of
-        a second. A stop does not wait for other exchanges.
-
-        `payload`: encoded by `uavrt.link.tunnel.own_messages.motion_messages`.
+        An order and a stop are repeated until they are answered. A confirmation is sent once,
+        since its nonce is valid once. A stop does not wait for other exchanges.
         """
 
         def send(_attempt: int) -> None:

@@ -16,13 +16,7 @@ OPEN_AGAIN_S = 3.0
 async def open_link(
     address: str | Address, on_frame: Callable[[Any], None], parser: Parser | None = None
 ) -> Link:
-    """Open a link.
-
-    `address`: ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see
-    `uavrt.link.mavlink.links.address`. `on_frame`: called with each received frame, in the
-    loop's thread. `parser`: parser of the protocol; None: MAVLink. Raises `ConfigError` for an
-    invalid address, `LinkError`, with reason and remedy, if it cannot be opened.
-    """
+    """Open the link of an address; raises `ConfigError` for a wrong one, else `LinkError`."""
     where = parse_address(address) if isinstance(address, str) else address
     link: Link
     match where.kind:

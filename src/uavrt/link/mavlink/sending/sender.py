@@ -33,10 +33,7 @@ the queue they would delay replies to file clients, which are not ground station
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    `target`: returns the address of all ground stations, None without any. `gap_s`: time
-    between two messages, at least 0.012 s. `straight`: direct link without an autopilot: fast,
-    with the shortest gap. `frame_extra_bytes`: bytes added to each frame, such as a signature.
-    `may_send`: True once the system number is known; messages wait until then.
+    `straight`: direct link without an autopilot: fast, with the shortest gap.
     """
 
     def __init__(
@@ -178,11 +175,7 @@ class TunnelSender:
     """Sends each message for the ground on the link that reaches its stations.
 
     An answer leaves by the link of its request. Messages to all ground stations leave by the
-    fewest links that reach them (`uavrt.link.mavlink.sending.routes`), so that each station
-    gets them once.
-
-    `senders`: senders of all links, link 0 first. `routes`: links to each peer. `discovery`:
-    peers present.
+    fewest links that reach them, so that each station gets them once.
     """
 
     def __init__(

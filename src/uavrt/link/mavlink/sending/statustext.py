@@ -15,15 +15,7 @@ MAX_CHUNKS = 8
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
-    """Cut a text into STATUSTEXT messages.
-
-    A text of up to 50 bytes is one message with id 0. A longer one has an id and numbered
-    pieces; the last piece is shorter than 50 bytes, or empty. Characters are not cut in two.
-
-    `text`: cut after 400 bytes.
-    `severity`: 0 (emergency) to 7 (debug).
-    `text_id`: 1 to 65535; different for texts that follow one another.
-    """
+    """Cut a text of at most 400 bytes into STATUSTEXT messages, between characters."""
     pieces, piece = [], b""
     for character in text.replace("\0", " "):
         encoded = character.encode(errors="replace")

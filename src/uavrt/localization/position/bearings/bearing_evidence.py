@@ -12,13 +12,7 @@ _Floats = NDArray[np.float64]
 
 
 class BearingEvidence:
-    """Log-likelihood of positions, given bearings from stations.
-
-    `east_m`, `north_m` (n,): stations in the local plane.
-    `posterior` (n, 360): probability of whole degrees, for each bearing.
-    `outlier_share`: probability that a bearing is unrelated to the tag.
-    `heading_sigma_deg`: error that the headings of all bearings share.
-    """
+    """Log-likelihood of positions, given posteriors (n, 360) of bearings from stations."""
 
     def __init__(
         self,

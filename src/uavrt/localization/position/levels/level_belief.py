@@ -202,10 +202,8 @@ class LevelBelief:
     ) -> _Floats:
         """Update with one pulse or miss; returns the log-likelihood at each position.
 
-        `fading_db`: standard deviation of fading and of other unknown parts of the level.
-        `missed_share`: share of pulses missed at any strength.
-        `chance_share`: share of pulses that are not the tag's.
-        `elsewhere`: density [1/dB] of a pulse of this level from another source.
+        `fading_db`: includes other unknown parts of the level. `elsewhere`: density [1/dB] of a
+        pulse of this level from another source.
         """
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2

@@ -203,10 +203,6 @@ def gather(
 
     Overlaps, as from a fast crystal, are left out. A clock that was set back, or changed by
     hours, is treated as if it had not been set.
-
-    `blocks`: samples, and the time of the first [ns, UTC], in order.
-    Returns: samples (n,); False where samples are missing (n,); time of the first, 0 without
-        blocks.
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
@@ -252,13 +248,7 @@ def slot_energies(
     frequency_window_hz: float,
     slots_per_pulse: int = 2,
 ) -> SlotEnergies:
-    """Measure the energy of each slot.
-
-    `samples`, `there`, `start_ns`: from `gather`. `tag`: its pulse width sets the window, its
-    jitter the margin around a slot. `frequency_window_hz`: half-width of the search around the
-    tag's nominal frequency. `slots_per_pulse`: 2, or 4 for a tag without jitter; 1 for a quick
-    search.
-    """
+    """Measure the energy of each slot; `samples`, `there`, `start_ns` are from `gather`."""
     layout = slot_layout(
         tag,
         sample_rate_hz=sample_rate_hz,
