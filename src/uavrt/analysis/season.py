@@ -1,8 +1,4 @@
-"""Season statistics: flights, minutes, effort for each animal, batteries.
-
-They cover all flights in a folder. A flight that was recorded by both ground station and drone
-counts once, as do its batteries.
-"""
+"""Season statistics: flights, minutes, effort for each animal, batteries."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

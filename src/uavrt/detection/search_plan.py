@@ -1,7 +1,4 @@
-"""Plan the search for a list of tags: radio frequency, channels, cost.
-
-Used by the drone at the start of a flight, and by `uavrt tags check`.
-"""
+"""Plan the search for a list of tags: radio frequency, channels, cost."""
 
 import math
 from collections.abc import Callable, Sequence

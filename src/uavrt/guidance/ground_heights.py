@@ -1,8 +1,4 @@
-"""Heights of the ground around home, from an elevation map. Pure.
-
-Commands use heights above home; the map gives the height of the ground relative to home. If map
-and autopilot disagree on home's height, one of them is wrong.
-"""
+"""Heights of the ground around home, and relative to home, from an elevation map. Pure."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

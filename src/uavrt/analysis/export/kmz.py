@@ -1,7 +1,4 @@
-"""Export a survey as KMZ (OGC KML 2.2 in a zip), which Google Earth opens without a network.
-
-The icon and each tag's heat map are files in the zip; styles are defined once.
-"""
+"""Export a survey as KMZ (OGC KML 2.2 in a zip), which Google Earth opens offline."""
 
 import io
 import math

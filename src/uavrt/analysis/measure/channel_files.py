@@ -1,8 +1,4 @@
-"""Split a band into channels and send them as the original system's datagrams.
-
-This is the engine of ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` between
-the original's programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
-"""
+"""Split a band into channels and send them as the original system's datagrams."""
 
 import math
 from collections.abc import Callable, Sequence

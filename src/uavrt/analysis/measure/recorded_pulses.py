@@ -1,8 +1,4 @@
-"""Run the detectors over any source of samples: the engine of ``uavrt detect``.
-
-One front end and one detector for each tag run in one thread. They do what the flight's
-processes do, without the sockets between.
-"""
+"""Run the detectors over any source of samples, in one thread, as ``uavrt detect`` does."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,8 +1,4 @@
-"""Search a flight's recording again, and give the pulses that flight's poses.
-
-The result is an ordinary flight directory. Use it for tags that were added later, another
-frequency window, or a better detector.
-"""
+"""Search a flight's recording again, and write a flight of the pulses with its poses."""
 
 import shutil
 from collections.abc import Sequence

@@ -1,7 +1,4 @@
-"""Query the flight in progress: received tags, and pulses that have not reached the ground.
-
-A delivery is a row linked to its pulse.
-"""
+"""Query the flight in progress: received tags, and pulses that a ground station lacks."""
 
 import sqlite3
 from collections.abc import Collection, Iterator

@@ -1,8 +1,4 @@
-"""Record samples as SigMF in a thread that never delays detection.
-
-`put` only queues blocks; the thread converts and writes them. While the disk is slow or full,
-blocks are dropped, counted and marked as a gap.
-"""
+"""Record samples as SigMF in a thread that never delays detection."""
 
 import threading
 from collections import deque

@@ -1,8 +1,4 @@
-"""Ground side of the tunnel: find the drone, upload tags, start, stop, receive.
-
-`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
-MAVLink.
-"""
+"""Ground side of the tunnel over MAVLink: find the drone, upload tags, start, stop."""
 
 import asyncio
 import contextlib

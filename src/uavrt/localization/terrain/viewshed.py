@@ -1,8 +1,4 @@
-"""Compute the loss behind hills at every position around a drone.
-
-Each cell has its own profile, with points as far apart as the cells, and its loss is that of
-`uavrt.localization.terrain.diffraction`. Compiled kernels take a hundredth of NumPy's time.
-"""
+"""Compute the loss behind hills at every position around a drone."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,8 +1,4 @@
-"""Other drones of the same search: their paths, and the distance between all drones.
-
-The straight path from a drone's last reported position to its goal is reserved for it. Other
-drones only fly paths that keep the distance from the reserved paths.
-"""
+"""Other drones of the same search: their reserved paths, and the distance to all drones."""
 
 from dataclasses import dataclass
 

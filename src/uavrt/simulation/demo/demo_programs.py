@@ -1,7 +1,4 @@
-"""Programs of the demo: simulated autopilot, real drone side, real ground station.
-
-Each runs in its own process, as in the field; only radio, autopilot and world are simulated.
-"""
+"""Programs of the demo: simulated autopilot, real drone side, real ground station."""
 
 import json
 import os

@@ -1,7 +1,4 @@
-"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points.
-
-With coded tags there are two more tags, which share a frequency.
-"""
+"""The built-in world of ``uavrt demo``: three tags and a drone that turns at three points."""
 
 import math
 from dataclasses import replace

@@ -1,8 +1,4 @@
-"""Status messages for the ground: heartbeat, detectors, texts, load of the computer.
-
-Part of the connection process. The link may carry only 1200 bytes a second, so each kind of
-message has its own rate.
-"""
+"""Status messages for the ground, each kind at its rate: heartbeat, detectors, texts, load."""
 
 import os
 import shutil

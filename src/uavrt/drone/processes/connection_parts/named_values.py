@@ -1,7 +1,4 @@
-"""SNR and pulse count of each tag as MAVLink named values, for other ground stations.
-
-The values are sent at a low rate, and only when no pulse waits.
-"""
+"""SNR and pulse count of each tag as MAVLink named values, for other ground stations."""
 
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping

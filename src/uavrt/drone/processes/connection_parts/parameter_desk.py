@@ -1,9 +1,4 @@
-"""Parameters of the drone, which ground stations can list and set.
-
-Connects MAVLink parameters (`uavrt.link.mavlink.services.parameter_service`) to the table of
-settings (`uavrt.config.parameters`) and the supervisor, which alone changes them. Part of the
-connection process.
-"""
+"""Parameters of the drone, which ground stations can list and the supervisor sets."""
 
 from collections import OrderedDict
 from collections.abc import Callable

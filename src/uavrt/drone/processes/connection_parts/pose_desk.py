@@ -1,7 +1,4 @@
-"""Collect the vehicle's poses, record them, and add the antenna's pose to each pulse.
-
-Attitude and position come from the autopilot, or from the station itself (`own_pose`).
-"""
+"""Collect the vehicle's poses, record them, and add the antenna's pose to each pulse."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress

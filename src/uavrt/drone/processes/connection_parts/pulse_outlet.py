@@ -1,9 +1,4 @@
-"""Deliver pulses to the ground: queue them, send them, and read unsent ones from the disk.
-
-Connects the sender (`uavrt.link.tunnel.pulses.reliable`) to the flight's database
-(`uavrt.flight.database.spool`). Part of the connection process. `Disk` reads the database, so
-that a slow disk does not delay queued pulses.
-"""
+"""Deliver pulses to the ground: queue them, send them, and read unsent ones from disk."""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Sequence

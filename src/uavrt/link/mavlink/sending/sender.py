@@ -1,7 +1,4 @@
-"""Send messages to the ground: choose the link and the time.
-
-`PacedSender` sends over one link; `TunnelSender` has one for each link and chooses.
-"""
+"""Send messages to the ground: choose the link and the time."""
 
 import asyncio
 from collections import deque

@@ -1,8 +1,4 @@
-"""Measure slot energies of a flight in progress: each half minute once, then stored.
-
-The energies equal those of a whole recording: a block is measured with its neighbours on both
-sides, and standardised together with all others.
-"""
+"""Measure slot energies of a flight in progress: each half minute once, then stored."""
 
 import math
 
