@@ -93,8 +93,6 @@ Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, un
 NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
 """Receiver noise above the thermal noise [dB], zero included."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
-Factor = Annotated[float, Parameter(validator=Between(above=0))]
-"""Positive ratio, such as simulated time to real time."""
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
 """Ids of tags, limited to the four bytes that the radio protocol has for one."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]

@@ -34,7 +34,6 @@ from uavrt.core.messages import DetectionStatus, Pulse, SearchReport
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 RECORD: Final = struct.Struct("<12d")
-DEFAULT_PORT: Final = 50_000
 HEARTBEAT_S: Final = 1.0
 """Time between two heartbeats [s]; the original detector sends one every 3.6 s."""
 

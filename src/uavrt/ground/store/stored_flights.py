@@ -35,8 +35,6 @@ from uavrt.ground.store.known_flights import (
 from uavrt.localization.estimates.heard import Heard, PoseColumns, PulseColumns
 
 CHUNK = 4000
-LAST_NS = 2**63
-"""Time later than that of any flight [ns since 1970]."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )

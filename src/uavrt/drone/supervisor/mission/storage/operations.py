@@ -15,7 +15,6 @@ from uavrt.config.settings import RecordingSettings
 from uavrt.core.clock import monotonic_s
 from uavrt.core.commands import CommandName
 from uavrt.core.errors import RecordingError, UavrtError
-from uavrt.core.log import get_logger
 from uavrt.core.messages import Operation
 from uavrt.drone.supervisor.mission.storage.background import in_background
 from uavrt.drone.supervisor.mission.storage.copying import Step, remove_flights, save_flights
@@ -25,8 +24,6 @@ from uavrt.drone.supervisor.mission.storage.flight_removal import (
     removable,
 )
 from uavrt.flight.flight_order import flights_in_order
-
-log = get_logger()
 
 MOUNTS = Path("/proc/self/mounts")
 REMOVABLE = ("/media/", "/run/media/")
