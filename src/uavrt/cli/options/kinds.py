@@ -13,12 +13,7 @@ from cyclopts import Parameter
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """Validator of finite numbers within limits.
-
-    `least`, `most`: smallest and largest allowed value.
-    `above`: limit that the value must exceed.
-    `unit`: unit shown in the message.
-    """
+    """Validator of finite numbers within limits; `above` must be exceeded."""
 
     least: float | None = None
     most: float | None = None

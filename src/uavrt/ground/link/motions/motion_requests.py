@@ -44,11 +44,7 @@ async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
 
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
-    """Confirm a proposed order; the drone then moves. Raises as `ask`.
-
-    Without an answer the confirmation may still have arrived, so the drone is stopped. The
-    first error is raised. If the stop is not answered either, that error is its cause.
-    """
+    """Confirm a proposed order; without an answer the drone is stopped. Raises as `ask`."""
     number = new_number()
     confirmation = MotionConfirmation(
         request_id=number,
