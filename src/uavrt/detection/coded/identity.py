@@ -49,11 +49,7 @@ def likeliest(
     searched_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Decide which of several tags sent a burst, from their burst intervals.
-
-    `others_s`: times of the other bursts that each tag may have sent. `searched_s`: start and
-    end of the search. Returns indices of possible tags, the likeliest first.
-    """
+    """Decide from their burst intervals which tags sent a burst, the likeliest first."""
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
         expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
@@ -68,13 +64,9 @@ def likeliest(
 
 
 @dataclass(slots=True, kw_only=True)
-class Sighting:
-    """A burst found singly, until its sender is identified."""
+class MeasuredBurst:
+    """Time, frequency and strength of a burst."""
 
-    tags: tuple[Tag, ...]
-    """Tags that may have sent the burst, the likeliest first."""
-    hit: tuple[int, ...]
-    """Ids of tags whose bursts overlap too many pulses of this burst."""
     start_ns: int
     starts_ns: list[int]
     """Start times of the received pulses [ns]."""
@@ -84,6 +76,16 @@ class Sighting:
     noise: float
     row: int
     score: float
+
+
+@dataclass(slots=True, kw_only=True)
+class Sighting(MeasuredBurst):
+    """A burst found singly, until its sender is identified."""
+
+    tags: tuple[Tag, ...]
+    """Tags that may have sent the burst, the likeliest first."""
+    hit: tuple[int, ...]
+    """Ids of tags whose bursts overlap too many pulses of this burst."""
     alone: NDArray[np.float64]
     """Log-likelihood ratio of each pulse of the code against noise or another burst's pulse."""
     good: NDArray[np.bool_]

@@ -126,7 +126,7 @@ def _listen(settings: Settings) -> tuple[bool, str]:
             tunnel=lambda _payload, _peer: None,
         ),
         clock.now_ns,
-        component_id=settings.mavlink.component_id,
+        settings.mavlink,
     )
 
     async def listen() -> None:
