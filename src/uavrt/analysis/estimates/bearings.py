@@ -112,11 +112,8 @@ def read_bearings(
 ) -> list[TagBearing]:
     """Estimate the bearings of flights or pulse logs that share one antenna.
 
-    `*paths` are flight directories or logs of any known format. The method ``pattern_ml`` first
-    corrects the antenna pattern by all turns, also those of past flights.
-    `warn` receives a sentence on the flights that contributed to the pattern, if more than one.
-    Raises `FormatError` for a file of another kind, and `UsageError` if no pulse has a pose or
-    the method or antenna is unknown.
+    The method ``pattern_ml`` first corrects the antenna pattern by all turns, also those of
+    past flights; `warn` receives a sentence on the flights that contributed.
     """
     return bearings_together([read_recorded(path) for path in paths], how or ReadAs(), warn)
 

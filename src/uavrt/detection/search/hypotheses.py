@@ -45,11 +45,7 @@ def best_first(found: list[Candidate]) -> list[Candidate]:
 class RateSearch(ABC):
     """Search of one rate over a sliding range of columns; two classes implement it.
 
-    `uncertainty_s`, `jitter_s`: bounds of the interval's constant error and of each pulse's
-    own.
-
-    `first_threshold`, `first_columns`: threshold for this number of first columns. It may be
-    lower, since few groups can have begun in the first decision interval.
+    `first_threshold` may be lower, since few groups can have begun in the first columns.
     """
 
     def __init__(

@@ -253,10 +253,7 @@ def blank_impulses(
 
     A burst is a stretch whose power over `short` samples is 12 times the floor and 4 times the
     power a `flank` before *and* after it. Inside a pulse at least one flank is as strong as the
-    middle, however strong the pulse. Impulses of up to two flanks are blanked; of 1 ms, they
-    made a false group in every segment.
-
-    `samples`: with at least ``flank + short`` samples around [first, last).
+    middle, however strong the pulse.
     """
     if not len(samples):
         return []

@@ -11,7 +11,7 @@ log = get_logger()
 
 
 class ChannelBudget:
-    """Recorded channel files on the disk, oldest first without starred ones, and size."""
+    """Recorded channel files on the disk, oldest first, and their size; no starred ones."""
 
     def __init__(self, flight: Path, most_bytes: float) -> None:
         self._flight = flight

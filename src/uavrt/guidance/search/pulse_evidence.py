@@ -209,7 +209,7 @@ def _pulse_search(tag: Tag, k: int) -> _TagSearch:
 
 
 def _coded_search(tag: Tag, codes: int) -> _TagSearch:
-    """Search state of a coded tag: a burst found by ten in all is 18 intervals late."""
+    """Search state of a coded tag; a burst found with nine others is 18 intervals late."""
     (interval,) = tag.pulse_intervals_s
     return _TagSearch(
         slot_s=interval + tag.interval_uncertainty_s,

@@ -85,7 +85,7 @@ def ground_grid(
     north_m: float,
     cell_m: float,
 ) -> GroundGrid:
-    """Heights on squares over an area, whose last cells may extend beyond it; 0 if None."""
+    """Heights on squares over an area; level ground at height 0 without `elevation`."""
     columns = max(2, math.ceil((east_m - west_m) / cell_m) + 1)
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)
     if rows * columns > _MOST_CELLS:

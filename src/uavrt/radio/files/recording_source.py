@@ -269,7 +269,7 @@ def raw_layout(
     rate_from: str = SAID,
     start_from: str = SAID,
 ) -> Layout:
-    """Describe a file that contains only samples; the texts say how its values are known."""
+    """Describe a file of raw samples; `rate_from` and others state how values are known."""
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
     if sample_format.dtype.kind != "f":

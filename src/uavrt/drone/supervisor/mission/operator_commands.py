@@ -31,10 +31,7 @@ class Mission:
     """The system's state, tags and flight; every change is saved before it is acknowledged.
 
     `store`: saves the state across an unclean end. `notify`: sends (severity, text) to the
-    operator. `on_start`, `on_stop`: called when a flight begins, or its end is commanded.
-    `on_correction`: called after a tag was corrected in flight. `on_settings`: called after a
-    parameter was set. `tuner`: finds a radio frequency for all tags. `operations`: copies and
-    removes flights.
+    operator.
     """
 
     def __init__(
