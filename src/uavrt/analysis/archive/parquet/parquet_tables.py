@@ -194,10 +194,7 @@ def need_pyarrow() -> None:
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Parquet schema of a record type, with times also as timestamps (``start_utc``).
-
-    Pulses also get recording and cell. `flight` adds the flight's name to rows without it.
-    """
+    """Parquet schema of a record type, with times also as timestamps (``start_utc``)."""
     import pyarrow as pa
 
     types: dict[str, Any] = {
@@ -226,10 +223,7 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Metadata that makes pandas keep the column types despite nulls.
-
-    See https://pandas.pydata.org/docs/development/developer.html.
-    """
+    """Metadata that makes pandas keep the column types despite nulls."""
     columns = [
         {
             "name": name,

@@ -59,11 +59,7 @@ class CellTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> CellResult | None:
-        """Detect pulses in the cell; None if stopped before the end.
-
-        `should_stop` is called at each block. `on_done` receives the number of samples since
-        its last call.
-        """
+        """Detect pulses in the cell; `on_done` gets numbers of samples. None if stopped."""
         cell, began_s = self.cell, time.process_time()
         pulses: list[Pulse] = []
         beeps: list[Beep] = []

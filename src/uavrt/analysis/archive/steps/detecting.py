@@ -111,10 +111,7 @@ class Detecting:
         return known is not None
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Add a task's result; returns the recording's row when it was the last one.
-
-        Raises `OSError` if the directory cannot be written.
-        """
+        """Add a task's result; returns the recording's row when it was the last one."""
         job = self._jobs[number]
         job.results.append(result)
         if len(job.results) < job.cells:
