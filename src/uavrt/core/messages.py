@@ -249,7 +249,7 @@ class Beep:
     """Difference of the sender's frequency from that listed for each tag in `tag_ids` [Hz]."""
     image_of_hz: float | None = None
     reason: str = ""
-    """Reason why the sender may be no animal, or meaning of a different rate."""
+    """Reason why the sender may be no animal, or what else it may mean."""
 
     def __post_init__(self) -> None:
         """Raise `ValueError` for impossible values; they may come from radio or files."""
@@ -270,8 +270,15 @@ class Beep:
 
     def same_as(self, other: "Beep") -> bool:
         """True if this and another measurement are of the same sender."""
-        near = abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
-        return near and self.kind is other.kind
+        return self._near(other) and self.kind is other.kind
+
+    def reread_as(self, other: "Beep") -> bool:
+        """True if another measurement shows that I and Q are swapped, or are not after all."""
+        mirrored = (self.kind is BeepKind.MIRRORED, other.kind is BeepKind.MIRRORED)
+        return self._near(other) and any(mirrored) and not all(mirrored)
+
+    def _near(self, other: "Beep") -> bool:
+        return abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
 
     @property
     def odd(self) -> bool:
@@ -283,15 +290,16 @@ class Beep:
     @property
     def meaning(self) -> str:
         """Sentence for the operator on what the sender may be."""
-        reason = f", {self.reason}" if self.reason else ""
+        mirrored = [self.reason] if self._maybe_mirrored else []
+        reason = f", {self.reason}" if self.reason and not mirrored else ""
         match self.kind:
             case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
-                return " or ".join(self._names())
+                return " or ".join([*self._names(), *mirrored])
             case BeepKind.OTHER_RATE:
                 first = f"tag {self.tag_ids[0]} at another rate{reason}"
-                return " or ".join([first, *self._names()[1:]])
+                return " or ".join([first, *self._names()[1:], *mirrored])
             case BeepKind.MIRRORED:
-                return f"tag {self.tag_ids[0]} mirrored at the centre"
+                return f"tag {self.tag_ids[0]} mirrored at the centre: I and Q are swapped"
             case BeepKind.IMAGE:
                 of = f"an image of {(self.image_of_hz or 0.0) / 1e6:.6f} MHz"
                 return of + (f" (tag {self.tag_ids[0]})" if self.tag_ids else "")
@@ -302,7 +310,18 @@ class Beep:
     @property
     def advice(self) -> str:
         """Sentence for the operator on what to do about the sender; empty if nothing."""
+        if self._maybe_mirrored:
+            return "? A second tag shows which"
         return _ADVICE.get(self.kind, "")
+
+    @property
+    def ambiguous(self) -> bool:
+        """True if the sender may be one of several tags, or a tag at its mirror frequency."""
+        return len(self.tag_ids) > 1 or self._maybe_mirrored
+
+    @property
+    def _maybe_mirrored(self) -> bool:
+        return self.reason.endswith(_SWAPPED)
 
     def __str__(self) -> str:
         """Write the sender as a line for the operator."""
@@ -321,10 +340,18 @@ class Beep:
         ]
 
 
+_SWAPPED = " mirrored (I and Q swapped)"
+
+
+def mirrored_reason(tag_id: int) -> str:
+    """Text for `Beep.reason` of a sender that may be this tag at its mirror frequency."""
+    return f"tag {tag_id}{_SWAPPED}"
+
+
 _ADVICE = {
     BeepKind.OFF_LABEL: "? List it at this frequency",
     BeepKind.OTHER_RATE: "? List this interval",
-    BeepKind.MIRRORED: ": I and Q are swapped. Swap them in the radio's program or format",
+    BeepKind.MIRRORED: ". Swap them in the radio's program or format",
     BeepKind.IMAGE: ", made in the receiver. Reduce its gain",
 }
 
@@ -334,7 +361,11 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Store a measurement of a sender, drop older ones; return whether the sender is new."""
+    """Store a measurement of a sender, drop older ones; return whether the sender is new.
+
+    That I and Q are swapped is known from a second tag on: it replaces what was found before.
+    """
+    known[:] = [one for one in known if not one.reread_as(new)]
     for place, other in enumerate(known):
         if other.same_as(new):
             known[place] = new

@@ -141,6 +141,10 @@ def names(*trains: Train, tags: tuple[Tag, ...]) -> list[Beep]:
     return name_trains(trains, tags, 500.0)
 
 
+def mirror_names(*trains: Train, tags: tuple[Tag, ...]) -> list[Beep]:
+    return name_trains(trains, tags, 500.0, center_hz=CENTER_HZ)
+
+
 def test_where_two_listed_tags_could_be_meant_both_are_named_the_nearer_first() -> None:
     (one,) = names(train(CENTER_HZ + 2500.0, 1.254), tags=(TAG, OTHER))
     assert one.tag_ids == (4, 2)
@@ -217,6 +221,46 @@ def test_the_same_error_of_all_tags_is_the_receivers() -> None:
     )
     assert shared_offset_ppm(found) == pytest.approx(50.0, abs=0.1)
     assert "+50.0 ppm off their labels: the receiver's own error" in words_of_beeps(found)[-1]
+
+
+def test_i_and_q_are_not_swapped_if_a_tag_is_at_its_label_or_all_share_an_error() -> None:
+    near, far = (
+        replace(TAG, frequency_hz=CENTER_HZ + 3000.0),
+        replace(OTHER, frequency_hz=CENTER_HZ + 40_000.0),
+    )
+    here = train(far.frequency_hz, 1.27, first_s=0.9)
+    for at_hz, kind in ((3000.0, BeepKind.OFF_LABEL), (9000.0, BeepKind.UNLISTED)):
+        tag = replace(TAG, frequency_hz=CENTER_HZ + at_hz)
+        one, _ = mirror_names(train(CENTER_HZ - at_hz, 1.254), here, tags=(tag, far))
+        assert (one.kind, one.reason) == (kind, "")
+    # Both 6 kHz below their labels: the receiver is off, though one is where its mirror is.
+    found = mirror_names(
+        train(CENTER_HZ - 3000.0, 1.254),
+        train(far.frequency_hz - 6000.0, 1.27),
+        tags=(near, far),
+    )
+    assert [(one.kind, one.reason) for one in found] == [(BeepKind.OFF_LABEL, "")] * 2
+
+
+def test_two_tags_side_by_side_may_be_mirrored_or_the_receiver_off() -> None:
+    tags = tuple(
+        replace(TAG, tag_id=n, frequency_hz=CENTER_HZ + hz, pulse_intervals_s=(interval_s,))
+        for n, hz, interval_s in ((2, 3000.0, 1.254), (4, 3050.0, 0.9))
+    )
+    found = mirror_names(
+        train(CENTER_HZ - 3000.0, 1.254), train(CENTER_HZ - 3050.0, 0.9), tags=tags
+    )
+    assert [one.kind for one in found] == [BeepKind.OFF_LABEL] * 2
+    assert all("mirrored (I and Q swapped)" in str(one) for one in found)
+    assert shared_offset_ppm(found) is not None
+
+
+def test_one_tag_at_anothers_frequency_has_another_rate_or_is_mirrored() -> None:
+    far = replace(OTHER, frequency_hz=CENTER_HZ - 8000.0, pulse_intervals_s=(0.9,))
+    tag = replace(TAG, frequency_hz=CENTER_HZ + 8000.0)
+    (one,) = mirror_names(train(CENTER_HZ - 8000.0, 1.254), tags=(tag, far))
+    assert one.kind is BeepKind.OTHER_RATE
+    assert one.meaning == "tag 4 at another rate or tag 2 mirrored (I and Q swapped)"
 
 
 def test_a_sender_of_data_bursts_is_no_animal() -> None:

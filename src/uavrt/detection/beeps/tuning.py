@@ -129,6 +129,9 @@ class NamingTuning:
     """Error of a train's frequency, and of the edge of a window [Hz]."""
     code_hz: float = 1000.0
     """Maximum distance of a coded tag's pulses from its nominal frequency [Hz]."""
+    mirror_share: float = 0.25
+    """Maximum distance of a mirrored tag from its mirror frequency, as a share of the distance
+    from its label; drift and an uncertain label are a few hundred hertz."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
     """Possible ratios of the listed to the measured interval: twice for a mortality signal at
     double rate, a half or a third if every second pulse, or two of three, are missed."""
