@@ -25,6 +25,7 @@ DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 track. *integrated*: found after the flight in all its data; never in flight or over radio."""
 
 _SAME_SENDER_HZ = 300.0
+_SAME_RATE = 0.01
 """Maximum frequency difference of two measurements of one sender [Hz]."""
 _KILOHERTZ_FROM_HZ = 995.0
 
@@ -272,10 +273,12 @@ class Beep:
         """True if this and another measurement are of the same sender."""
         return self._near(other) and self.kind is other.kind
 
-    def reread_as(self, other: "Beep") -> bool:
-        """True if another measurement shows that I and Q are swapped, or are not after all."""
-        mirrored = (self.kind is BeepKind.MIRRORED, other.kind is BeepKind.MIRRORED)
-        return self._near(other) and any(mirrored) and not all(mirrored)
+    def replaced_by(self, other: "Beep") -> bool:
+        """True if another measurement of a sender decides whether I and Q are swapped."""
+        mirrored = self.kind is BeepKind.MIRRORED
+        decided = mirrored is not (other.kind is BeepKind.MIRRORED)
+        at_one_rate = abs(self.interval_s - other.interval_s) < _SAME_RATE * self.interval_s
+        return decided and at_one_rate and self._near(other)
 
     def _near(self, other: "Beep") -> bool:
         return abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
@@ -363,9 +366,12 @@ def _distance(hz: float) -> str:
 def keep_beep(known: list[Beep], new: Beep) -> bool:
     """Store a measurement of a sender, drop older ones; return whether the sender is new.
 
-    That I and Q are swapped is known from a second tag on: it replaces what was found before.
+    If a second tag shows that I and Q are swapped, this replaces the ambiguous measurements.
     """
-    known[:] = [one for one in known if not one.reread_as(new)]
+    replaced = [one for one in known if one.replaced_by(new)]
+    if replaced and new.ambiguous:
+        return False
+    known[:] = [one for one in known if one not in replaced]
     for place, other in enumerate(known):
         if other.same_as(new):
             known[place] = new

@@ -335,6 +335,13 @@ def test_a_live_search_of_the_tags_band_pauses_only_if_the_band_is_wide(
     assert max(map(len, due.split("x"))) == pause
 
 
+def test_a_live_search_of_the_rest_begins_with_twenty_intervals_of_2_s() -> None:
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, 3e6), live=True)
+    block, band = (IQBlock(np.zeros(hz, np.complex64), 0, 0, float(hz)) for hz in (8, 4))
+    due = "".join("x" if search.due(block, band)[0] else " " for _ in range(540))
+    assert due == "x" * 40 + " " * 480 + "x" * 20
+
+
 def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:
     search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, RATE_HZ), live=True)
     source = scene(beeper(1640.0, 1.26), beeper(-5000.0, 0.8, first_s=31.0), duration_s=100.0)

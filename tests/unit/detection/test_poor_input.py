@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.core.messages import Beep, BeepKind, IQBlock, keep_beep
-from uavrt.dsp.input_check import GAIN_TOO_LOW, UNEQUAL, WRONG_FORMAT, InputCheck
+from uavrt.core.messages import Beep, BeepKind, IQBlock, keep_beep, mirrored_reason
+from uavrt.dsp.input_check import GAIN_TOO_HIGH, GAIN_TOO_LOW, UNEQUAL, WRONG_FORMAT, InputCheck
 from uavrt_experiments.detection.beeping import (
     CENTER_HZ,
     Beeper,
@@ -71,10 +71,16 @@ def with_line(samples: Samples) -> Samples:
         (lambda x: words_as_bytes(x * np.float32(0.3)), UNEQUAL),
         (lambda x: x.real.astype(np.complex64), UNEQUAL),
         (lambda x: stepped(x * np.float32(0.05), 128.0), GAIN_TOO_LOW),
+        (lambda x: stepped(x * np.float32(15.0), 128.0), GAIN_TOO_HIGH),
+        (lambda x: stepped(x * np.float32(15.0), 32_768.0), GAIN_TOO_HIGH),
     ],
 )
 def test_each_fault_is_reported_once(spoil: Callable[[Samples], Samples], fault: str) -> None:
     assert found(spoil(noise(0.05))) == [fault]
+
+
+def test_computed_samples_beyond_full_scale_are_no_fault() -> None:
+    assert found(noise(1.0)) == []
 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.1, 0.4])
@@ -157,6 +163,9 @@ def test_a_second_tag_replaces_what_a_live_stream_named_before() -> None:
     assert keep_beep(known, mirrored)
     assert known == [beep(BeepKind.OFF_LABEL, 4000.0), mirrored]
     assert not keep_beep(known, mirrored)
+    single = replace(beep(BeepKind.OFF_LABEL, 3005.0), reason=mirrored_reason(2))
+    assert not keep_beep(known, single), "of a part of an archive in which one tag beeps"
+    assert known[1] == mirrored
     assert keep_beep(known, beep(BeepKind.LISTED, 3005.0))
     assert [one.kind for one in known] == [BeepKind.OFF_LABEL, BeepKind.LISTED]
 

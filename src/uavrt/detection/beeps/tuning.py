@@ -171,8 +171,9 @@ class ListeningTuning:
     """Maximum time per period in which a wide band of the tags is searched [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
     """Search of the radio's wider band: first time, time per period, period [s]."""
-    whole_band_live_s: tuple[float, float, float] = (20.0, 20.0, 540.0)
-    """Search of the wider band of a live stream: first time, time per period, period [s]."""
+    whole_band_live_s: tuple[float, float, float] = (40.0, 20.0, 540.0)
+    """Search of the wider band of a live stream: first time, time per period, period [s].
+    Of pulses of 15 dB every 2 s, 40 s surely contain `live_pulses` that are found."""
     live_cells: int = 4_000_000
     """Maximum number of cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
     recent_s: float = 300.0
