@@ -242,6 +242,22 @@ def test_i_and_q_are_not_swapped_if_a_tag_is_at_its_label_or_all_share_an_error(
     assert [(one.kind, one.reason) for one in found] == [(BeepKind.OFF_LABEL, "")] * 2
 
 
+def test_some_mirror_frequencies_fit_by_chance_in_a_list_of_one_interval() -> None:
+    tags = tuple(
+        replace(TAG, tag_id=2 + n, frequency_hz=CENTER_HZ + at_hz)
+        for n, at_hz in enumerate((-8000.0, 5800.0, 0.0, -3000.0))
+    )
+    # All are 2.2 kHz above their labels, which may also be another's label.
+    found = mirror_names(
+        *(
+            train(tag.frequency_hz + 2200.0, 1.254, first_s=0.1 + 0.2 * tag.tag_id)
+            for tag in tags
+        ),
+        tags=tags,
+    )
+    assert {(one.kind, one.reason) for one in found} == {(BeepKind.OFF_LABEL, "")}
+
+
 def test_two_tags_side_by_side_may_be_mirrored_or_the_receiver_off() -> None:
     tags = tuple(
         replace(TAG, tag_id=n, frequency_hz=CENTER_HZ + hz, pulse_intervals_s=(interval_s,))

@@ -112,7 +112,8 @@ def _with_mirrored(
     """Recognise tags at the mirror frequency about the radio's centre (I and Q swapped).
 
     I and Q are not swapped if a tag beeps at its own frequency, or if tags share an error of
-    the receiver, unless these trains may be of mirrored tags, too. A train that may also be of
+    the receiver, unless these trains may be of mirrored tags, too; nor if many tags are off
+    their labels, since some mirror frequencies then fit by chance. A train that may also be of
     a tag off its label, or at another rate, needs a second one to be certain.
     """
     there = [
@@ -128,22 +129,15 @@ def _with_mirrored(
         return found
     listed_ids = _listed_ids(found)
     pairs = [
-        (
-            one,
-            next(
-                (
-                    tag
-                    for tag in near
-                    if _is_mirrored(one, tag, center_hz) and tag.tag_id not in listed_ids
-                ),
-                None,
-            ),
-        )
+        (one, near[0] if near and _is_mirrored(one, near[0], center_hz, listed_ids) else None)
         for one, near in zip(found, there, strict=True)
     ]
-    several = len({tag.tag_id for _, tag in pairs if tag}) > 1
+    count = len({tag.tag_id for _, tag in pairs if tag})
+    others = sum(one.kind is BeepKind.OFF_LABEL and not tag for one, tag in pairs)
+    if count < NAMING.least_mirrored * (count + others):
+        return found
     alone = any(tag and one.kind is BeepKind.UNLISTED for one, tag in pairs)
-    certain = alone or (several and not shared)
+    certain = alone or (count > 1 and not shared)
     return [_as_mirrored(one, tag, certain=certain) if tag else one for one, tag in pairs]
 
 
@@ -155,11 +149,12 @@ def _mirrored_tags(
     return [tag for tag in near if _fits(one.interval_s, tag, train)]
 
 
-def _is_mirrored(one: Beep, tag: Tag, center_hz: float) -> bool:
-    """True if a tag's mirror frequency explains a train far better than its label."""
+def _is_mirrored(one: Beep, tag: Tag, center_hz: float, listed_ids: set[int]) -> bool:
+    """True if a silent tag's mirror frequency explains a train far better than its label."""
     away_hz = abs(one.frequency_hz - tag.frequency_hz)
     off_hz = abs(2.0 * center_hz - one.frequency_hz - tag.frequency_hz)
-    return one.kind in _MAYBE_MIRRORED and off_hz <= NAMING.mirror_share * away_hz
+    silent = one.kind in _MAYBE_MIRRORED and tag.tag_id not in listed_ids
+    return silent and off_hz <= NAMING.mirror_share * away_hz
 
 
 def _as_mirrored(one: Beep, tag: Tag, *, certain: bool) -> Beep:

@@ -132,6 +132,8 @@ class NamingTuning:
     mirror_share: float = 0.25
     """Maximum distance of a mirrored tag from its mirror frequency, as a share of the distance
     from its label; drift and an uncertain label are a few hundred hertz."""
+    least_mirrored: float = 0.75
+    """Minimum share of mirrored trains among these and the tags off their labels."""
     interval_ratios: tuple[float, ...] = (2.0, 1 / 2, 1 / 3)
     """Possible ratios of the listed to the measured interval: twice for a mortality signal at
     double rate, a half or a third if every second pulse, or two of three, are missed."""
