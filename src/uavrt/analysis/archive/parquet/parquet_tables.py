@@ -58,6 +58,8 @@ class RecordingRow:
     uavrt_version: str
     beeps: str = ""
     """Descriptions of received signals that differ from the tag list, one per line."""
+    input_faults: str = ""
+    """Faults of the samples, such as a wrong gain or format, one per line."""
     tags_outside: tuple[int, ...] = ()
     """Numbers of listed tags outside of the recording's band."""
 

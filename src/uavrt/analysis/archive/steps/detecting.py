@@ -216,6 +216,9 @@ def _row(
         finished_time_ns=Clock.start().now_ns(),
         uavrt_version=uavrt.__version__,
         beeps="\n".join(words_of_beeps(_beeps(job.results))),
+        input_faults="\n".join(
+            dict.fromkeys(fault for one in job.results for fault in one.input_faults)
+        ),
     )
 
 
