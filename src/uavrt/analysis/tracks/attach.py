@@ -211,7 +211,7 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Smallest sum of squared residuals near a position, on ever finer grids of positions."""
+        """Smallest sum of squared residuals near a position, on ever finer grids."""
         (east, north), best = start, np.inf
         half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
         steps = np.linspace(-1.0, 1.0, 9)
