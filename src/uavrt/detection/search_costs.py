@@ -38,7 +38,7 @@ class CostTuning:
     together: int = 4
     """Number of equal detectors measured together."""
     dear_weight: float = 10.0
-    """Minimum cost of a tag that is measured separately [typical tags]."""
+    """Minimum cost of a tag that is measured separately [multiples of a typical tag's cost]."""
     received_enr: float = 40.0
     """Energy of a received tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
