@@ -116,6 +116,7 @@ class Caution:
         "foreign",
         "unchecked",
         "ground",
+        "noise",
     ]
     text: str
 

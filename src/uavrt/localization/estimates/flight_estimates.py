@@ -36,7 +36,13 @@ from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.position.levels.strengths import Strengths
 from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
-from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
+from uavrt.localization.results import (
+    Bearing,
+    BearingMethod,
+    Caution,
+    Position,
+    PositionMethod,
+)
 from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt.localization.tuning import FLIGHT
@@ -53,6 +59,18 @@ NEVER_TURNED = (
 _SURVEY_ALONE = "signal strengths of a survey are located separately"
 
 _Floats = NDArray[np.float64]
+
+
+_UNMEASURED_NOISE = Caution(
+    name="noise",
+    text=f"the noise was not measured: {FLIGHT.unknown_noise_sigma_deg:.0f}° are added to each "
+    "bearing's error, because noise from one side, such as a power line's, turns bearings",
+)
+_UNMEASURED_SURVEY_NOISE = Caution(
+    name="noise",
+    text="the noise was not measured: noise from one side, such as a power line's, may move "
+    "this position farther than its circles show",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +121,8 @@ class TagBearing:
     from_drone: bool = False
     flight: int = 0
     """Number of the flight or log, from 0; in a position, the receiver's number."""
+    noise_known: bool = True
+    """False: the noise was not measured, and the bearing allows for noise from one side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,6 +296,7 @@ def _bearing_of(
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
     noise_db = np.concatenate([pulses.noise_db, np.zeros(len(half))])
+    unmeasured_deg = 0.0 if pulses.noise_known else FLIGHT.unknown_noise_sigma_deg
     bearing = estimate_bearing(
         None,
         np.concatenate([pulses.snr_db, np.full(len(half), np.nan)]),
@@ -284,7 +305,7 @@ def _bearing_of(
         quaternion_wxyz=np.concatenate([pulses.quaternion_wxyz, missed]),
         noise_psd=10.0 ** (noise_db / 10.0),
         threshold_db=FLIGHT.miss_threshold_db,
-        heading_sigma_deg=FLIGHT.own_heading_sigma_deg,
+        heading_sigma_deg=math.hypot(FLIGHT.own_heading_sigma_deg, unmeasured_deg),
     )
     first_ns, last_ns = int(pulses.time_ns[0]), int(pulses.time_ns[-1])
     return TagBearing(
@@ -297,6 +318,7 @@ def _bearing_of(
         middle_time_ns=(first_ns + last_ns) // 2,
         end_time_ns=last_ns + FLIGHT.tick_ns // 2,
         heard=len(pulses.snr_db),
+        noise_known=pulses.noise_known,
     )
 
 
@@ -587,7 +609,8 @@ def _placed(
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     hills = None if over is None else over.hills
     shared = how.heading_sigma_deg, how.displacement
-    made_of = tag_id, stations, how.method, *shared, hills
+    noise_known = all(one.noise_known for one in bearings)
+    made_of = tag_id, stations, how.method, *shared, hills, noise_known
     return cache.latest("position", tag_id, _position_of, *made_of)
 
 
@@ -620,6 +643,7 @@ def _position_of(
     heading_sigma_deg: float,
     displacement: float,
     hills: HillLosses | None,
+    noise_known: bool,
 ) -> TagPosition:
     """Estimate a tag's position, and a path if the bearings contradict a fixed position."""
     try:
@@ -638,6 +662,8 @@ def _position_of(
         left_out = f"the method {method} takes bearings alone"
         listeners = tuple(one.because(left_out) for one in stations.listeners)
         found = replace(found, listeners=listeners)
+    if not noise_known:
+        found = replace(found, cautions=(*found.cautions, _UNMEASURED_NOISE))
     return TagPosition(tag_id=tag_id, position=found)
 
 
@@ -662,7 +688,8 @@ def survey(
         except UsageError as error:
             positions[tag_id] = TagPosition(tag_id=tag_id, position=None, reason=str(error))
             continue
-        made_of = tag_id, track, how.method, how.height_sigma_m, hills
+        noise_known = heard.pulses[tag_id].noise_known
+        made_of = tag_id, track, how.method, how.height_sigma_m, hills, noise_known
         found = cache.latest("survey", tag_id, _surveyed, *made_of)
         if found is not None:
             positions[tag_id] = found[0]
@@ -677,6 +704,7 @@ def _surveyed(
     method: PositionMethod | str,
     height_sigma_m: float,
     hills: HillLosses | None,
+    noise_known: bool,
 ) -> tuple[TagPosition, PowerTrack]:
     try:
         position = estimate_position(
@@ -684,6 +712,8 @@ def _surveyed(
         )
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error)), track
+    if not noise_known:
+        position = replace(position, cautions=(*position.cautions, _UNMEASURED_SURVEY_NOISE))
     return TagPosition(tag_id=tag_id, position=position), track
 
 
