@@ -25,11 +25,7 @@ _MOST_LINES = 200
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write some settings and return the new text; a new file begins with all defaults.
-
-    Raises `ConfigError` if a value is not allowed, or the file has faults or cannot be written;
-    the file then stays as it was.
-    """
+    """Write some settings, if all are allowed, and return the new text."""
     target = Path(path)
     settings, text = changed_settings(target, changes)
     with os_errors_as(

@@ -26,10 +26,7 @@ class _Table:
 
 
 def is_ros_namespace(text: str) -> bool:
-    """True if ROS 2 accepts a text as a namespace: names of letters, digits and underscores.
-
-    Rules: design.ros2.org, "Topic and Service name mapping to DDS".
-    """
+    """True for a ROS 2 namespace: names of letters, digits and underscores."""
     named = re.fullmatch(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", text)
     return text == "" or (named is not None and "__" not in text and len(text) <= 100)
 

@@ -50,10 +50,7 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file's content with text (UTF-8) or bytes; write to a device directly.
-
-    `mode`: permissions; a secret file is never readable by others, not even briefly.
-    """
+    """Replace a file's content with text (UTF-8) or bytes; write to a device directly."""
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
         path.write_bytes(data)

@@ -22,11 +22,7 @@ computed [s]."""
 
 
 class EstimateLoop:
-    """Repeats the estimates of one vehicle's current flight.
-
-    `companions`: returns the other vehicles' estimates. `estimating`: lock held while
-    computing, so that one vehicle computes at a time.
-    """
+    """Repeats the estimates of one vehicle's current flight, one vehicle at a time."""
 
     def __init__(
         self,

@@ -33,11 +33,7 @@ changed report [s]."""
 
 
 class Fleet:
-    """The sessions of all vehicles; `run` serves them until cancelled.
-
-    `on_event`: called with each event of any vehicle, before the pages get it.
-    `also`: called in the disk thread with each pulse that is stored.
-    """
+    """The sessions of all vehicles; `run` serves them until cancelled."""
 
     def __init__(
         self,

@@ -324,10 +324,7 @@ class SearchArea:
     def _entered_areas(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Numbers of legs that enter an excluded area, each with the reason.
-
-        A drone blown into the margin by a gust may leave the margin, but not come closer.
-        """
+        """Numbers of legs that enter an excluded area, each with the reason."""
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
         for zone in self.excluded:
@@ -433,11 +430,7 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Reject an unreachable search before anything moves.
-
-    `farthest_m`: reach from home, including the return and the reserve. Raises `PlanError`: the
-        whole area is beyond the battery's reach.
-    """
+    """Raise `PlanError` for an area that lies wholly beyond `farthest_m` from home."""
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
         return
@@ -462,10 +455,7 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Corners of parallel lines over a polygon, back and forth along its longer side.
-
-    Raises `PlanError`: the spacing is not positive, or there are more lines than `most`.
-    """
+    """Corners of parallel lines over a polygon, back and forth along its longer side."""
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

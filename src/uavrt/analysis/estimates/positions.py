@@ -273,11 +273,7 @@ def _positions_of_turns(
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Estimate positions from bearings and signal strengths; a tag without either gets the
-    reason.
-
-    `standing` has logs of a whip antenna at a fixed position, which give no bearing.
-    """
+    """Estimate positions from bearings and strengths; a tag without either gets the reason."""
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
@@ -323,10 +319,7 @@ def check_position_method(method: str) -> None:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for other files.
-
-    Both kinds begin with a number and a file name, unlike any pulse log.
-    """
+    """Column count of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for others."""
     if not Path(path).is_file():
         return 0
     every = with_commas(read_lines(path)[:_FIRST_LINES])
@@ -393,10 +386,7 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Remove pulses that another log of the same flight also has.
-
-    One pulse at two positions was received by two drones; both records stay.
-    """
+    """Remove pulses that another log of the same flight also has at the same position."""
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []
     for number in sorted(range(len(logs)), key=lambda one: len(heard[one]), reverse=True):

@@ -127,11 +127,7 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Pairs of records, at least one without pulses, whose times allow them to be one flight.
-
-    Two records of drones are copies only if they began in the same nanosecond, since many drone
-    clocks start in 1970.
-    """
+    """Pairs of records, at least one without pulses, whose times allow one flight."""
     by_start: dict[int, list[int]] = defaultdict(list)
     ground: list[int] = []
     drones: list[int] = []
@@ -172,10 +168,7 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records share enough pulses: same tag, starts within half a millisecond.
-
-    Times are compared without rounding, since pulses could all lie on a rounding edge.
-    """
+    """True if two records share enough pulses: same tag, starts within half a millisecond."""
     common = same = 0
     for tag_id in np.intersect1d(one.tag_id, other.tag_id):
         mine, theirs = one.tag_id == tag_id, other.tag_id == tag_id
@@ -192,12 +185,7 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if one recorder wrote both records as separate flights.
-
-    Recordings of drones are the same only if they began in the same nanosecond. Recordings of
-    ground stations are distinguished by folder. So flights of a clock that restarts in 1970 are
-    not merged.
-    """
+    """True if one recorder wrote both as separate flights, even if its clock restarts."""
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False
     same_folder = one.directory.parent == other.directory.parent

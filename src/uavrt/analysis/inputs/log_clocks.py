@@ -28,10 +28,7 @@ _LEAST_REGULAR = 0.8
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
-    """Warnings about logs whose clock was never set, or is far from all others.
-
-    `logs` has the name and the times [ns, UTC] of each log.
-    """
+    """Warnings about logs whose clock was never set, or is far from all others."""
     spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []
     for number, (path, first_ns, last_ns) in enumerate(spans):
@@ -57,11 +54,7 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Warnings about pairs of logs that have one tag's pulses at different times.
-
-    This finds wrong clocks in logs that overlap, such as those of a mast that records all day.
-    `logs` has the name of each log, and its pulse times [ns, UTC] by tag.
-    """
+    """Warnings about pairs of logs that have one tag's pulses at different times."""
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
         for path, pulses in logs

@@ -43,12 +43,7 @@ LOWEST_SPAN_DB: Final = 15.0
 
 
 class DetectionPlots:
-    """Collects the data for plots during a detection run, in almost constant memory.
-
-    `directory` is created if missing. `frequency_window_hz` is the half-width of the search,
-    drawn with a margin. Raises `UsageError` without matplotlib, and `RecordingError` if the
-    directory cannot be made.
-    """
+    """Collects the data for plots during a detection run, in almost constant memory."""
 
     def __init__(
         self, directory: Path, tags: Sequence[Tag], *, frequency_window_hz: float = 500.0
@@ -87,10 +82,7 @@ class DetectionPlots:
             self._pulses[pulse.tag_id].append(pulse)
 
     def write(self) -> list[Path]:
-        """Draw the pictures of every tag that has samples, and return their files.
-
-        Raises `RecordingError` if they cannot be written.
-        """
+        """Draw the pictures of every tag that has samples, and return their files."""
         written = []
         for tag in self._tags:
             known = self._waterfalls.get(tag.tag_id)

@@ -115,11 +115,8 @@ def judge_together(
 ) -> TagOfFlights:
     """Decide whether several flights together show a tag, and where it is.
 
-    `judged` has each flight's own result at `share_alone`. `false_alarm_probability` is that of
-    the joint decision for this tag. With `moves` the tag may be at another position in each
-    flight. `elevation` is the terrain used for the single flights.
-    Raises `ConfigError` for fewer than two flights, and `UsageError` if they are too far apart
-    for one position.
+    `judged` has each flight's own result at `share_alone`. With `moves` the tag may be at
+    another position in each flight.
     """
     if len(flights) < 2:
         raise ConfigError("only one flight was given", remedy="Name two or more flights")

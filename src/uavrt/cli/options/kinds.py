@@ -13,12 +13,7 @@ from cyclopts import Parameter
 
 @dataclass(frozen=True, slots=True)
 class Between:
-    """Validator of finite numbers within limits.
-
-    `least`, `most`: smallest and largest allowed value.
-    `above`: limit that the value must exceed.
-    `unit`: unit shown in the message.
-    """
+    """Validator of finite numbers within limits; `above` must be exceeded."""
 
     least: float | None = None
     most: float | None = None
@@ -93,8 +88,6 @@ Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, un
 NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
 """Receiver noise above the thermal noise [dB], zero included."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
-Factor = Annotated[float, Parameter(validator=Between(above=0))]
-"""Positive ratio, such as simulated time to real time."""
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
 """Ids of tags, limited to the four bytes that the radio protocol has for one."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]

@@ -18,14 +18,7 @@ LAST_S = 1.0
 
 
 class TerminalLines:
-    """Prints lines in order, in a separate thread.
-
-    It stops printing when the reader has closed the pipe, and drops lines beyond the limit.
-    Lines not printed are counted.
-
-    `stream`: output; standard output by default.
-    `most`: most queued lines.
-    """
+    """Prints lines in order, in a separate thread; drops and counts those beyond the limit."""
 
     def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:
         self._stream = sys.stdout if stream is None else stream

@@ -112,10 +112,7 @@ def distance_m(
 
 
 def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[float, float]:
-    """Latitude and longitude [°] of coordinates in EPSG 32601–32660, 32701–32760 or 4326.
-
-    Raises `ValueError` for another coordinate system, or a position outside it.
-    """
+    """Latitude and longitude [°] of coordinates in EPSG 32601–32660, 32701–32760 or 4326."""
     if epsg == 4326:
         lat, lon = northing_m, easting_m
     elif 1 <= epsg - 32600 <= 60 or 1 <= epsg - 32700 <= 60:

@@ -72,10 +72,7 @@ class Waiting:
 
 
 class Folds:
-    """Sums several bursts of the codes with equal numbers of pulses.
-
-    `kept_s`: duration for which energy cells are stored [s].
-    """
+    """Sums several bursts of codes with equal numbers of pulses; stores cells for `kept_s`."""
 
     def __init__(
         self,
@@ -123,10 +120,7 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Compute the sums around seeds whose later bursts have all arrived.
-
-        `whole`: column before which all bursts are complete.
-        """
+        """Compute the sums around seeds whose later bursts arrived before column `whole`."""
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
             seeds = waiting.due(math.inf if last else whole)

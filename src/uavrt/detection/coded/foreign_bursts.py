@@ -12,10 +12,7 @@ from uavrt.detection.coded.tuning import FOREIGN
 
 
 class Foreign:
-    """Counts bursts that no listed code explains.
-
-    `span`: columns of the longest listed burst. `guard`: columns around a pulse.
-    """
+    """Counts bursts that no listed code explains, by the longest listed `span`."""
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
         self._cells, self._span, self._guard = cells, span, guard
@@ -32,10 +29,7 @@ class Foreign:
         return FOREIGN.least_per_hour + 3600.0 * self._count / received_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
-        """Find the foreign pulses among the recent cells; count their bursts before `upto`.
-
-        `explained`: bursts of listed codes.
-        """
+        """Find the foreign pulses among the recent cells; count their bursts before `upto`."""
         cells = self._cells
         loudest = cells.recent.max(axis=0)
         reach = 2 * cells.pulse

@@ -30,10 +30,7 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Minimum sum of cells that identifies a tag [noise energies].
-
-    `pulses`: number of cells in the sum. `false_per_hour`: allowed identifications from noise.
-    """
+    """Minimum sum of cells that identifies a tag [noise energies]."""
     share = _share(bursts)
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return limit(pulses, tests, share * false_per_hour)

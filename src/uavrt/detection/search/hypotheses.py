@@ -45,11 +45,7 @@ def best_first(found: list[Candidate]) -> list[Candidate]:
 class RateSearch(ABC):
     """Search of one rate over a sliding range of columns; two classes implement it.
 
-    `uncertainty_s`, `jitter_s`: bounds of the interval's constant error and of each pulse's
-    own.
-
-    `first_threshold`, `first_columns`: threshold for this number of first columns. It may be
-    lower, since few groups can have begun in the first decision interval.
+    `first_threshold` may be lower, since few groups can have begun in the first columns.
     """
 
     def __init__(
@@ -123,11 +119,7 @@ class RateSearch(ABC):
         self._first_columns = 0
 
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Add new columns and test every hypothesis that they complete.
-
-        `noise` (rows,): noise power of each row. Returns candidates, best first; several may be
-        equal.
-        """
+        """Add new columns, test every hypothesis that they complete; returns the best first."""
         found: list[Candidate] = []
         for first in range(0, len(power), self.piece):
             found += self._push(power[first : first + self.piece].T, noise)
@@ -146,21 +138,14 @@ class RateSearch(ABC):
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
-    """Number of columns to search on either side of an expected pulse.
-
-    Two pulses both off by the full bound are rare, and a pulse a little beyond still shows by
-    its flank: 0.7 of the bound loses less than the smaller search gains.
-    """
+    """Number of columns to search on either side of an expected pulse: 0.7 of the bound."""
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 
 
 def interval_grid(
     *, interval_s: float, uncertainty_s: float, hop_s: float, k: int, reach: int
 ) -> NDArray[np.float64]:
-    """Intervals to try [columns].
-
-    Between two, no pulse moves by more than the jitter's reach, or half a column.
-    """
+    """Intervals to try [columns]; between two, no pulse moves by more than it may."""
     middle = interval_s / hop_s
     if k == 1:
         return np.array([middle])

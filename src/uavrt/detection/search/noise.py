@@ -71,11 +71,7 @@ def _noise_near_edge(
 
 
 class RowNoise:
-    """Tracks the noise power of each row.
-
-    `independent_per_s`: independent cells of a row per second, the inverse of the pulse width.
-    `circular`: the last row is adjacent to the first.
-    """
+    """Tracks the noise power of each row, from some independent cells per second."""
 
     def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
         self._column_s = column_s
@@ -231,10 +227,7 @@ class RowNoise:
 
 
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
-    """Run `RowNoise.update` for several bands with equal rows.
-
-    `power` (noises, columns, rows): new columns, at least one.
-    """
+    """Run `RowNoise.update` for several bands with equal rows; `power` (n, columns, rows)."""
     long = np.stack([noise._long for noise in noises if noise._long is not None])
     exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])
     mean, kept = _truncated(power, long)

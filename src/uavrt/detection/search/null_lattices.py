@@ -53,10 +53,7 @@ class NullLattices:
         """Rise of the threshold by counted groups [noise powers], including chance."""
 
     def count(self, columns: int, test: Test | None) -> None:
-        """Count the groups that new columns complete, and adjust the threshold.
-
-        `test`: tests for a group at a shorter interval; None if there are no anchors.
-        """
+        """Count the groups that new columns complete, and adjust the threshold."""
         seen = 0 if test is None else sum(test(*lattice) for lattice in self._lattices)
         tolerated = NULL.tolerated_coloured_ratio if self.coloured else NULL.tolerated_ratio
         awaited = tolerated * NULL.lattices * columns * self._white_per_column

@@ -13,10 +13,7 @@ from uavrt.detection.signal.tuning import OCCUPANCY
 
 
 class Occupancy:
-    """Counts the instants, one pulse long, in which a frequency is free of other signals.
-
-    `offset_hz`: the tag's frequency from the channel's centre.
-    """
+    """Counts the instants, one pulse long, in which a frequency is free of other signals."""
 
     def __init__(
         self, *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float

@@ -16,10 +16,7 @@ from uavrt.detection.signal.tuning import SPARKS
 
 
 class SparkLimiter:
-    """Equalises noise that comes in bursts shorter than a pulse.
-
-    `offset_hz`, `half_width_hz`: the searched band, from the channel's centre.
-    """
+    """Equalises noise that comes in bursts shorter than a pulse, in the searched band."""
 
     def __init__(
         self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float

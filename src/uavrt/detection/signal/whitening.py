@@ -20,10 +20,7 @@ from uavrt.detection.signal.tuning import WHITENING
 
 
 class Whitener:
-    """Tracks the noise density of a channel and filters the samples to make it flat.
-
-    `offset_hz`, `half_width_hz`: the searched band; higher densities are reduced to its lowest.
-    """
+    """Tracks a channel's noise density, and filters the samples to make it flat."""
 
     def __init__(
         self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float
@@ -49,10 +46,7 @@ class Whitener:
         return self._taps is not None
 
     def learn(self, samples: Samples) -> None:
-        """Update the noise density with new samples, and make the filter for these samples.
-
-        `samples` (n,): without carriers, not filtered; lost samples are zero.
-        """
+        """Update the noise density with new samples without carriers; make their filter."""
         self._steps += 1
         rests = self._taps is None and self._seen_s > WHITENING.young_s
         if rests and self._steps % WHITENING.check_every:

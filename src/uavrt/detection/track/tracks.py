@@ -115,10 +115,7 @@ class Track:
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
     ) -> None:
-        """Start from a detected group.
-
-        `pulses`: each (number among the K, time_s, time_ns, Measured), in order of time.
-        """
+        """Start from a detected group of pulses, each with its number among the K."""
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
         self.interval_s = nominal
@@ -162,10 +159,7 @@ class Track:
         self.trust = min(FOLLOW.most_trust, FOLLOW.first_trust + max(0.0, self.odds))
 
     def continue_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
-        """Continue from a pulse of a known transmitter with another interval.
-
-        `share`: uncertainty of the interval, as a share of the tag's.
-        """
+        """Continue from a pulse of a known transmitter with another interval."""
         self.interval_s = interval_s
         self._reset_phase(slot.measured.power, share)
         self.slots = [replace(slot, number=0, state="reported")]
@@ -179,10 +173,7 @@ class Track:
         base: int,
         around: Around = lambda *_: QUIET,
     ) -> None:
-        """Add the new pulses of a group that was found independently of this track.
-
-        `base`: lattice number of the group's first pulse. `around`: rates of bursts.
-        """
+        """Add the new pulses of a group that was found independently of this track."""
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
         for place, time_s, time_ns, measured in pulses:
@@ -449,11 +440,7 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Minimum power of a group's pulse that stands out from noise.
-
-    A pulse far weaker than the others and not certain by itself counts as noise. In a long
-    group most may be noise, so the strongest quarter is the reference.
-    """
+    """Minimum power of a group's pulse that stands out, from the strongest quarter."""
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))
 

@@ -1,8 +1,4 @@
-"""Check on the bench whether a drone is ready for a first flight.
-
-`Bench` collects records, on the drone or over its link. `first_flight` evaluates the records
-and other facts, for ``uavrt doctor --flight`` and the page.
-"""
+"""Check on the bench whether a drone is ready for a first flight, locally or over its link."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -153,11 +153,7 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Raise `UsageError` for a service that could not start or would lose its recordings.
-
-    Refused are an unknown user, a missing directory, and a directory below /tmp. `root`: root
-    directory of the target system; without its ``etc/passwd``, users are not checked.
-    """
+    """Raise `UsageError` for a service that could not start or would lose recordings."""
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
     users = root / "etc/passwd"
@@ -237,11 +233,7 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule, and enable the unit; can be repeated.
-
-    `root`: root directory of another system, in which files are written and nothing is started.
-    Returns a description. Raises `UsageError` without permission.
-    """
+    """Write unit and rule, and enable the unit if `root` is this system; can be repeated."""
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),

@@ -110,11 +110,7 @@ def version_key(version: str) -> tuple[object, ...]:
 
 
 def read_update(path: Path, keys: Path) -> Update:
-    """Read an update and verify its signature; nothing is unpacked.
-
-    `path`: the ``.tar`` or ``.whl``. `keys`: file of the accepted public keys. Raises
-    `FormatError` if it is damaged or no update, `UsageError` if no accepted key has signed it.
-    """
+    """Read an update and verify its signature; nothing is unpacked."""
     with os_errors_as(UsageError, f"{path} cannot be read"):
         if path.suffix == ".whl":
             return _read_wheel(path, keys)
@@ -197,11 +193,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Reject impossible sizes; `tarfile` reads names and tables whole, whatever their size.
-
-    Blocks of 512 bytes (POSIX.1-2017, pax): at 124 the size of the content in octal, at 156 its
-    kind. Sizes beyond the file and invalid names are rejected.
-    """
+    """Reject impossible sizes; `tarfile` reads names and tables whole, whatever size."""
     there = path.stat().st_size
     at = 0
     with path.open("rb") as file:

@@ -76,11 +76,7 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
 
 
 class Columns(Generic[R]):
-    """Columns of a table of records, and the conversion of a record to a row and back.
-
-    `order`: names of the columns; by default all fields of `kind`. Lists of numbers are texts
-    with spaces, or in JSON with `lists_as_json`. NaN is NULL.
-    """
+    """Columns of a table of records, and the conversion of a record to a row and back."""
 
     def __init__(
         self, kind: type[R], order: Sequence[str] = (), *, lists_as_json: bool = False

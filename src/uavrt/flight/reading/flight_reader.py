@@ -164,10 +164,7 @@ DAMAGED = (
 
 @contextmanager
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
-    """Open a flight's database for reading; missing columns of older versions are NULL.
-
-    Raises `FormatError` if the database is missing or damaged, also while it is read.
-    """
+    """Open a flight's database for reading; missing columns of older versions are NULL."""
     path = FlightLayout(directory).database
     if not path.is_file():
         raise FormatError(

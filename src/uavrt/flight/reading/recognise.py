@@ -122,10 +122,7 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """True if a file in a folder is a pulse log of received pulses.
-
-    Empty files are excluded, and the list of transmitted pulses that a simulation writes.
-    """
+    """True if a file is a log of received pulses: not empty, nor a simulation's truth."""
     if path.name == "truth.csv":
         return False
     try:

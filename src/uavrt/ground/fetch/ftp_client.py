@@ -84,11 +84,7 @@ class RemoteTree:
 
 
 class FileClient:
-    """One conversation with the drone's file server; raises `LinkError`.
-
-    `send`: sends a request of 251 bytes.
-    `unanswered`: called after a timeout, to try another link.
-    """
+    """One conversation with the drone's file server; raises `LinkError`."""
 
     def __init__(
         self,
@@ -436,11 +432,7 @@ def _size(path: Path) -> int | None:
 
 
 def _entry(directory: str, line: bytes) -> RemoteEntry:
-    """Parse one line of a directory listing.
-
-    Names arrive over an open link and become local files: reject any that lead outside the
-    flight.
-    """
+    """Parse one line of a listing; names that lead outside the flight are rejected."""
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name
     if not good or not (size or "0").isdecimal():

@@ -20,13 +20,7 @@ REMEMBERED = 500_000
 
 
 class Receipts:
-    """Tracks known pulses, and when to acknowledge them.
-
-    `store`: number of the store, 1 to 2**32 - 1; an empty store gets a new one.
-    `known`: hashes of the pulses in the store.
-    `keep`: gets the hash of each new pulse, and a function to call once the hash is written.
-    Only then is the pulse acknowledged.
-    """
+    """Tracks known pulses, and when to acknowledge them: once their hash is written."""
 
     def __init__(
         self,

@@ -119,10 +119,7 @@ GroundEvent = (
 class GroundProtocol:
     """Decodes and counts the frames that the ground receives; no I/O.
 
-    `receipts`: makes acknowledgements; None: none are sent.
-    `as_gcs`: use system 255 and type GCS, which the original's drone side requires; the
-    autopilot then takes this station for the operator's ground station.
-    `identity`: selects the served vehicle; None: the first one received.
+    `as_gcs`: use system 255 and type GCS, which the original's drone side requires.
     """
 
     def __init__(

@@ -161,11 +161,7 @@ class FlightKeeper:
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Add content to a burst of this flight; False if the burst is of another flight.
-
-        Raises `RecordingError`: not stored, because the burst has not arrived or the disk is
-        slow.
-        """
+        """Add content to a burst of this flight; False if the burst is of another flight."""
         if burst.key in self._live.keys:
             self._store(burst)
             if burst.also_possible_tag_ids:

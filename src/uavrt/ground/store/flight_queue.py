@@ -28,10 +28,7 @@ SETTLE_CHECK_S = 0.01
 
 
 class FlightQueue:
-    """Passes writes to a `FlightWriter` in the disk thread, without waiting for the disk.
-
-    `on_written`: called after each write, successful or not.
-    """
+    """Passes writes to a `FlightWriter` in the disk thread, without waiting for the disk."""
 
     def __init__(
         self,
@@ -104,10 +101,7 @@ class FlightQueue:
             log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write the queue to the disk; refused writes stay in it, and `fault` has the reason.
-
-        After a fault the next try comes a second later, unless `at_once`.
-        """
+        """Write the queue to the disk, a second after a fault; refused writes stay in it."""
         fault = self.fault
         if fault is not None and not self._reported:
             log.warning("flight not written; received data wait in memory", reason=fault)

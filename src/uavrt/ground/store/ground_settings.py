@@ -102,11 +102,7 @@ _NEWEST_BYTES = 1_000_000
 class GroundStore:
     """Small files of the station: settings, tags, the current flight.
 
-    `directory`: parent of all files; created if missing. Holds the flights, maps and reports of
-    all vehicles.
-    `system_id`: number of a further vehicle, whose small files are in ``vehicles/NUMBER``.
-    `first`: store of the main vehicle, whose disk thread writes these files, too.
-    Raises `ConfigError`: the directory cannot be written.
+    A further vehicle's files are in ``vehicles/NUMBER``, written by the `first` store's thread.
     """
 
     def __init__(

@@ -13,10 +13,7 @@ PULSES_NAME = "pulses.jsonl"
 
 
 class PulseLines:
-    """``pulses.jsonl``: a line for each pulse and burst content, written at once.
-
-    An existing file is continued; an incomplete last line is removed. Raises `RecordingError`.
-    """
+    """``pulses.jsonl``: a line for each pulse and burst content, written at once."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -128,11 +128,7 @@ def _code_cells(tag: Tag) -> Row:
 
 
 def import_rows(files: Mapping[str, str]) -> list[Row]:
-    """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
-
-    `files`: text of each file by name. TagTracker keeps tags and manufacturers in two files,
-    which must be imported together.
-    """
+    """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases."""
     tables = {name: read_csv(text) for name, text in files.items()}
     makers = {
         _key(cells["id"]): cells

@@ -72,10 +72,7 @@ class Authority:
         return None if self._order is None else self._order.offer.order_id
 
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
-        """Propose an order to the operator for confirmation; it replaces an earlier proposal.
-
-        Raises `CommandRefused`: the vehicle cannot be flown now, or the nonce was used.
-        """
+        """Propose an order to the operator for confirmation, instead of an earlier one."""
         mode, place, home = self._check_vehicle(now_s, takeoff=takeoff)
         vehicle = self.vehicle
         rests = self._order is None and vehicle.in_own_mode

@@ -386,12 +386,7 @@ def bearings_of(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> list[TagBearing]:
-    """One bearing for each tag and each turn in place, in order of time and tag.
-
-    Pulses that a known interval predicts and that were not received count as misses. `past`:
-    turns of other flights, for learning the pattern.
-    Raises `UsageError`: method or antenna is unknown, or the method cannot use the pulses.
-    """
+    """One bearing for each tag and each turn in place, in order of time and tag."""
     return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
 
 
@@ -425,11 +420,7 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Estimate bearings of a receiver, and strengths of tags without a bearing.
-
-    A bearing in `theirs`, from the drone, replaces one estimated here from fewer pulses of a
-    turn. The other parameters are those of `bearings_of`.
-    """
+    """Estimate bearings of a receiver, and strengths of tags without; `theirs` replace."""
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
         return with_strengths(heard, how, [], cache)
@@ -718,11 +709,7 @@ def _surveyed(
 
 
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
-    """Collect a tag's pulses along the flight, with missed ones of a listed tag.
-
-    `height_m`: height over the tag, where the poses have no height above the start.
-    Raises `UsageError`: fewer than three pulses have a known position, or no height is known.
-    """
+    """Collect a tag's pulses along the flight, with missed ones of a listed tag."""
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
         raise UsageError(

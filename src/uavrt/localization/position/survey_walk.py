@@ -95,12 +95,7 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Compare a walking tag with a resting tag by the powers of a survey.
-
-    `east_m`, `north_m` (n,): the track in the local plane.
-    `powers`: with times; foreign pulses left out.
-    Returns: None for a flight that is too short, or without signs of walking.
-    """
+    """Compare a walking with a resting tag by the powers of a survey; None if no signs."""
     if powers.time_s is None:
         return None
     heard = ~np.isnan(powers.snr_db)

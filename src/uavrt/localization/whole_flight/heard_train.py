@@ -135,11 +135,7 @@ class HeardTrain:
 
 
 def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
-    """(levels, slots) log likelihood ratio of a pulse in each slot.
-
-    `gain` (slots,): energy of a pulse relative to the strongest.
-    `levels_db` (levels,): energy over noise of the strongest.
-    """
+    """(levels, slots) log likelihood ratio of a pulse in each slot."""
     table = likelihood_table(one)
     column, beyond_db = table_columns(one.pulses.energy)
     gain_db = 10.0 * np.log10(gain + 1e-9) - beyond_db
@@ -166,12 +162,7 @@ def noise_reaches(one: HeardTrain, share: float) -> float:
 
 
 def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) -> _Floats:
-    """Log likelihood ratios of the energies of a train's pulses, or bursts.
-
-    `fading_db`: standard deviation of single pulses, from pattern, poses and ground beyond the
-        model.
-    Returns: shape (strengths `PLACE.strength_step_db` apart, amplitudes).
-    """
+    """Log likelihood ratios (strengths, amplitudes) of the energies of a train's pulses."""
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
     finer = np.arange(

@@ -15,12 +15,7 @@ from uavrt.radio.channels.channel_sender import ChannelDatagramSender
 
 
 class ChannelOutput:
-    """Channelizes a band for the original's detectors and sends the tags' channels to them.
-
-    `settings`: destination and format. `tags`: choose the channels; tags outside the original's
-    band are left out. `band_rate_hz`, `center_frequency_hz`: of the decimated band. Raises
-    `UavrtError` if no tag lies in the band, or the band cannot be channelized.
-    """
+    """Channelizes a band for the original's detectors, and sends the tags' channels."""
 
     def __init__(
         self,

@@ -147,10 +147,7 @@ class FrameOrder:
         self._held.sort(key=lambda frame: frame[0])
 
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
-        """Get the next frame: time [ns], samples, and the number of samples lost before it.
-
-        `wait`: False if no more frames will be added; then missing ones are not waited for.
-        """
+        """Get the next frame: time [ns], samples, and the number of samples lost before it."""
         if not self._held:
             return None
         time_ns, samples = self._held[0]

@@ -15,11 +15,7 @@ _NO_GAP_S = 0.001
 
 
 class JoinedRecording:
-    """Samples of several SigMF recordings, with the gaps between them.
-
-    `paths`: in any order. Raises `FormatError` if there are no samples, or rates or frequencies
-    differ.
-    """
+    """Samples of several SigMF recordings of one channel, with the gaps between them."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
         layouts: list[Layout] = []

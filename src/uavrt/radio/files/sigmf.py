@@ -33,12 +33,7 @@ from uavrt.radio.timing.sample_times import NominalTimes
 def sigmf_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a SigMF recording, with the gaps between its captures.
-
-    `path`: the ``.sigmf-meta`` file, the ``.sigmf-data`` file, or their common name.
-    `center_frequency_hz`, `start_time_ns` [ns, UTC]: replace those of the recording. Raises
-    `FormatError` with the reason if it is not SigMF or cannot be used.
-    """
+    """Describe a SigMF recording, named by either file, with gaps between its captures."""
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
@@ -146,10 +141,7 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Number of samples missing between two captures, by global indices or else by times.
-
-    A smaller index than before means that the radio was opened again.
-    """
+    """Number of samples missing between two captures, by global indices or else by times."""
     kept = capture.first - previous.first
     if previous.global_index is not None and capture.global_index is not None:
         passed = capture.global_index - previous.global_index

@@ -86,13 +86,7 @@ class _Header:
 def wav_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a two-channel WAV file.
-
-    `center_frequency_hz`: None: from the ``auxi`` chunk, else from the file's name.
-    `start_time_ns`: time of the first sample; None: from the ``auxi`` chunk, else from the
-    file's name, else from its date. Raises `FormatError` for another format or encoding, or
-    without a radio frequency.
-    """
+    """Describe a two-channel WAV file; defaults are from its ``auxi`` chunk, name or date."""
     size = file_size(path)
     with reading(path), path.open("rb") as file:
         header = _read_chunks(file, path, size)

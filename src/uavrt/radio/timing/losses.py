@@ -131,11 +131,7 @@ class SourcePace:
         """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
     def measure(self, received_s: float, arrived_s: float) -> None:
-        """Add a delay; the source's speed is decided again when a period is complete.
-
-        `received_s`: duration of the samples received so far [s]. `arrived_s`: their arrival
-        time [s].
-        """
+        """Add a delay; the source's speed is decided again when a period is complete."""
         delay_s, delays = arrived_s - received_s, self._delays
         if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
             if delay_s < delays[-1][1]:
@@ -153,11 +149,7 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Fit a line to the delays: rise per second, and relative scatter about the line.
-
-        A delay that is made up later is a stall and does not count. Of the other delays, the
-        fit uses the smallest 70 %.
-        """
+        """Fit a line to the smallest delays: rise per second, and relative scatter about it."""
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
         delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
@@ -175,13 +167,7 @@ class SourcePace:
 
 
 class LossFinder:
-    """Finds losses from the lateness of arrivals.
-
-    Lateness is the delay above the lower envelope of all arrivals, in nominal seconds (samples
-    divided by the nominal rate). The caller adds losses to later nominal seconds.
-
-    `may_be_slow`: the sender may be slower than real time; False for a radio.
-    """
+    """Finds losses from the delay of arrivals above their lower envelope [nominal s]."""
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
         self.pace = SourcePace() if may_be_slow else None

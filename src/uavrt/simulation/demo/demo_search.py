@@ -131,12 +131,7 @@ class _Seen:
 
 
 class SearchDemo:
-    """One search on this computer, by the real processes.
-
-    `scenario`: world in which the drone hovers until commanded. `limit_s`: longest duration of
-    the search [s]. `flight_dir`: parent of the drone's flight directory. `say`: gets lines for
-    the terminal. `among`: place among other drones; None if alone.
-    """
+    """One search on this computer, by the real processes; `say` gets lines to print."""
 
     def __init__(
         self,
@@ -155,10 +150,7 @@ class SearchDemo:
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
-        """Fly once; return the result.
-
-        Raises `UavrtError` with the reason if a program ended, or nothing was searched.
-        """
+        """Fly once; return the result. Raises `UavrtError` if a program ended."""
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:
             self._start(work)

@@ -28,10 +28,7 @@ class Intervals:
     def foreign_places(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """(K,) True for pulses of a candidate that fit another interval better.
-
-        Returns (K,), all False if no other interval is better than the declared one.
-        """
+        """(K,) True for pulses of a candidate that fit another, better interval."""
         hop = self._grid.hop
         places = np.arange(search.k)
         none = np.zeros(search.k, np.bool_)

@@ -23,10 +23,7 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 
 
 def stronger_tracks(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
-    """Tracks that may hide a track's pulses: stronger and at another frequency.
-
-    `sample_rate_hz`: period of the frequencies.
-    """
+    """Tracks that may hide a track's pulses: stronger and at another frequency."""
     if len(tracks) < 2:
         return []
     least = FOLLOW.hiding_ratio * level(track)

@@ -23,11 +23,7 @@ TIMEOUT_S = 7.5
 
 
 class RadioTest:
-    """A running test of the radio.
-
-    Create it where child processes are tracked, so that it is not killed as an orphan. Wait for
-    its answer in a thread. Raises `OSError` if no process can be started.
-    """
+    """A running test of the radio, created where child processes are tracked."""
 
     def __init__(self, settings: RadioSettings) -> None:
         question = msgspec.json.encode(settings).decode()

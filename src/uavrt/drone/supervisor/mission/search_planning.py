@@ -51,10 +51,7 @@ class Tuning:
 
 
 def request_tuning(question: TuningRequest, launcher: Launcher | None = None) -> Tuning:
-    """Get a radio frequency that receives all the tags.
-
-    Raises `TunerError` if there is none, the search is too costly, or no answer came.
-    """
+    """Get a radio frequency that receives all the tags; `TunerError` if there is none."""
     try:
         answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)
     except (OSError, ValueError) as error:

@@ -154,14 +154,7 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in its own process group; return its process id.
-
-        The new process is a child of this process, and the caller must reap it.
-
-        `module`: has a function ``main``. `name`: shown by ``top``. `output`: descriptor for
-        printed output. `fds`: descriptors to inherit, with the same numbers. `environment`:
-        added to this process's. `arguments`: follow the module name.
-        """
+        """Start ``python -m MODULE`` in its own process group; the caller must reap it."""
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:

@@ -25,10 +25,7 @@ Line = tuple[str, bytes]
 
 
 class Outbox:
-    """Queue of record lines to be sent to one process.
-
-    `backlog`: largest number of lines per topic. `keeps`: True to keep sent lines until taken.
-    """
+    """Queue of record lines to be sent to one process; `keeps` those sent until taken."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog

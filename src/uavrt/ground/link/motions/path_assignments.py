@@ -84,12 +84,9 @@ class PathAssignments:
     def recipients(self, flying: Collection[int]) -> set[int]:
         """Select the drones that get reports about other drones.
 
-        With several drones: all that fly or ever sent a course. A single drone gets one only
-        while it requests a path. A drone that once got a report needs further ones, even when
-        the others have landed or this station has restarted; otherwise it would never be
-        assigned a path again.
-
-        `flying`: vehicles that fly by commands, as far as known.
+        With several drones: all that fly or ever sent a course; a single one while it requests
+        a path. A drone that once got a report needs further ones, else it is never assigned a
+        path again.
         """
         known = set(self._members)
         together = known | set(flying)

@@ -15,13 +15,7 @@ digits (36⁸) last 4 years."""
 
 
 class PasswordLimit:
-    """Limits wrong passwords to five a minute per address.
-
-    The right password is never delayed by other addresses' guesses. A browser with the cookie
-    needs no password.
-
-    `now_s`: returns the time [s].
-    """
+    """Limits wrong passwords to five a minute per address, never the right one."""
 
     def __init__(self, now_s: Callable[[], float] = monotonic_s) -> None:
         self._now_s = now_s

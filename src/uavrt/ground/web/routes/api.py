@@ -38,12 +38,7 @@ harmless."""
 
 
 class Api:
-    """State, settings and commands of one vehicle.
-
-    `drone_settings`: path of the drone side's ``uavrt.toml``, if the page runs on the drone's
-    own computer.
-    `worker`: process that parses files from others.
-    """
+    """State, settings and commands of one vehicle."""
 
     def __init__(
         self, session: GroundSession, drone_settings: Path | None, worker: ForeignWorker

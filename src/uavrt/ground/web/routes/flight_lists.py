@@ -24,10 +24,7 @@ _ALL = 10**9
 
 
 class FlightListApi:
-    """Lists flights by tag and day, in parts.
-
-    `worker`: process that reads the archive, which may be damaged or come from others.
-    """
+    """Lists flights by tag and day, in parts; `worker` reads untrusted archives."""
 
     def __init__(self, session: GroundSession, worker: ForeignWorker) -> None:
         self._session, self._worker = session, worker

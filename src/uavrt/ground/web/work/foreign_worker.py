@@ -41,10 +41,7 @@ _ENDS = {
 
 
 class ForeignWorker:
-    """Calls functions in another process, one at a time, with limits on time and memory.
-
-    Functions must be on module level; arguments and results must be picklable.
-    """
+    """Calls module-level functions in another process, with limits on time and memory."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -214,11 +211,7 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Limit this process's CPU time and memory by the kernel.
-
-    Windows has no such limits, and macOS none for memory; there only the timer of `_asked` ends
-    the process.
-    """
+    """Limit this process's CPU time and memory by the kernel, except on Windows."""
     try:
         import resource
     except ImportError:

@@ -71,13 +71,7 @@ def recordings(flight: Path) -> list[Path]:
 
 
 def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> Picture:
-    """Draw a stretch of a recording around a tag's frequency.
-
-    `path`: a SigMF recording.
-    `start_s`, `length_s`: the stretch, from the recording's beginning; `LONGEST_S` at most.
-    Raises `FormatError`: the recording cannot be read, or has no samples there.
-    Raises `TunerError`: the tag is outside the recorded band.
-    """
+    """Draw a stretch of a SigMF recording, `LONGEST_S` at most, around a tag's frequency."""
     source = open_recording(path)
     try:
         front = FrontEnd(

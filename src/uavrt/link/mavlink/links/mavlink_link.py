@@ -58,10 +58,7 @@ class LinkCounters:
 
 
 class Link:
-    """Base of the links over UDP, TCP and serial ports.
-
-    `on_frame`: called with each received frame. `parser`: None means MAVLink's.
-    """
+    """Base of the links over UDP, TCP and serial ports."""
 
     def __init__(
         self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None

@@ -99,11 +99,7 @@ class Stores:
         return any(self._stores[number].acknowledges for number in numbers)
 
     def must_repeat(self, numbers: Collection[int]) -> bool:
-        """True if a pulse must be sent again, because a confirmed one of the stores lacks it.
-
-        Stores without any acknowledgement may be made up and must not fill the window; if they
-        exist, they get the pulse from disk.
-        """
+        """True if a pulse must be sent again, because a confirmed store lacks it."""
         if self.any_confirmed(numbers):
             return True
         for number in numbers:

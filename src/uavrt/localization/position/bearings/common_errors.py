@@ -90,13 +90,7 @@ def explanations(
     outlier_share: float,
     unusual: frozenset[Explanation] = UNUSUAL,
 ) -> list[tuple[float, Fit]]:
-    """Fit all explanations, each with its probability; the resting tag comes first.
-
-    `bearings`: four or more, around the tag.
-    `heading_sigma_deg`: standard deviation of the error that headings share; 0 for exact
-        headings.
-    `outlier_share`: probability that a bearing is unrelated to the tag.
-    """
+    """Fit all explanations, each with its probability; the resting tag comes first."""
     models = []
     if "compass" in unusual:
         models.append(

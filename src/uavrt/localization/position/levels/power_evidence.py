@@ -93,11 +93,8 @@ def fit_each(
 class PowerEvidence:
     """Log-likelihood of positions, given powers along a track.
 
-    `east_m`, `north_m` (n,): the track in the local plane.
-    `track`: heights, powers, antenna.
-    `correlation`: correlation of neighbouring pulses' fading, where pulses were missed; see
-        `correlation_at_best`. Without misses it is integrated out.
-    `over_hills`: losses behind hills; None is level ground.
+    `correlation`: of neighbouring pulses' fading, where pulses were missed; see
+    `correlation_at_best`. Without misses it is integrated out.
     """
 
     def __init__(

@@ -31,12 +31,7 @@ _Floats = NDArray[np.float64]
 
 
 class SurveyEvidence:
-    """Log-likelihood of positions, given powers along a track of uncertain height.
-
-    `east_m`, `north_m` (n,): the track in the local plane.
-    `track`: reported heights, powers, antenna.
-    `over_hills`: losses behind hills; None is level ground.
-    """
+    """Log-likelihood of positions, given powers along a track of uncertain height."""
 
     def __init__(
         self,

@@ -21,12 +21,7 @@ SYNC_BYTES = 8 * CHUNK_BYTES
 
 
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
-    """Copy flights to a drive; skip files already there with the same size.
-
-    `target`: directory on the drive. `step`: called with files done, total files and the
-    current file. `wanted`: polled often; returning False stops the copy. Raises `OSError` if
-    the drive cannot be written and `RecordingError` if stopped. Complete copies stay.
-    """
+    """Copy flights to a drive; skip files already there with the same size."""
     for done, flight in enumerate(flights):
         step(done, len(flights), flight.name)
         for source in sorted(flight.rglob("*")):
