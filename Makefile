@@ -37,7 +37,7 @@ computing: $(STAMP)     ## what only computes, at low priority: what waits for r
 	nice -n 19 $(MAKE) --no-print-directory -k -j 1 lint types docs unit
 
 unit: $(STAMP)          ## all unit tests
-	$(PYTEST) -n 2 --dist loadfile tests/unit
+	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder tests/unit
 
 # Real time is mostly waiting: more workers than cores.
 system: $(STAMP)        ## tests with sockets, programs and threads in real time

@@ -45,11 +45,14 @@ MOST_SECOND_TRIES = 3
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give flights in real time a second try.
+    """Give flights in real time a second try, and start slow files first.
 
     A shared machine that stands still for seconds breaks the silence limits that flights are
-    there to test. The summary names each flight that needed it.
+    there to test. The summary names each flight that needed it. Files with slow tests come
+    first: one at the end of a run would leave the other worker idle.
     """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
     for item in items:
         if FLIGHTS in item.path.parents:
             item.add_marker(pytest.mark.flaky(reruns=1))

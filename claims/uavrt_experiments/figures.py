@@ -1,13 +1,15 @@
 """Figures computed over many runs, with intervals, as rows of a table."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import bootstrap_interval, wilson_interval
+from uavrt_experiments.statistics import Figure, bootstrap_interval, wilson_interval
+
+_Values = NDArray[np.float64]
 
 
 def measured(
@@ -15,7 +17,7 @@ def measured(
     condition: str,
     quantity: str,
     values: Sequence[float],
-    figure: Callable[[NDArray[np.float64]], float],
+    figure: Figure,
     *,
     least: float | None = None,
     most: float | None = None,
@@ -25,7 +27,7 @@ def measured(
 
     `experiment`, `condition`, `quantity`: description of the measurement.
     `values`: one for each run. Without any, the figure is not a number, and misses its bar.
-    `figure`: computes the figure from values: a median, a root of mean squares …
+    `figure`: computes the figure from values.
     `least`, `most`, `bound`: required range, and theoretical bound.
     """
     array = np.asarray(values, np.float64)
@@ -41,7 +43,7 @@ def measured(
         experiment=experiment,
         case=condition,
         quantity=quantity,
-        figure=figure(array) if len(array) else math.nan,
+        figure=float(figure(array)) if len(array) else math.nan,
         low=low,
         high=high,
         n=len(array),
@@ -51,26 +53,26 @@ def measured(
     )
 
 
-def rms(values: NDArray[np.float64]) -> float:
+def rms(values: _Values) -> _Values:
     """Root of the mean square of values."""
-    return float(np.sqrt(np.mean(values**2)))
+    return np.asarray(np.sqrt(np.mean(values**2, axis=-1)))
 
 
-def median(values: NDArray[np.float64]) -> float:
+def median(values: _Values) -> _Values:
     """Median of values."""
-    return float(np.median(values))
+    return np.asarray(np.median(values, axis=-1))
 
 
-def mean(values: NDArray[np.float64]) -> float:
+def mean(values: _Values) -> _Values:
     """Arithmetic mean of values."""
-    return float(np.mean(values))
+    return np.asarray(np.mean(values, axis=-1))
 
 
-def tenth_worst(values: NDArray[np.float64]) -> float:
+def tenth_worst(values: _Values) -> _Values:
     """Value that a tenth of the runs exceed."""
-    return float(np.quantile(values, 0.9))
+    return np.asarray(np.quantile(values, 0.9, axis=-1))
 
 
-def share(values: NDArray[np.float64]) -> float:
+def share(values: _Values) -> _Values:
     """Share of runs with a true value."""
-    return float(np.mean(values))
+    return np.asarray(np.mean(values, axis=-1))

@@ -84,7 +84,7 @@ def _lines(
         bounds.append(_bound_deg(switch, steering, enr_db, truth - headings))
     count = len(headings)
     condition = f"{method}, {count} pulse{'s' if count > 1 else ''}, {enr_db:g} dB"
-    bound = rms(np.array(bounds))
+    bound = float(rms(np.array(bounds)))
     return [
         measured("A1", condition, "rms [°]", errors, rms, most=1.2 * bound, bound=bound),
         measured("A1", condition, "90 % interval holds", covered, share, least=0.86),

@@ -274,7 +274,7 @@ def fusion(runs: int, seed: int) -> list[Row]:
         both = estimate_position(fused, propagation=known, heading_sigma_deg=0.0)
         together.append(_miss_m(both, tag))
     condition = "3 stations 200 m apart, tag at 500 m"
-    before = median(np.array(alone))
+    before = float(median(np.array(alone)))
     return [
         measured("L5", f"{condition}: bearings", "median [m]", alone, median),
         measured(

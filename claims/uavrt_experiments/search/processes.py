@@ -26,6 +26,7 @@ from uavrt_experiments.figures import mean, measured, share
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.result import Row
 from uavrt_experiments.search.table import figure_text
+from uavrt_experiments.statistics import Figure
 from uavrt_experiments.tables import aligned, markdown
 
 PROCESSES = "processes"
@@ -152,9 +153,9 @@ def _flown(world: Scenario, say: Callable[[str], None]) -> dict[str, Any]:
 # ---------------------------------------------------------------------- the table
 
 
-def largest(values: NDArray[np.float64]) -> float:
+def largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Largest value over all flights."""
-    return float(np.max(values))
+    return np.asarray(np.max(values, axis=-1))
 
 
 def process_rows(flights: Sequence[RealFlight]) -> list[Row]:
@@ -170,7 +171,7 @@ def process_rows(flights: Sequence[RealFlight]) -> list[Row]:
     def row(
         quantity: str,
         values: Sequence[float],
-        figure: Callable[[NDArray[np.float64]], float],
+        figure: Figure,
         *,
         least: float | None = None,
         most: float | None = None,

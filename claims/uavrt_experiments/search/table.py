@@ -24,6 +24,7 @@ from uavrt_experiments.search.scenario import (
     Contender,
     Scenario,
 )
+from uavrt_experiments.statistics import Figure
 from uavrt_experiments.tables import aligned
 
 _Floats = NDArray[np.float64]
@@ -42,9 +43,9 @@ class Flown:
     outcomes: tuple[Outcome, ...]
 
 
-def p95(values: _Floats) -> float:
+def p95(values: _Floats) -> _Floats:
     """Value that a twentieth of the runs exceed."""
-    return float(np.quantile(values, 0.95))
+    return np.asarray(np.quantile(values, 0.95, axis=-1))
 
 
 def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
@@ -124,7 +125,7 @@ def _rows(scenario: Scenario, one: Flown) -> list[Row]:
     errors = [j.error_m for j in there if j.error_m is not None]
     times = [run.time_s for run in runs]
     bounds = _bounds(runs)
-    figures: list[tuple[str, list[float], Callable[[_Floats], float]]] = [
+    figures: list[tuple[str, list[float], Figure]] = [
         ("time, mean, s", times, mean),
         ("time, median, s", times, median),
         ("time, p90, s", times, tenth_worst),
@@ -176,10 +177,10 @@ def _bounds(runs: Sequence[Outcome]) -> dict[str, float]:
     if least:
         times = np.array(least)
         bounds = {
-            "time, mean, s": mean(times),
-            "time, median, s": median(times),
-            "time, p90, s": tenth_worst(times),
-            "time, p95, s": p95(times),
+            "time, mean, s": float(mean(times)),
+            "time, median, s": float(median(times)),
+            "time, p90, s": float(tenth_worst(times)),
+            "time, p95, s": float(p95(times)),
         }
     if known:
         information = np.array([[(east, both), (both, north)] for east, both, north in known])
@@ -235,9 +236,9 @@ def _quotient(
     numbers = np.arange(len(pairs), dtype=np.float64)
     both = np.array(pairs)
 
-    def ratio(chosen: _Floats) -> float:
-        rows = both[chosen.astype(int)]
-        return float(np.nansum(rows[:, 0]) / np.nansum(rows[:, 1]))
+    def ratio(chosen: _Floats) -> _Floats:
+        sums = np.nansum(both[chosen.astype(int)], axis=-2)
+        return np.asarray(sums[..., 0] / sums[..., 1])
 
     bar = _bar(scenario, ours, quantity)
     return measured(

@@ -18,7 +18,7 @@ from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, noise
 from uavrt_experiments.detection.trials import RATE_HZ, Decision, detect, group_found
 
 LEVELS_DB = (8.5, 9.5, 10.5)
-TRIALS = 32
+TRIALS = 20
 """Decisions for each level."""
 
 

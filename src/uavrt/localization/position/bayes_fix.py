@@ -93,12 +93,25 @@ class Cells:
     def map(self, count: int, sigma_m: float) -> tuple[_Floats, _Floats, _Floats]:
         """Probability on a regular grid around most of it: east (x,), north (y,), (y, x)."""
         east, north, step = _even_axes(self.around(GRID.map_share), count, 2.5 * sigma_m)
-        sigma = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
-        across, along = (
-            np.exp(-0.5 * ((axis[:, None] - own) / sigma) ** 2) / sigma
-            for axis, own in ((east, self.east_m), (north, self.north_m))
-        )
-        density = (along * self.probability) @ across.T
+        sigmas_m = np.sqrt(self.width_m**2 / 12.0 + sigma_m**2 + step**2 / 12.0)
+        density = np.zeros((len(north), len(east)))
+        for one_m in np.unique(sigmas_m):
+            own = sigmas_m == one_m
+            reach = int(np.ceil(GRID.map_sigmas * one_m / step))
+            far = reach > GRID.map_reach
+            (columns, across), (rows, along) = (
+                _near(axis, centres[own], one_m, None if far else reach)
+                for axis, centres in ((east, self.east_m), (north, self.north_m))
+            )
+            along *= self.probability[own, None]
+            if far:
+                density += along.T @ across
+            else:
+                points = rows[:, :, None] * len(east) + columns[:, None, :]
+                spread = along[:, :, None] * across[:, None, :]
+                density += np.bincount(
+                    points.ravel(), spread.ravel(), minlength=density.size
+                ).reshape(density.shape)
         return east, north, np.asarray(density / density.sum())
 
     def around(self, share: float) -> Area:
@@ -292,6 +305,25 @@ def _even_axes(
         0.5 * (around.south_m + around.north_m) + (np.arange(along) - (along - 1) / 2) * step
     )
     return np.asarray(east), np.asarray(north), step
+
+
+def _near(
+    axis: _Floats, centres: _Floats, sigma_m: float, reach: int | None
+) -> tuple[NDArray[np.intp], _Floats]:
+    """Points of an even axis near each centre (n, k), and a normal law's density there.
+
+    `reach`: number of points on each side; None: the whole axis, once for all centres (1, k).
+    """
+    step = axis[1] - axis[0]
+    if reach is None:
+        near = np.arange(len(axis), dtype=np.intp)[None, :]
+    else:
+        nearest = np.rint((centres - axis[0]) / step).astype(np.intp)[:, None]
+        near = nearest + np.arange(-reach, reach + 1, dtype=np.intp)
+    away = (axis[0] + step * near - centres[:, None]) / sigma_m
+    density = np.exp(-0.5 * away**2) / sigma_m
+    density *= (near >= 0) & (near < len(axis))
+    return np.clip(near, 0, len(axis) - 1), density
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:

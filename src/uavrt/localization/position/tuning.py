@@ -43,6 +43,10 @@ class GridTuning:
     """Probability below which an explanation (rest, walk, compass error) is ignored."""
     map_cells: int = 100
     """Number of cells along the longer side of the map of a position."""
+    map_sigmas: float = 8.0
+    """Distance within which a cell adds to the map [standard deviations]; 1e-14 is beyond."""
+    map_reach: int = 10
+    """Distance from a cell up to which the map's points are found one by one [points]."""
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3

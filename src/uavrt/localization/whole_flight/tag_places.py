@@ -70,17 +70,20 @@ class Track:
             lost_db, rise = seen(east_m, north_m), self.hills.rise_m(east_m, north_m)
         # A contiguous row for each axis and component: these sums dominate the search's time.
         axes = np.ascontiguousarray(np.moveaxis(self.axes, 0, 2))
-        for place, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
-            ahead, aside = north - self.north_m, east - self.east_m
-            under = self.height_m - rise[place]
+        block = max(1, SEARCH.gain_block // len(self.east_m))
+        for low in range(0, len(east_m), block):
+            some = slice(low, low + block)
+            ahead = north_m[some, np.newaxis] - self.north_m
+            aside = east_m[some, np.newaxis] - self.east_m
+            under = self.height_m - rise[some, np.newaxis]
             distance = np.maximum(np.sqrt(ahead**2 + aside**2 + under**2), 1.0)
             if turn_deg:
                 ahead, aside = cosine * ahead + sine * aside, cosine * aside - sine * ahead
             towards = ahead / distance, aside / distance, under / distance
-            gain_db[place] = self._towards_db(axes, *towards)
-            gain_db[place] -= 10.0 * SEARCH.exponent * np.log10(distance)
+            gain_db[some] = self._towards_db(axes, *towards)
+            gain_db[some] -= 10.0 * SEARCH.exponent * np.log10(distance)
             if self.hills is not None:
-                gain_db[place] -= lost_db[place]
+                gain_db[some] -= lost_db[some]
         return gain_db
 
     def _towards_db(

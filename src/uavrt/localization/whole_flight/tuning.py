@@ -70,6 +70,8 @@ class SearchTuning:
     side_by_side: int = 48
     """Number of sums (frequencies times patterns) folded at once: 60 MB. An addition takes 0.8
     ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
+    gain_block: int = 16_000
+    """Number of gains computed at once (places times times), which the cache holds."""
     moment_slots: int = 16384
     least_skewness: float = 0.02
     hypotheses: float = 6.0
