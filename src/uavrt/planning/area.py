@@ -173,7 +173,7 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of paths inside the outline from its edge [m]; 0: they leave it."""
+        """Shortest distance of each path from the outline's edge [m]; 0: it leaves it."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))

@@ -99,7 +99,7 @@ def version_of(url: str) -> list[object]:
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording in a store like `open_recording`; also raises `StoreError`."""
+    """Open a recording in an object store, by URL; also raises `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))

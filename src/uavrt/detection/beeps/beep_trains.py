@@ -81,8 +81,8 @@ class Searched:
     def holds(self, times_s: NDArray[np.float64]) -> bool:
         """True if the points at this frequency now, `times_s`, need no new search.
 
-        New points that continue the trains are no reason for one until they are several times
-        as many as the old points; a few others are.
+        New points that continue the trains need one only when they are several times as many
+        as the old points. A few points outside the trains need one at once.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [

@@ -121,7 +121,7 @@ class SearchBand:
 
     @property
     def noise(self) -> NDArray[np.float32]:
-        """(rows,) noise power of each row at a level of one."""
+        """(rows,) noise power of each frequency row while the receiver's noise level is 1."""
         return self._noise.level
 
     @property

@@ -194,7 +194,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Reject impossible sizes; `tarfile` reads names and tables whole, whatever size."""
+    """Reject impossible sizes in headers; `tarfile` reads names and tables whole."""
     there = path.stat().st_size
     at = 0
     with path.open("rb") as file:

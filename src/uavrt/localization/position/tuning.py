@@ -133,7 +133,7 @@ class PowerTuning:
     missed_share: float = 0.02
     """Prior share of strong pulses that are missed by chance."""
     missed_pulses: float = 50.0
-    """Weight of the prior share of chance misses [pulses]."""
+    """Weight of the prior of the share of chance misses, as a number of pulses."""
     censored_rounds: int = 8
     """Number of iterations of the fit with missed pulses."""
     most_misses: int = 60

@@ -121,7 +121,7 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
     count = struct.unpack(order + ("Q" if big else "H"), file.read(8 if big else 2))[0]
     entry = 20 if big else 12
     if count > 4096:
-        raise ValueError(f"the file has {count} TIFF tags, too many")
+        raise ValueError(f"the file has {count} TIFF tags, more than 4096")
     table = file.read(entry * count)
     tags: dict[int, Any] = {}
     for number in range(count):

@@ -59,7 +59,7 @@ class Judgement:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """First other train whose interval is a small ratio of the tag's; otherwise None."""
+        """First other train at a simple ratio, such as 1:2, to the tag's interval, or None."""
         return next((one for one in self.others if one.ratio is not None), None)
 
 

@@ -69,7 +69,7 @@ _SURE_SHARE: Final = 0.0008
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Length of the periods; each has one smallest delay, to measure the source's speed [s]."""
+"""Period [s]. The smallest delay of each shows how fast a source sends its samples."""
 _UNSETTLED_BINS: Final = 2
 """Number of newest periods that are ignored, because a stall there may still be made up."""
 _PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))

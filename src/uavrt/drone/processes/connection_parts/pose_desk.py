@@ -110,7 +110,7 @@ class PoseDesk:
             return
         self._clock_is_stale = stale
         if stale:
-            log.warning("autopilot's clock not synchronized: extrapolated", **counters())
+            log.warning("autopilot's clock not synchronized: time extrapolated", **counters())
             self._say(_STALE_CLOCK)
         else:
             log.info("autopilot's clock synchronized", **counters())

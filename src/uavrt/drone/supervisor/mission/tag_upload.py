@@ -50,7 +50,7 @@ class TagUpload:
         self._tags[tag.tag_id] = tag
 
     def end(self, tag_count: int | None) -> str:
-        """End the list, and store a complete list; return its size as text."""
+        """End the upload; store the list if it is complete; return its size as text."""
         if not self._tags:
             raise UavrtError("no tag was sent: send TAG before END_TAGS")
         for one, two in same_codes(tuple(self._tags.values())):

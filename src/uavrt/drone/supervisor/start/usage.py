@@ -77,7 +77,7 @@ def measure(pid: int) -> tuple[Usage, Usage]:
 
 
 def _usages(pid: int) -> tuple[Usage, Usage]:
-    """Read ``/proc/PID/stat``: usage of the process alone, and with reaped children."""
+    """Processor time and memory of a process, alone and with its ended children."""
     try:
         fields = read_proc(f"/proc/{pid}/stat").rpartition(") ")[2].split()
     except OSError:

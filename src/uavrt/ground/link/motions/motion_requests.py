@@ -27,7 +27,8 @@ def motion_request(
 ) -> MotionRequest:
     """Encode a request for a motion; raises `UsageError` for an unknown one."""
     if action not in MOTION_ACTIONS:
-        raise UsageError(f"{action[:40]!r} is not a motion")
+        known = ", ".join(sorted(MOTION_ACTIONS))
+        raise UsageError(f"there is no motion {action[:40]!r}", remedy=f"Choose from {known}")
     named: MotionAction = action
     return MotionRequest(
         request_id=new_number(),

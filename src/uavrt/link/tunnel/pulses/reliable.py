@@ -201,7 +201,7 @@ class ReliableSender(Generic[T]):
                 self._again(entry)
 
     def _again(self, entry: Entry[T]) -> None:
-        """Queue a lost message again, unless it is burst content that no store reads."""
+        """Queue a lost message again, except burst content that no station can receive."""
         if entry.inside is not None:
             for number in list(entry.missing_at):
                 if entry.tries >= self.stores[number].patience:

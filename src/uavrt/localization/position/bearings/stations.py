@@ -33,7 +33,7 @@ class Stations:
     receiver: NDArray[np.int64] | None = None
     """(n,) number of the receiver of each bearing; None if one receiver took all."""
     time_s: _Floats | None = None
-    """(n,) time of each bearing from any origin [s]; None: the tag rests."""
+    """(n,) times of the bearings after any origin [s]; None for a resting tag."""
     origin_ns: int = 0
     """UTC at `time_s` 0 [ns]; 0 if unknown."""
     listeners: tuple[Strengths, ...] = ()

@@ -99,7 +99,7 @@ def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
 
 
 def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
-    """Pulses of a track within a range of heights."""
+    """Pulses received at antenna heights from `band[0]` to below `band[1]` [m]."""
     low, high = band
     inside = (track.height_m >= low) & (track.height_m < high)
     return track.chosen(inside)
