@@ -31,6 +31,11 @@ from uavrt.localization.estimates.heard import (
 )
 from uavrt.localization.estimates.standing_receivers import strengths_of
 from uavrt.localization.headings import Headings, yaws_deg
+from uavrt.localization.position.bearings.observers import (
+    AGREEMENT_ALONE,
+    Displacement,
+    Observer,
+)
 from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
@@ -103,6 +108,9 @@ class TagBearing:
     from_drone: bool = False
     flight: int = 0
     """Number of the flight or log, from 0; in a position, the receiver's number."""
+    by_hand: bool = False
+    observer: Observer | None = None
+    """Errors of the person who took it by hand; None: unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -580,14 +588,25 @@ def _placed(
     if not bearings:
         return TagPosition(tag_id=tag_id, position=None, reason=NEVER_TURNED)
     bearings.sort(key=_begins)
+    observers = [one.observer for one in bearings]
+    alone = observers[0] if len(set(observers)) == 1 else None
+    bearings = [
+        replace(one, bearing=by.corrected(one.bearing, 0 if alone else observers.count(by)))
+        if (by := one.observer)
+        else one
+        for one in bearings
+    ]
     listeners = [each.strengths[tag_id] for each in found if tag_id in each.strengths]
     try:
         stations = _stations(bearings, over, listeners)
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error))
     hills = None if over is None else over.hills
-    shared = how.heading_sigma_deg, how.displacement
-    made_of = tag_id, stations, how.method, *shared, hills
+    sigma_deg = alone.heading_error_sigma_deg if alone else how.heading_sigma_deg
+    displacement = how.displacement or (alone.displacements if alone else 0.0)
+    unknown = not displacement and any(one.by_hand and not one.observer for one in bearings)
+    known = tuple(sorted({one.sentence for one in observers if one}))
+    made_of = tag_id, stations, how.method, sigma_deg, displacement, hills, unknown, known
     return cache.latest("position", tag_id, _position_of, *made_of)
 
 
@@ -618,8 +637,10 @@ def _position_of(
     stations: Stations,
     method: PositionMethod | str,
     heading_sigma_deg: float,
-    displacement: float,
+    displacement: float | tuple[Displacement, ...],
     hills: HillLosses | None,
+    unknown_observer: bool,
+    observers: tuple[str, ...],
 ) -> TagPosition:
     """Estimate a tag's position, and a path if the bearings contradict a fixed position."""
     try:
@@ -638,6 +659,8 @@ def _position_of(
         left_out = f"the method {method} takes bearings alone"
         listeners = tuple(one.because(left_out) for one in stations.listeners)
         found = replace(found, listeners=listeners)
+    cautions = (*found.cautions, AGREEMENT_ALONE) if unknown_observer else found.cautions
+    found = replace(found, cautions=cautions, listeners=found.listeners + observers)
     return TagPosition(tag_id=tag_id, position=found)
 
 
