@@ -206,12 +206,14 @@ def crew(
     scatter_deg: float,
     share: float = 0.0,
     metres: float = 0.0,
+    farthest_m: float = 400.0,
     trials: int = 20,
     tags: int = 20,
 ) -> list[Circle]:
     """Let a new person locate tags by hand after test trials, with tables as crews keep them.
 
     `scatter_deg`, `share`, `metres`: true scatter of the bearings, and true displacement.
+    `farthest_m`: largest distance of the four stations from a tag; the least is 100 m.
     `trials`: number of test trials; 0: the person is unknown. `tags`: number of further ones.
     """
     error_deg = rng.normal(0.0, 4.0)
@@ -221,7 +223,7 @@ def crew(
         for tag_id in range(first, first + count):
             tag = rng.uniform(-2000.0, 2000.0, 2)
             there = PLANE.to_geodetic(*tag)
-            away_m, around = rng.uniform(100.0, 400.0), rng.choice([90.0, 360.0])
+            away_m, around = rng.uniform(100.0, farthest_m), rng.choice([90.0, 360.0])
             angle = np.radians(rng.uniform(0.0, 360.0) + np.arange(4) * around / 4.0)
             seems = tag + rng.normal(0.0, np.hypot(share * away_m, metres), 2)
             for east, north in zip(
@@ -358,6 +360,9 @@ _POSITIONS: dict[str, tuple[Callable[[Generator], Circle], tuple[float, ...]]] =
 CREWS: dict[str, Callable[..., list[Circle]]] = {
     "displaced by a quarter": partial(crew, scatter_deg=10.0, share=0.25),
     "displaced by 80 m": partial(crew, scatter_deg=10.0, metres=80.0),
+    "displaced by 80 m, up to 1 km": partial(
+        crew, scatter_deg=10.0, metres=80.0, farthest_m=1000.0
+    ),
     "not displaced": partial(crew, scatter_deg=3.0),
 }
 """Worlds of people who take bearings by hand."""

@@ -71,7 +71,7 @@ def learn_observer(name: str, trials: Sequence[Rays]) -> Observer:
     heading = np.linspace(*OBSERVER.headings_deg)
     prior = -0.5 * (heading / OBSERVER.heading_sigma_deg) ** 2
     total = np.tile(prior, (len(share), len(scatter), 1))
-    away_m = [max(1.0, np.mean(np.hypot(one.east_m, one.north_m))) for one in trials]
+    away_m = [max(1.0, float(np.mean(np.hypot(one.east_m, one.north_m)))) for one in trials]
     for one, distance_m in zip(trials, away_m, strict=True):
         sigma_m = np.hypot(share * distance_m, constant_m)
         total += _log_evidence(one, distance_m, sigma_m, scatter, heading)
@@ -82,7 +82,7 @@ def learn_observer(name: str, trials: Sequence[Rays]) -> Observer:
     variance = float(
         held.sum(axis=(0, 1)) @ (heading - mean) ** 2 + np.ptp(heading[:2]) ** 2 / 12
     )
-    square = likely @ (share**2 + constant_m**2 * np.mean(np.power(away_m, -2.0)))
+    square = likely @ (share**2 + constant_m**2 * float(np.mean(np.power(away_m, -2.0))))
     return Observer(
         name=name,
         trials=len(trials),
