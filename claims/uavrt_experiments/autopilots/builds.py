@@ -22,10 +22,12 @@ PX4_PARAMETERS = {
     "SIM_BAT_MIN_PCT": 99,
     "NAV_DLL_ACT": 0,
     "COM_DISARM_PRFLT": 30,
+    "COM_DISARM_LAND": 10,
     "SDLOG_MODE": -1,
 }
-"""PX4's parameters for the simulation; without them, SIH's battery is half empty after a
-minute."""
+"""PX4's parameters for the simulation. SIH's battery is otherwise half empty after a minute.
+After arming, SIH reports a flight and a landing for a moment; PX4 then disarms itself 2 s later
+(COM_DISARM_LAND), sometimes in the middle of a take-off."""
 ARDUCOPTER_PARAMETERS: dict[str, float] = {
     "DISARM_DELAY": 30,
     "SIM_BATT_CAP_AH": 0,

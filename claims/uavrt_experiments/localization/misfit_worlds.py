@@ -26,6 +26,7 @@ from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.results import Bearing, Position
+from uavrt.localization.tuning import FLIGHT
 from uavrt_experiments.figures import measured, median, share
 from uavrt_experiments.localization.position_bars import survey as flown_lines
 from uavrt_experiments.localization.rotations import Trial, matched_power
@@ -62,7 +63,7 @@ def _turn(
     line_db: float | None = None,
     noise_known: bool = True,
 ) -> Trial:
-    """Simulate a turn of 60 pulses of an RA-23K.
+    """Simulate a turn of 60 pulses of an RA-23K, whose headings have their stated error.
 
     `error_db`: true pattern minus the table's, by the angle off boresight [deg].
     `echo_db`: level of a second path, 35 to 150 degrees to one side.
@@ -86,12 +87,14 @@ def _turn(
         noise += 10.0 ** ((line_db + pattern.gain_db(line - yaw)) / 10.0)
     level_db = snr_db + 20.0 * np.log10(np.abs(amplitude) + 1e-9)
     level_db += rng.normal(0.0, fading_db, len(yaw)) - 10.0 * np.log10(noise)
+    # As the product takes a turn whose noise is unknown.
+    unmeasured_deg = 0.0 if noise_known else FLIGHT.unknown_noise_sigma_deg
     found: Bearing = estimate_bearing(
-        yaw,
+        yaw + rng.normal(0.0, FLIGHT.own_heading_sigma_deg),
         None,
         matched_power=matched_power(rng, level_db),
         noise_psd=noise if noise_known else None,
-        heading_sigma_deg=1.0,
+        heading_sigma_deg=float(np.hypot(FLIGHT.own_heading_sigma_deg, unmeasured_deg)),
     )
     return Trial(error_deg=difference_deg(found.bearing_deg, truth), bearing=found)
 

@@ -117,6 +117,7 @@ class Caution:
         "unchecked",
         "ground",
         "observer",
+        "noise",
     ]
     text: str
 

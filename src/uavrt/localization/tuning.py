@@ -58,6 +58,9 @@ class FlightTuning:
 
     own_heading_sigma_deg: float = 1.0
     """Minimum standard deviation of heading errors that turns do not share [°]."""
+    unknown_noise_sigma_deg: float = 4.0
+    """Standard deviation of a bearing's error due to noise from one side that was not measured
+    [°]. A line of 6 dB turns bearings by up to 9°; one turn in three is assumed to have one."""
     miss_threshold_db: float = 13.0
     """SNR above which a detector that follows a tag misses no pulse [dB]. Three pulses of 11.4
     dB are found with 90 % (docs/reference); the rest is margin for losses."""
@@ -86,10 +89,13 @@ class FlightTuning:
     place_sigma_m: float = 2.0
     """Standard deviation, in each direction, of the error that all positions of a flight share
     [m]. Single-frequency GNSS is off by 1.5 to 3 m for minutes."""
-    noise_reach_s: float = 90.0
-    """Time to each side over which noise is compared [s]; a turn and a leg are shorter."""
-    noise_step_s: float = 10.0
-    """Time for which noise is compared with the same median [s]."""
+    gain_pulses: int = 6
+    """Number of pulses on each side that show a change of the receiver's gain."""
+    gain_step_db: float = 3.0
+    """Smallest step of the noise that is a change of gain [dB]; smaller ones move little."""
+    steady_noise_db: float = 2.0
+    """Range of the noise of so many pulses below which it is steady [dB]; measured densities
+    scatter by 0.3 dB (standard deviation)."""
 
     live_turn_ns: int = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""

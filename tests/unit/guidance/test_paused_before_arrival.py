@@ -20,7 +20,7 @@ def left_m(flown: Flown) -> float:
     return math.hypot(target.north_m - north, target.east_m - east)
 
 
-@pytest.mark.parametrize("near_m", [7.0, 5.6, 5.0])
+@pytest.mark.parametrize("near_m", [11.0, 10.0, 9.0])
 def test_a_pause_metres_before_a_corner_ends_the_order_and_no_command_follows(
     near_m: float,
 ) -> None:
@@ -87,3 +87,16 @@ def test_a_lost_link_sends_the_drone_home_also_on_a_slow_last_approach() -> None
     flown.ground_silent_s = 10.0
     flown.run(2.0, until=lambda: flown.authority.standing is Standing.OUT)
     assert flown.vehicle.mode in BEHAVIOURS["ardupilot"].return_modes
+
+
+def test_a_pause_while_it_climbs_over_its_place_shows_within_four_seconds() -> None:
+    """The bearing of a place beneath the drone turns with each gust, which is no progress."""
+    flown = Flown("ardupilot", frame=Frame(gust_m=0.05))
+    flown.run(1.5)
+    flown.order("goto", places=(flown.place(0.0, 0.0),), height_m=70.0)
+    flown.run(20.0, until=lambda: flown.vehicle.body.velocity_m_s[2] > 1.0)
+    flown.run(2.0)
+    flown.pause_by_193()
+    flown.run(1.0, until=lambda: math.hypot(*flown.vehicle.body.velocity_m_s) < STANDS_M_S)
+    flown.run(4.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.authority.reason == "the drone has stopped before its target"

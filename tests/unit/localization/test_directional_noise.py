@@ -5,10 +5,12 @@ from dataclasses import replace
 import made
 import numpy as np
 import pytest
+from some import some
+from turned import turned_flight
 
 from uavrt.core.messages import Pose, PulsePose
 from uavrt.localization.antenna import MONOPOLE
-from uavrt.localization.estimates.flight_estimates import power_track
+from uavrt.localization.estimates.flight_estimates import estimate, power_track
 from uavrt.localization.estimates.heard import Heard
 
 COUNT = 40
@@ -42,6 +44,17 @@ def test_a_surveys_energies_are_the_same_whatever_the_noise() -> None:
     assert limits[~heard].min() > limits[0] + 10.0
 
 
+@pytest.mark.parametrize(
+    "noise_db",
+    [np.where(np.arange(COUNT) < COUNT // 2, 0.0, 12.0), np.linspace(0.0, 12.0, COUNT)],
+    ids=["begins in a moment", "grows along the flight"],
+)
+def test_noise_that_lasts_for_half_a_flight_changes_no_energy(noise_db: np.ndarray) -> None:
+    heard = flight(noise_db, every_s=10).pulses[2]
+    assert np.ptp(heard.snr_db) > 10.0
+    assert np.ptp(heard.snr_db + heard.noise_db) == pytest.approx(0.0, abs=1e-6)
+
+
 def test_another_gain_of_the_receiver_changes_no_energy() -> None:
     """It raises noise and pulses alike, so the SNR stays."""
     gain_db = np.where(np.arange(COUNT) < COUNT // 2, 0.0, 12.0)
@@ -56,3 +69,21 @@ def test_without_a_known_noise_the_ratio_is_taken_as_it_is() -> None:
     heard = ~np.isnan(track.snr_db)
     assert np.ptp(track.snr_db[heard]) > 5.0
     assert np.ptp(np.broadcast_to(track.threshold_db, heard.shape)) == 0.0
+
+
+def test_a_turn_without_measured_noise_has_wider_errors_and_its_position_says_so() -> None:
+    flown = turned_flight(1, turns=3)
+    without = [
+        replace(one, pulse=replace(one.pulse, noise_psd=float("nan")))
+        for one in flown.pulse_poses
+    ]
+    widths, names = [], []
+    for pulses in (flown.pulse_poses, without):
+        heard = Heard.of_records(pulses, flown.poses, tags=flown.tags, antenna=flown.antenna)
+        made_of = estimate(heard)
+        widths.append(np.mean([one.bearing.sigma_deg for one in made_of.found.bearings]))
+        (placed,) = made_of.positions
+        names.append({one.name for one in some(placed.position).cautions})
+    assert widths[1] == pytest.approx(np.hypot(widths[0], 4.0), rel=0.2)
+    assert "noise" not in names[0]
+    assert "noise" in names[1]

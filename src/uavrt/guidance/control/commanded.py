@@ -1,7 +1,7 @@
 """Monitor the last command: the drone must fly this command and nothing else. Pure."""
 
 from dataclasses import InitVar, dataclass, field
-from math import cos, hypot, radians, sin
+from math import cos, hypot, nan, radians, sin
 
 from uavrt.core.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.core.units import wrap_degrees_180
@@ -255,17 +255,24 @@ class Commanded:
         up = Left(now=height, soon=height, least=SAFETY.higher_m, tolerance=SAFETY.at_height_m)
         if seen.yaw_deg is None:
             return place, up
+        ahead = bearing if left > SAFETY.frozen_m else nan
         asked = None if yaw is None else yaw.wanted_deg
-        off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
-        stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
-        heading = Left(
-            now=abs(off),
-            soon=abs(off - stops_deg),
-            least=SAFETY.turned_deg,
-            tolerance=SAFETY.gust_heading_deg if asked is None else SAFETY.at_yaw_deg,
-            needed=asked is not None,
-        )
-        return place, up, heading
+        return place, up, _left_of_heading(seen.yaw_deg, ahead, asked, turning_deg_s)
+
+
+def _left_of_heading(
+    yaw_deg: float, ahead_deg: float, asked_deg: float | None, turning_deg_s: float
+) -> Left:
+    """Remaining angle to a commanded heading, or to the bearing `ahead_deg` (NaN: unknown)."""
+    off = wrap_degrees_180((ahead_deg if asked_deg is None else asked_deg) - yaw_deg)
+    stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
+    return Left(
+        now=abs(off),
+        soon=abs(off - stops_deg),
+        least=SAFETY.turned_deg,
+        tolerance=SAFETY.gust_heading_deg if asked_deg is None else SAFETY.at_yaw_deg,
+        needed=asked_deg is not None,
+    )
 
 
 def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:

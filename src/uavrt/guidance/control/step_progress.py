@@ -16,6 +16,7 @@ class Left:
     """Remaining distance [m] or angle [°] of a motion."""
 
     now: float
+    """NaN without a meaning: the angle to a place that is beneath the drone."""
     soon: float
     """Remaining distance or angle if the drone braked now; it falls first in a turn back."""
     least: float

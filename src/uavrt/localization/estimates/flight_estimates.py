@@ -41,7 +41,13 @@ from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.position.levels.strengths import Strengths
 from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
-from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
+from uavrt.localization.results import (
+    Bearing,
+    BearingMethod,
+    Caution,
+    Position,
+    PositionMethod,
+)
 from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt.localization.tuning import FLIGHT
@@ -58,6 +64,18 @@ NEVER_TURNED = (
 _SURVEY_ALONE = "signal strengths of a survey are located separately"
 
 _Floats = NDArray[np.float64]
+
+
+_UNMEASURED_NOISE = Caution(
+    name="noise",
+    text=f"the noise was not measured: {FLIGHT.unknown_noise_sigma_deg:.0f}° are added to each "
+    "bearing's error, because noise from one side, such as a power line's, turns bearings",
+)
+_UNMEASURED_SURVEY_NOISE = Caution(
+    name="noise",
+    text="the noise was not measured: noise from one side, such as a power line's, may move "
+    "this position farther than its circles show",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +129,8 @@ class TagBearing:
     by_hand: bool = False
     observer: Observer | None = None
     """Errors of the person who took it by hand; None: unknown."""
+    noise_known: bool = True
+    """False: the noise was not measured, and the bearing allows for noise from one side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,6 +304,7 @@ def _bearing_of(
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
     noise_db = np.concatenate([pulses.noise_db, np.zeros(len(half))])
+    unmeasured_deg = 0.0 if pulses.noise_known else FLIGHT.unknown_noise_sigma_deg
     bearing = estimate_bearing(
         None,
         np.concatenate([pulses.snr_db, np.full(len(half), np.nan)]),
@@ -292,7 +313,7 @@ def _bearing_of(
         quaternion_wxyz=np.concatenate([pulses.quaternion_wxyz, missed]),
         noise_psd=10.0 ** (noise_db / 10.0),
         threshold_db=FLIGHT.miss_threshold_db,
-        heading_sigma_deg=FLIGHT.own_heading_sigma_deg,
+        heading_sigma_deg=math.hypot(FLIGHT.own_heading_sigma_deg, unmeasured_deg),
     )
     first_ns, last_ns = int(pulses.time_ns[0]), int(pulses.time_ns[-1])
     return TagBearing(
@@ -305,6 +326,7 @@ def _bearing_of(
         middle_time_ns=(first_ns + last_ns) // 2,
         end_time_ns=last_ns + FLIGHT.tick_ns // 2,
         heard=len(pulses.snr_db),
+        noise_known=pulses.noise_known,
     )
 
 
@@ -605,8 +627,10 @@ def _placed(
     sigma_deg = alone.heading_error_sigma_deg if alone else how.heading_sigma_deg
     displacement = how.displacement or (alone.displacements if alone else 0.0)
     unknown = not displacement and any(one.by_hand and not one.observer for one in bearings)
+    noisy = not all(one.noise_known for one in bearings)
+    notes = (AGREEMENT_ALONE,) * unknown + (_UNMEASURED_NOISE,) * noisy
     known = tuple(sorted({one.sentence for one in observers if one}))
-    made_of = tag_id, stations, how.method, sigma_deg, displacement, hills, unknown, known
+    made_of = tag_id, stations, how.method, sigma_deg, displacement, hills, notes, known
     return cache.latest("position", tag_id, _position_of, *made_of)
 
 
@@ -639,7 +663,7 @@ def _position_of(
     heading_sigma_deg: float,
     displacement: float | tuple[Displacement, ...],
     hills: HillLosses | None,
-    unknown_observer: bool,
+    notes: tuple[Caution, ...],
     observers: tuple[str, ...],
 ) -> TagPosition:
     """Estimate a tag's position, and a path if the bearings contradict a fixed position."""
@@ -659,8 +683,8 @@ def _position_of(
         left_out = f"the method {method} takes bearings alone"
         listeners = tuple(one.because(left_out) for one in stations.listeners)
         found = replace(found, listeners=listeners)
-    cautions = (*found.cautions, AGREEMENT_ALONE) if unknown_observer else found.cautions
-    found = replace(found, cautions=cautions, listeners=found.listeners + observers)
+    notes = (*found.cautions, *notes)
+    found = replace(found, cautions=notes, listeners=found.listeners + observers)
     return TagPosition(tag_id=tag_id, position=found)
 
 
@@ -685,7 +709,8 @@ def survey(
         except UsageError as error:
             positions[tag_id] = TagPosition(tag_id=tag_id, position=None, reason=str(error))
             continue
-        made_of = tag_id, track, how.method, how.height_sigma_m, hills
+        noise_known = heard.pulses[tag_id].noise_known
+        made_of = tag_id, track, how.method, how.height_sigma_m, hills, noise_known
         found = cache.latest("survey", tag_id, _surveyed, *made_of)
         if found is not None:
             positions[tag_id] = found[0]
@@ -700,6 +725,7 @@ def _surveyed(
     method: PositionMethod | str,
     height_sigma_m: float,
     hills: HillLosses | None,
+    noise_known: bool,
 ) -> tuple[TagPosition, PowerTrack]:
     try:
         position = estimate_position(
@@ -707,6 +733,8 @@ def _surveyed(
         )
     except UsageError as error:
         return TagPosition(tag_id=tag_id, position=None, reason=str(error)), track
+    if not noise_known:
+        position = replace(position, cautions=(*position.cautions, _UNMEASURED_SURVEY_NOISE))
     return TagPosition(tag_id=tag_id, position=position), track
 
 

@@ -131,16 +131,20 @@ class PulseColumns:
     """(n,) altitude of the antenna above sea level [m]; NaN where unknown."""
 
     @property
+    def noise_known(self) -> bool:
+        """False if the noise at any pulse is unknown."""
+        return bool(np.all(np.isfinite(self.noise_psd) & (self.noise_psd > 0.0)))
+
+    @property
     def noise_db(self) -> _Floats:
-        """(n,) noise at each pulse over that usual at the time [dB]; 0 if any is unknown.
+        """(n,) noise at each pulse over that usual at its gain [dB]; 0 if any is unknown.
 
         SNR plus this noise is a pulse's energy, which noise from one direction does not change.
         """
         noise = self.noise_psd
-        if not np.all(np.isfinite(noise) & (noise > 0.0)):
+        if not self.noise_known:
             return np.zeros(len(noise))
-        time_s = (self.time_ns - self.time_ns[:1]) / NANOSECONDS_PER_SECOND
-        return over_usual_noise_db(10.0 * np.log10(noise), time_s)
+        return over_usual_noise_db(10.0 * np.log10(noise), self.snr_db)
 
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":

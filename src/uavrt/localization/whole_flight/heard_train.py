@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, ndimage, special, stats
 
-from uavrt.localization.usual_noise import over_usual_noise_db
 from uavrt.localization.whole_flight.drifting import train_times_s
 from uavrt.localization.whole_flight.energies.coded_bursts_over_flight import (
     exponentials,
@@ -39,7 +38,7 @@ class TrainPulses:
     energy: _Floats
     """(n,) energies in units of the noise."""
     noise_db: _Floats
-    """(n,) noise by which the energies were divided, over that usual at the time [dB]."""
+    """(n,) noise at each pulse over its median [dB], by which the energies were divided."""
     interval_s: float
     offset_hz: float
     pulses: int = 1
@@ -75,10 +74,11 @@ def train_pulses(
     at = np.floor(time_s / slot_s).astype(np.intp)
     good = (at >= 0) & (at < slots)
     good[good] = (energies.heard | energies.loud[row])[at[good]]
+    noise_db = energies.noise_db[at[good]]
     return TrainPulses(
         time_s=time_s[good],
         energy=energies.level[row, at[good]].astype(np.float64),
-        noise_db=over_usual_noise_db(energies.noise_db[at[good]], time_s[good]),
+        noise_db=noise_db - np.median(noise_db) if len(noise_db) else noise_db,
         interval_s=interval_s,
         offset_hz=float(energies.offsets_hz[row]),
         pulses=energies.pulses,

@@ -12,8 +12,6 @@ HOLD_HEADING_M = 2.0
 target."""
 LINE_TOLERANCE_M = 0.8
 """Offset from the line of flight that PX4 tolerates until `HOLD_HEADING_M` [m]."""
-EARLY_BRAKING_S = 0.35
-"""Time by which braking begins early, so that the jerk limit causes no overshoot [s]."""
 VELOCITY_TIMEOUT_S = 3.0
 """Time after which ArduCopter's velocity setpoint becomes zero unless repeated [s]
 (GUID_TIMEOUT)."""
@@ -67,11 +65,15 @@ class _Braking:
     overshoot_m: float
     return_s: float
     """Time constant of the return to the target [s]."""
+    early_s: float
+    """Time by which braking begins early, because the jerk is limited [s]."""
+    early_while_accelerating_s: float
+    """The same while the speed towards the target still grows [s]."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {
-    "px4": _Braking(0.45, 0.1, 0.95, 6.0),
-    "ardupilot": _Braking(0.87, 0.052, 0.82, 0.7),
+    "px4": _Braking(0.45, 0.1, 0.95, 6.0, 0.35, 0.35),
+    "ardupilot": _Braking(0.87, 0.048, 0.46, 0.5, 0.15, 0.45),
 }
 """Measured braking. PX4 1.17 (SIH) overshoots by 0.4 to 1.5 m at 5 m/s (median 0.83 m) and
 settles 7 s after it was 3 m off. ArduCopter 4.7-dev (SITL) brakes with 2.6 m/s². It overshoots
@@ -197,12 +199,14 @@ class Airframe:
         unit = (north / left, east / left, 0.0)
         eased = self.frame.position_gain_hz * left
         nears = sum(a * b for a, b in zip(unit, self.velocity_m_s, strict=True))
-        left = max(0.0, left - max(0.0, nears) * EARLY_BRAKING_S)
-        pull, ease = self.frame.acceleration_m_s2, self.frame.jerk_m_s3
-        pull *= _BRAKING[self._flavour].share
+        brakes = _BRAKING[self._flavour]
+        gains = sum(a * b for a, b in zip(unit, self._acceleration_m_s2, strict=True)) > 0.0
+        early_s = brakes.early_while_accelerating_s if gains else brakes.early_s
+        left = max(0.0, left - max(0.0, nears) * early_s)
+        pull, ease = self.frame.acceleration_m_s2 * brakes.share, self.frame.jerk_m_s3
         lag = pull * pull / ease
-        brakes = 0.5 * (math.sqrt(lag * lag + 8.0 * pull * left) - lag)
-        speed = min(self.frame.speed_m_s, eased, brakes, self._against_wind_m_s(*unit[:2]))
+        stops = 0.5 * (math.sqrt(lag * lag + 8.0 * pull * left) - lag)
+        speed = min(self.frame.speed_m_s, eased, stops, self._against_wind_m_s(*unit[:2]))
         return geometry.scale(unit, speed)
 
     def _accelerate(self, wanted: geometry.Vector, step_s: float) -> None:
